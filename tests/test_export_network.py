@@ -53,6 +53,14 @@ def flat_strip() -> Surface:
     return Surface(np.stack([given.V[:, 0], RADIUS * angle, 0 * angle], axis=1), given.F)
 
 
+def bent_strip() -> Surface:
+    """A coarse cylinder that turns by 15 degrees at every second vertex, as where diagonals were cut."""
+    given = cylinder_strip(columns=12)
+    V = given.V.reshape(13, 13, 3).copy()
+    V[1::2] = (V[:-1:2] + V[2::2]) / 2
+    return Surface(V.reshape(-1, 3), given.F)
+
+
 def striped(surface: Surface, kept=None, label=None) -> StripedSheet:
     """Some cells of a surface, with labels of theirs."""
     kept = np.ones(surface.m, dtype=bool) if kept is None else kept
@@ -194,12 +202,13 @@ def test_lifted_points_lie_on_cylinder_and_sphere():
 
 
 def test_a_plain_sheet_is_one_patch_and_a_grid_has_every_side_twice():
-    flat = flat_strip()
-    net = net_of(striped(flat), flat.V, T)
-    assert [len(loops) for loops in net.loops.values()] == [1]
-    assert len(net.chains) == 4
+    for plain in (flat_strip(), bent_strip()):
+        net = net_of(striped(plain), plain.V, lifting_of(plain).skins.normals, T)
+        assert [len(loops) for loops in net.loops.values()] == [1]
+        assert len(net.chains) == 4
     given = cylinder_strip()
-    net = without_fillets(net_of(grid(given), given.V, T), lifting_of(given))
+    lifting = lifting_of(given)
+    net = without_fillets(net_of(grid(given), given.V, lifting.skins.normals, T), lifting)
     assert len(net.loops) == 8  # four crossings, four stretches between them
     steps = [step for loops in net.loops.values() for loop in loops for step in loop]
     for k, chain in net.chains.items():
@@ -218,16 +227,28 @@ def test_a_strip_is_untrimmed_and_uses_each_edge_twice():
     assert used == 2 * edges
 
 
-def rectangle_net(arc: bool) -> tuple[ChainNet, np.ndarray]:
+def rectangle_net(arc: bool, folded: bool = False) -> tuple[ChainNet, np.ndarray, np.ndarray]:
     """A region of 2 x 1, its bottom in three chains, one of its sides shared with another region; the middle chain of
-    the bottom ends where an arc does, if asked."""
+    the bottom ends where an arc does, if asked, or at folds of 20 degrees. With its points and the normals there."""
     P = np.array([[0, 0], [0.5, 0], [1, 0], [1.5, 0], [2, 0], [2, 1], [0, 1], [0.25, 0], [1.25, 0.0], [1.75, 0]])
     if arc:
         P[[2, 8], 1] = 0.3, 0.15
+    steep = 0.36 * folded  # tan 20 degrees
+    x = P[:, 0]
+    N = np.stack(
+        [
+            -np.interp(x, [0.49, 0.5, 0.51, 1.49, 1.5, 1.51], steep * np.array([-1, -0.5, 0, 0, 0.5, 1])),
+            0 * x,
+            1 + 0 * x,
+        ],
+        axis=1,
+    )
+    z = steep * np.maximum(np.abs(x - 1) - 0.5, 0)
     ways = [[0, 7, 1], [1, 2, 8, 3], [3, 9, 4], [4, 5], [5, 6], [6, 0]]
     chains = {k: Chain(np.array(way), 0, 1 if k == 5 else VOID) for k, way in enumerate(ways)}
     loops = {0: [[(k, True) for k in chains]], 1: [[(5, False)]]}
-    return ChainNet(csr_array(eye_array(len(P))), chains, loops, frozenset(), np.zeros(0, dtype=np.int64)), P
+    net = ChainNet(csr_array(eye_array(len(P))), chains, loops, frozenset(), np.zeros(0, dtype=np.int64))
+    return net, np.column_stack([P, z]), N
 
 
 @pytest.mark.parametrize("width", [0.2, 2.0])
@@ -251,13 +272,15 @@ def test_a_narrow_lens_joins_the_region_on_its_left(width):
             assert region == (done.chains[k].left if ahead else done.chains[k].right)
 
 
-def test_outlines_are_joined_but_where_they_begin_to_be_round():
-    net, P = rectangle_net(arc=False)
-    done = joined_outlines(net, P)
+@pytest.mark.parametrize("folded", [False, True])
+def test_outlines_are_joined_but_where_they_begin_to_be_round(folded):
+    """What bends with the sheet is straight to those who walk on it."""
+    net, P, N = rectangle_net(arc=False, folded=folded)
+    done = joined_outlines(net, P, N)
     assert done.loops == {0: [[(0, True), (3, True), (4, True), (5, True)]], 1: [[(5, False)]]}
     assert done.chains[0].points.tolist() == [0, 7, 1, 2, 8, 3, 9, 4]
-    net, P = rectangle_net(arc=True)
-    assert joined_outlines(net, P).loops == net.loops
+    net, P, N = rectangle_net(arc=True, folded=folded)
+    assert joined_outlines(net, P, N).loops == net.loops
 
 
 def test_a_side_takes_its_breaks_from_the_opposite_one():
@@ -269,7 +292,7 @@ def test_a_side_takes_its_breaks_from_the_opposite_one():
         k: ChainCurve(np.array([0.0, 1]), (q[0] + np.arange(4)[:, None] / 3 * (q[1] - q[0]))[None])
         for k, q in lines.items()
     }
-    net, _ = rectangle_net(arc=False)
+    net, _, _ = rectangle_net(arc=False)
     chains = {k: SampledChain(q, True) for k, q in lines.items()}
     found = quad_net(net, chains, curves, 0.01)
     assert [quad.region for quad in found.quads] == [0]
@@ -302,7 +325,7 @@ def test_crossings_get_whole_round_corners_and_members_keep_four_sides():
     sheet = rounded_grid(given)
     assert sheet.loose.sum() == 8
     lifting = lifting_of(given)
-    net = without_fillets(net_of(sheet, given.V, T), lifting)
+    net = without_fillets(net_of(sheet, given.V, lifting.skins.normals, T), lifting)
     assert sorted(len(loop) for loops in net.loops.values() for loop in loops) == [4] * 4 + [5] * 4
     assert not net.loose
     P = net.weights @ lifting.skins.points

@@ -115,11 +115,11 @@ def _sheets(striped: StripedSheet) -> Iterator[StripedSheet]:
 
 def _net(sheet: StripedSheet, lifting: Lifting, plan: SmoothPlan) -> ChainNet:
     """The net of a piece; it has at least a wall for each chain of its outline, and two faces for each region."""
-    t = plan.limits.thickness
-    net = net_of(sheet, plan.surface.V, t / MM_PER_M)
+    t, skins = plan.limits.thickness, lifting.skins
+    net = net_of(sheet, plan.surface.V, skins.normals, t / MM_PER_M)
     net = without_fillets(net, lifting)
-    P = np.asarray(net.weights @ lifting.skins.points)
-    net = joined_outlines(without_lenses(net, P, LENS * t), P)
+    P, N = (np.asarray(net.weights @ x) for x in (skins.points, skins.normals))
+    net = joined_outlines(without_lenses(net, P, LENS * t), P, N)
     return straightened(net, lifting, t)
 
 
