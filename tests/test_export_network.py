@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy.sparse import csr_array, eye_array
 
 from dsfab.delivery.files import curved_sheet
+from dsfab.errors import ExportError
 from dsfab.export import StepOptions, sampled_use, write
 from dsfab.export.ladder import prepare
 from dsfab.export.network import draft, use_check
@@ -22,8 +23,10 @@ from dsfab.export.network.fillets import without_fillets
 from dsfab.export.network.graph import VOID, Chain, ChainNet, net_of
 from dsfab.export.network.joining import joined_outlines, without_lenses
 from dsfab.export.network.lifting import Lifting
+from dsfab.export.network.model import NetEdge, NetModel
 from dsfab.export.network.patches import coons, least_jacobian, pulled
 from dsfab.export.network.quads import quad_net
+from dsfab.export.network.trimmed import _powers, _surface, trimmed_face
 from dsfab.export.part import part_of
 from dsfab.export.program import run_program
 from dsfab.export.smooth.plan import SmoothPlan
@@ -199,6 +202,55 @@ def test_lifted_points_lie_on_cylinder_and_sphere():
         chord = np.abs(np.linalg.norm(W @ surface.V * centre, axis=1) - RADIUS).max()
         for some, r in ((Q[:, :3], RADIUS + T / 2), (Q[:, 3:], RADIUS - T / 2)):
             assert np.abs(np.linalg.norm(some * centre, axis=1) - r).max() < min(0.12 * chord, 2e-4)
+
+
+def test_a_crease_is_lifted_by_a_fifth_of_the_thickness_at_most():
+    """Two sides of a roof, 1 m wide: the quadratic between their normals would leave them by 125 mm."""
+    V = np.array([[-1, 0, 0], [-1, 1, 0], [0, 0, 1], [0, 1, 1], [1, 0, 0], [1, 1.0, 0]])
+    roof = Surface(V, np.array([[0, 2, 1], [1, 2, 3], [2, 4, 3], [3, 4, 5]]))
+    W = csr_array(np.array([[0.5, 0, 0.5, 0, 0, 0], [0, 0, 0.25, 0.25, 0.25, 0.25]]))
+    Q = lifting_of(roof).points(W)
+    away = np.linalg.norm((Q[:, :3] + Q[:, 3:]) / 2 - 1000 * (W @ V), axis=1)
+    assert away == pytest.approx([0.2 * 1000 * T] * 2, rel=0.01)
+
+
+def flat_model(corners: np.ndarray) -> tuple[NetModel, list]:
+    """One region over the plane between corners (k, 2), 40 mm thick; with its loop."""
+    model, k = NetModel(), len(corners)
+    for i in range(k):
+        line = corners[i] + np.arange(4)[:, None] / 3 * (corners[(i + 1) % k] - corners[i])
+        both = [np.c_[line, np.full(4, z)] for z in (20.0, -20.0)]
+        model.edges.append(NetEdge(i, (i + 1) % k, np.concatenate(both, axis=1), True))
+    return model, [(i, True) for i in range(k)]
+
+
+def test_a_part_of_a_region_does_not_bend_where_the_rest_does():
+    """A triangle, points in and beside it, and one beyond where the sheet has turned by 90 degrees."""
+    model, loop = flat_model(np.array([[0, 0], [300, 0], [0, 300.0]]))
+    points = np.array([[50.0, 50, 20, 50, 50, -20], [900, 0, 50, 900, 0, 10], [900, 0, -400, 860, 0, -400]])
+    face = trimmed_face(model, [loop], points, 0.01, part=True)
+    assert face.gap < 1e-6
+    np.testing.assert_allclose(face.outer[..., 2], 20, atol=1e-6)
+    with pytest.raises(ExportError, match="bends too much"):
+        trimmed_face(model, [loop], points, 0.01)
+
+
+def test_a_trimmed_face_does_not_wave_to_meet_edges_that_no_surface_meets():
+    """Half a flat ring whose edges jump by .4 mm: what is nearest to them was 13 mm off between them."""
+    turn, r = np.linspace(0, np.pi, 73), np.linspace(600, 1200, 9)
+    edges = np.concatenate([ring(turn, 600), ring(turn, 1200), ring(0, r), ring(np.pi, r)])
+    edges[:, 2] = 0.2 * np.sign(np.sin(9 * np.arctan2(edges[:, 1], edges[:, 0])))
+    inside = ring(np.linspace(0, np.pi, 7)[1:-1], np.array([[800.0], [1000]]))
+    poles, gap = _surface(inside, edges, np.eye(3), 1e-3)
+    u, v = ((ring(np.linspace(0, np.pi, 61), r[:, None]) - poles[0, 0]) / (poles[-1, -1] - poles[0, 0]))[:, :2].T
+    B, C = (_powers(x, len(poles) - 1) for x in (u, v))
+    assert np.abs(np.einsum("ka,kb,ab->k", B, C, poles[..., 2])).max() < 0.5
+    assert gap < 0.4
+
+
+def ring(turn, r) -> np.ndarray:
+    """(k, 3) points around the origin."""
+    return np.stack(np.broadcast_arrays(r * np.cos(turn), r * np.sin(turn), 0.0), axis=-1).reshape(-1, 3)
 
 
 def test_a_plain_sheet_is_one_patch_and_a_grid_has_every_side_twice():
