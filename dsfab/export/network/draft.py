@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, vstack
 
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError
@@ -40,6 +40,9 @@ NARROW = 1 / 4000
 
 LENS = 1 / 3
 """Width of a region between two chains that is no region, as a share of the thickness."""
+
+INNER = ((1 / 3, 1 / 3, 1 / 3), (2 / 3, 1 / 6, 1 / 6), (1 / 6, 2 / 3, 1 / 6), (1 / 6, 1 / 6, 2 / 3))
+"""Barycentric weights of the points where a trimmed face is held in each cell: with the middle alone it may wave."""
 
 PASSES = 3
 """Looks at outlines that cross themselves; what one pass joins or leaves whole may cross anew."""
@@ -115,11 +118,11 @@ def _sheets(striped: StripedSheet) -> Iterator[StripedSheet]:
 
 def _net(sheet: StripedSheet, lifting: Lifting, plan: SmoothPlan) -> ChainNet:
     """The net of a piece; it has at least a wall for each chain of its outline, and two faces for each region."""
-    t = plan.limits.thickness
-    net = net_of(sheet, plan.surface.V, t / MM_PER_M)
+    t, skins = plan.limits.thickness, lifting.skins
+    net = net_of(sheet, plan.surface.V, skins.normals, t / MM_PER_M)
     net = without_fillets(net, lifting)
-    P = np.asarray(net.weights @ lifting.skins.points)
-    net = joined_outlines(without_lenses(net, P, LENS * t), P)
+    P, N = (np.asarray(net.weights @ x) for x in (skins.points, skins.normals))
+    net = joined_outlines(without_lenses(net, P, LENS * t), P, N)
     return straightened(net, lifting, t)
 
 
@@ -138,9 +141,10 @@ def _solid(
         model = _model(net, curves, plan)
         new = _changed(before, known, net, model)
     net, model = _divided(net, model, lifting, curves, plan)
+    parts = {*net.parent, *net.parent.values()}
     return model, [
-        trimmed_face(model, loops, _inside(net, sheet, lifting, region), NARROW * plan.limits.thickness)
-        for region, loops in model.trimmed.items()
+        trimmed_face(model, loops, _inside(net, sheet, lifting, k), NARROW * plan.limits.thickness, k in parts)
+        for k, loops in model.trimmed.items()
     ]
 
 
@@ -198,7 +202,7 @@ def _model(net: ChainNet, fitted: _FittedChains, plan: SmoothPlan) -> NetModel:
 
 
 def _inside(net: ChainNet, sheet: StripedSheet, lifting: Lifting, region: int) -> Floats:
-    """(k, 6) points of the skins over the middles of a region's cells."""
+    """(k, 6) points of the skins over a region's cells, `INNER` of each."""
     F: Ints = sheet.F[net.cell == net.parent.get(region, region)]
     a, b, c = (sheet.weights[F[:, i]] for i in range(3))
-    return lifting.points(csr_array((a + b + c) * (1 / 3)))
+    return lifting.points(csr_array(vstack([a * u + b * v + c * w for u, v, w in INNER], format="csr")))
