@@ -34,6 +34,7 @@ def test_another_process_draws_the_same_picture_and_one_that_was_started_ahead_d
     started, one, path = list[str](), finished.Ahead, tmp_path / "preview.png"
     monkeypatch.setattr(finished, "Ahead", lambda program: started.append(program) or one(program))
     with finished.picture_ahead():
+        assert len(started) == 1  # before there is anything to draw
         for count in (1, 2):
             with finished.picture_meanwhile(vault, path, SMALL) as finish:
                 finish()
