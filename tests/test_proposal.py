@@ -350,6 +350,10 @@ def test_another_material_in_the_editor_leaves_the_thickness_that_is_shown(tmp_p
         assert built.surface == shown.surface
 
 
+WIDE = ("--set", "surface.edge=0.5", "--set", "pattern.major.spacing=1.5", "--set", "pattern.minor.spacing=1.5")
+"""What is proposed, with members farther apart, and larger triangles: a quarter of the time."""
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("words", [["{mesh}"], ["roof", "--mesh", "{mesh}"]])
 def test_build_takes_a_mesh(tmp_path, monkeypatch, capsys, words):
@@ -358,7 +362,8 @@ def test_build_takes_a_mesh(tmp_path, monkeypatch, capsys, words):
     mesh = obj(tmp_path / "hall.obj", barrel_vault(edge=1.6), 1000.0)
     words = [word.format(mesh=mesh.name) for word in words]
     assert (
-        main(["build", *words, "--format", "stl", "--no-preview", "-o", "out", "--set", "statics.material=S235"]) == 0
+        main(["build", *words, "--format", "stl", "--no-preview", "-o", "out", "--set", "statics.material=S235", *WIDE])
+        == 0
     )
     said = capsys.readouterr().out
     assert "springing line 1" in said
@@ -375,7 +380,7 @@ def test_a_format_that_nobody_asked_for_may_be_left_out(tmp_path, monkeypatch, c
     """A STEP that is too large is told; asked for, it is refused."""
     monkeypatch.chdir(tmp_path)
     obj(tmp_path / "cap.obj", dome(edge=1.2))
-    few = ["--set", "export.step_faces=100", "--set", "export.step=faceted", "--no-preview", "-o", "out"]
+    few = ["--set", "export.step_faces=100", "--set", "export.step=faceted", "--no-preview", "-o", "out", *WIDE]
     assert main(["build", "cap.obj", *few]) == 0
     assert "left out: the STEP file" in capsys.readouterr().err
     assert sorted(path.suffix for path in (tmp_path / "out").glob("cap.*")) == [".3mf", ".stl"]
