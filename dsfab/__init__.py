@@ -22,6 +22,7 @@
 Heavy libraries are imported where they are used: `import dsfab` is quick, and so is `dsfab --help`.
 """
 
+import os
 from functools import partial
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
@@ -33,6 +34,11 @@ try:
     __version__ = version("dsfab")  # of the tag that it was installed from
 except PackageNotFoundError:  # files that nobody installed
     __version__ = "0+unknown"
+
+# Threads of OpenBLAS that wait for work sleep after 2^20 cycles, a third of a millisecond, in place of 2^26: after one
+# product of long vectors they kept a core busy for 20 ms. It is read when numpy is loaded, so not where that was loaded
+# before.
+os.environ.setdefault("OPENBLAS_THREAD_TIMEOUT", "20")
 
 _HOME = {
     "All": "dsfab.surface",

@@ -94,7 +94,8 @@ def test_the_same_preset_gives_the_same_bytes_in_another_process(capsys, tmp_pat
     """Where sets of words are in another order."""
     here, there = tmp_path / "here", tmp_path / "there"
     formats = [suffix[1:] for suffix in FORMATS if suffix not in (*SLOW, ".3dm")]  # slow, and has a test of its own
-    asked = ["--set", "surface.edge=0.6", "--set", "statics.strength=235e6"]  # without one no utilisation is known
+    asked = ["--set", "surface.edge=1.2", "--set", "pattern.keep=0.6"]
+    asked += ["--set", "statics.strength=235e6"]  # without one no utilisation is known
     asked += ["--set", "pattern.major.frequency=3", "--set", "pattern.minor.frequency=3"]  # lines take long
     asked += ["--no-picture", "--format", ",".join(formats)]
     assert run(capsys, "build", DOME_MODES, *asked, "-o", str(here))[0] == 0

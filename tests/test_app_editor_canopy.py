@@ -73,6 +73,7 @@ class Hand:
 
 def test_a_canopy_is_built_in_twelve_actions(tmp_path, monkeypatch):
     monkeypatch.setattr("dsfab.render.opengl.why_no_pictures", lambda: "not now")
+    monkeypatch.setattr("dsfab.proposal.sizes.MEMBERS", 8)  # across the span; their number takes the time
     mesh, outputs = write(canopy(0.5), tmp_path / "canopy.obj"), Outputs(tmp_path / "outputs", "outputs")
     with (
         serving(Opened(load_preset(DOME_MODES, COARSE)), outputs) as server,

@@ -28,6 +28,7 @@ STL = {"export.formats": ["stl"]}
 @pytest.fixture
 def outputs(tmp_path, monkeypatch):
     monkeypatch.setattr("dsfab.render.opengl.why_no_pictures", lambda: "not now")
+    monkeypatch.setattr("dsfab.proposal.sizes.MEMBERS", 8)  # across the span; their number takes the time
     monkeypatch.chdir(tmp_path)
     return Outputs(tmp_path / "outputs", "outputs")
 

@@ -391,11 +391,22 @@ def test_every_control_has_a_name_and_every_text_is_readable(tab):
     twice = tab.run("(() => { const ids = [...document.querySelectorAll('[id]')].map(e => e.id);"
                     "return ids.filter((id, i) => ids.indexOf(id) !== i); })()")  # fmt: skip
     assert twice == []
+    assert tab.run(CLIPPED) == []
     for theme in ("light", "dark"):
         tab.run(f"document.documentElement.dataset.theme = '{theme}'")
         faint = tab.run(CONTRAST)
         assert faint == [], theme
     assert tab.run("document.documentElement.lang") == "en"
+
+
+CLIPPED = """(() => {
+    const shut = [...document.querySelectorAll('details:not([open])')];
+    shut.forEach((e) => { e.open = true; });
+    const labels = [...document.querySelectorAll('label')];
+    const cut = labels.filter((e) => e.clientWidth > 1 && e.scrollWidth > e.clientWidth).map((e) => e.textContent);
+    shut.forEach((e) => { e.open = false; });
+    return cut; })()"""
+"""Labels of all groups that are wider than their place; the ones for screen readers alone have none."""
 
 
 CONTRAST = """(() => {

@@ -272,7 +272,10 @@ def test_the_server_lists_describes_and_turns_pages_away():
 @pytest.mark.slow
 def test_structure_and_parts_over_the_wire_and_what_takes_too_long_is_ended():
     with serving() as server:
-        status, text = asked(server, "POST", "/solve", body(vault(), pointer="/structure"))
+        wide = "surface.edge = 0.5\npattern.major.spacing = 1.6\npattern.minor.spacing = 1.6"
+        lines = f"statics.material = 'S235'\nworkshop.thickness = 0.002\n{wide}"
+        more = sent("preset", "System.String", json.dumps(lines))
+        status, text = asked(server, "POST", "/solve", body(vault(), more, pointer="/structure"))
         assert status == 200, text
         answer = json.loads(text)
         solid = read(answer, "solid")
@@ -281,7 +284,6 @@ def test_structure_and_parts_over_the_wire_and_what_takes_too_long_is_ended():
         assert read(answer, "mass") > 100
         assert read(answer, "compliance") > 0
         assert len(read(answer, "names")) == len(read(answer, "lines"))
-        more = sent("preset", "System.String", json.dumps("statics.material = 'S235'\nworkshop.thickness = 0.002"))
         status, text = asked(server, "POST", "/parts", body(vault(), more))
         assert status == 200, text
         drawn = json.loads(text)
@@ -291,11 +293,11 @@ def test_structure_and_parts_over_the_wire_and_what_takes_too_long_is_ended():
         assert status == 500
         assert json.loads(text)["errors"][0].startswith("mesh: nothing is connected")
         server.solver.seconds = 0.01
-        status, text = asked(server, "POST", "/structure", body(vault(), sent("snow", "System.Double", "3000")))
+        status, text = asked(server, "POST", "/structure", body(vault(), more, sent("snow", "System.Double", "3000")))
         assert status == 500
         assert "was ended" in json.loads(text)["errors"][0]
         server.solver.seconds = 120
-        assert asked(server, "POST", "/preview", body(vault()))[0] == 200  # and it lives on
+        assert asked(server, "POST", "/preview", body(vault(), more))[0] == 200  # and it lives on
 
 
 def test_without_its_library_it_says_what_to_install(monkeypatch, capsys):

@@ -211,6 +211,17 @@ def test_a_tree_stands_on_its_foot_as_tall_as_it_is_said_to_be() -> None:
     assert tree_at < -4 < 3 < person_at
 
 
+def test_a_person_stands_beside_a_roof_whose_supports_are_drawn_taller() -> None:
+    """Of 90 m: nothing of the roof is as low as a person on the ground, the feet of its supports."""
+    roof = dome(span=90.0, rise=8.0, edge=5.0)
+    side, load = best_side(roof.V, Z), weighed(roof, low(roof))
+    stage = set_stage(Body(roof.V, roof.F, PAPER.of("person")), side, Z, 0.3, Annotations(roof, load), PAPER, SIZE)
+    somebody, right = stage.bodies[-1].V, np.cross(Z, side.towards)
+    assert somebody[:, 2].min() == stage.level
+    assert somebody[:, 2].max() < roof.V[:, 2].min()
+    assert (somebody @ right).min() > (roof.V @ right).max()
+
+
 @pytest.mark.parametrize(("radius", "drawn"), [(0.3, False), (2.0, True)])
 def test_a_person_stands_beside_what_has_the_size_of_a_building(radius: float, drawn: bool) -> None:
     solid = thick(sphere(radius=radius, edge=radius / 5), radius / 20)

@@ -20,6 +20,7 @@ flat parts of the members, nested on stock, as drawings. app: one file for each 
 """
 
 import ast
+import os
 import subprocess
 import sys
 import tomllib
@@ -353,6 +354,21 @@ def test_importing_dsfab_loads_no_heavy_library():
     assert (
         subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True).stdout.strip() == "[]"
     )
+
+
+def test_threads_of_blas_that_wait_take_no_time_of_the_processor():
+    """20 ms after each product of long vectors, where numpy was loaded without dsfab."""
+    code = (
+        "import dsfab, time; import numpy as np; x = np.ones(40_000)\n"
+        "for _ in range(10): x @ x; time.sleep(0.03)\n"
+        "begin = time.process_time()\n"
+        "for _ in range(10): x @ x; time.sleep(0.03)\n"
+        "print(time.process_time() - begin)"
+    )
+    threads = {**os.environ, "OMP_NUM_THREADS": "2", "OPENBLAS_NUM_THREADS": "2"}
+    threads.pop("OPENBLAS_THREAD_TIMEOUT", None)
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True, env=threads)
+    assert float(done.stdout) < 0.05
 
 
 @pytest.mark.parametrize("command", ["presets", "materials", "--version", "--help"])

@@ -153,7 +153,7 @@ def test_a_solid_has_its_volume_everywhere(design: dsfab.Design) -> None:
 
 @pytest.mark.slow
 def test_a_design_is_a_shape_for_cad() -> None:
-    few = {"surface.edge": 1.6, "pattern.keep": 0.6, "pattern.major.frequency": 2, "pattern.minor.frequency": 2}
+    few = {"surface.edge": 2, "pattern.keep": 0.6, "pattern.major.frequency": 1, "pattern.minor.frequency": 1}
     design = dsfab.run(dsfab.load_preset(DOME_MODES, few))  # each triangle becomes a face of OCCT
     shape = design.to_build123d()
     assert shape.is_valid

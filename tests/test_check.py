@@ -107,6 +107,7 @@ def test_metres_read_as_millimetres_are_told(tmp_path, capsys):
         ("shape.dwg", b"x", "has the suffix '.dwg'"),
         ("text.3mf", b"no zip at all", "cannot be read as 3MF"),
         ("text.step", b"no step at all", "export it again"),
+        ("half.step", b"ISO-10303-21;\nHEADER;", "cannot be read as STEP (OCCT does not read it); export it again"),
         ("text.stl", b"solid nothing\nendsolid", "no faces"),
     ],
 )
@@ -175,13 +176,17 @@ def test_with_a_design_a_wrong_unit_is_named(design, tmp_path, capsys):
     assert "solid" in next(f.reason for f in checked.findings if f.name == "compliance")
 
 
-def test_the_preset_beside_the_file_is_found(design, tmp_path, capsys):
+def test_the_preset_beside_the_file_is_found_and_the_file_read_once(design, tmp_path, capsys, monkeypatch):
     from dsfab.preset_file import preset_toml
+    from dsfab.study.file_check import reading
 
+    times, read = [], reading.raw_mesh
+    monkeypatch.setattr(reading, "raw_mesh", lambda *given: times.append(given) or read(*given))
     path = write(design.solid, tmp_path / "strip.3mf")
     (tmp_path / "preset.toml").write_text(preset_toml(preset()))
     assert main(["check", str(path), "--no-solid", "--json"]) == 0
     found = json.loads(capsys.readouterr().out)
+    assert len(times) == 1
     assert found["passed"]
     assert found["preset"] == str(tmp_path / "preset.toml")
     assert found["findings"]["compliance"] == {"verdict": "unknown", "reason": "not asked for; not run"}

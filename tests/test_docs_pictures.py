@@ -58,14 +58,18 @@ def test_every_drawing_of_the_concepts_is_shown():
     assert set(re.findall(r"concepts/(\w+)\.png", page)) == set(CONCEPTS)
 
 
+APART = 1.6
+"""Times the distance of members in small pictures."""
+
+
 @pytest.fixture(scope="module")
 def rough(tmp_path_factory):
     """The presets of the gallery, beside the mesh that one of them names, and those that ship, on coarser meshes."""
     folder = tmp_path_factory.mktemp("gallery")
     shutil.copy(GALLERY / "canopy.obj", folder)
     (folder / "presets").mkdir()
-    rough_presets(folder / "presets", shipped_presets().values())
-    return rough_presets(folder, (GALLERY / f"{name}.toml" for name in make.OURS))
+    rough_presets(folder / "presets", shipped_presets().values(), APART)
+    return rough_presets(folder, (GALLERY / f"{name}.toml" for name in make.OURS), APART)
 
 
 @pytest.mark.slow

@@ -4,11 +4,10 @@ import ast
 import re
 from collections.abc import Iterator
 from functools import cache
-from pathlib import Path
 
 import pytest
 
-PACKAGE = Path(__file__).resolve().parent.parent / "dsfab"
+from tests.test_architecture import modules
 
 ARRAYS = re.compile(r"\b(Floats|Ints|Bools|NDArray|ArrayLike|csr_array)\b")
 LENGTH = r"(?:\.\.\.|\d+(?: \w+)?|(?:\d+ ?)?[A-Za-z]'{0,2})"
@@ -35,11 +34,7 @@ def public(tree: ast.Module | ast.ClassDef, inside: str = "") -> Iterator[tuple[
 @cache
 def functions() -> tuple[tuple[str, ast.FunctionDef], ...]:
     """All of them, as 'file:line name'."""
-    return tuple(
-        (f"{path.relative_to(PACKAGE)}:{node.lineno} {name}", node)
-        for path in sorted(PACKAGE.rglob("*.py"))
-        for name, node in public(ast.parse(path.read_text(encoding="utf-8")))
-    )
+    return tuple((f"{file}:{node.lineno} {name}", node) for _, file, tree in modules() for name, node in public(tree))
 
 
 def takes_arrays(node: ast.FunctionDef) -> bool:

@@ -11,6 +11,7 @@ from hypothesis import strategies as st
 from scipy.sparse import csr_array, eye_array
 
 from dsfab.delivery.files import curved_sheet
+from dsfab.errors import ExportError
 from dsfab.export import StepOptions, sampled_use, write
 from dsfab.export.ladder import prepare
 from dsfab.export.network import draft, use_check
@@ -23,9 +24,11 @@ from dsfab.export.network.graph import VOID, Chain, ChainNet, net_of
 from dsfab.export.network.joining import joined_outlines, without_lenses
 from dsfab.export.network.lifting import Lifting
 from dsfab.export.network.lines import ChainLine, NetLines, with_ends_on_lines
+from dsfab.export.network.model import NetEdge, NetModel
 from dsfab.export.network.patches import coons, least_jacobian, pulled
 from dsfab.export.network.quads import quads_of
 from dsfab.export.network.stations import Stations, paired
+from dsfab.export.network.trimmed import _powers, _surface, trimmed_face
 from dsfab.export.part import part_of
 from dsfab.export.program import run_program
 from dsfab.export.smooth.plan import SmoothPlan
@@ -53,6 +56,14 @@ def flat_strip() -> Surface:
     given = cylinder_strip()
     angle = np.arctan2(given.V[:, 2], given.V[:, 1])
     return Surface(np.stack([given.V[:, 0], RADIUS * angle, 0 * angle], axis=1), given.F)
+
+
+def bent_strip() -> Surface:
+    """A coarse cylinder that turns by 15 degrees at every second vertex, as where diagonals were cut."""
+    given = cylinder_strip(columns=12)
+    V = given.V.reshape(13, 13, 3).copy()
+    V[1::2] = (V[:-1:2] + V[2::2]) / 2
+    return Surface(V.reshape(-1, 3), given.F)
 
 
 def striped(surface: Surface, kept=None, label=None) -> StripedSheet:
@@ -197,13 +208,63 @@ def test_lifted_points_lie_on_cylinder_and_sphere():
             assert np.abs(np.linalg.norm(some * centre, axis=1) - r).max() < min(0.12 * chord, 2e-4)
 
 
+def test_a_crease_is_lifted_by_a_fifth_of_the_thickness_at_most():
+    """Two sides of a roof, 1 m wide: the quadratic between their normals would leave them by 125 mm."""
+    V = np.array([[-1, 0, 0], [-1, 1, 0], [0, 0, 1], [0, 1, 1], [1, 0, 0], [1, 1.0, 0]])
+    roof = Surface(V, np.array([[0, 2, 1], [1, 2, 3], [2, 4, 3], [3, 4, 5]]))
+    W = csr_array(np.array([[0.5, 0, 0.5, 0, 0, 0], [0, 0, 0.25, 0.25, 0.25, 0.25]]))
+    Q = lifting_of(roof).points(W)
+    away = np.linalg.norm((Q[:, :3] + Q[:, 3:]) / 2 - 1000 * (W @ V), axis=1)
+    assert away == pytest.approx([0.2 * 1000 * T] * 2, rel=0.01)
+
+
+def flat_model(corners: np.ndarray) -> tuple[NetModel, list]:
+    """One region over the plane between corners (k, 2), 40 mm thick; with its loop."""
+    model, k = NetModel(), len(corners)
+    for i in range(k):
+        line = corners[i] + np.arange(4)[:, None] / 3 * (corners[(i + 1) % k] - corners[i])
+        both = [np.c_[line, np.full(4, z)] for z in (20.0, -20.0)]
+        model.edges.append(NetEdge(i, (i + 1) % k, np.concatenate(both, axis=1), True))
+    return model, [(i, True) for i in range(k)]
+
+
+def test_a_part_of_a_region_does_not_bend_where_the_rest_does():
+    """A triangle, points in and beside it, and one beyond where the sheet has turned by 90 degrees."""
+    model, loop = flat_model(np.array([[0, 0], [300, 0], [0, 300.0]]))
+    points = np.array([[50.0, 50, 20, 50, 50, -20], [900, 0, 50, 900, 0, 10], [900, 0, -400, 860, 0, -400]])
+    face = trimmed_face(model, [loop], points, 0.01, part=True)
+    assert face.gap < 1e-6
+    np.testing.assert_allclose(face.outer[..., 2], 20, atol=1e-6)
+    with pytest.raises(ExportError, match="bends too much"):
+        trimmed_face(model, [loop], points, 0.01)
+
+
+def test_a_trimmed_face_does_not_wave_to_meet_edges_that_no_surface_meets():
+    """Half a flat ring whose edges jump by .4 mm: what is nearest to them was 13 mm off between them."""
+    turn, r = np.linspace(0, np.pi, 73), np.linspace(600, 1200, 9)
+    edges = np.concatenate([ring(turn, 600), ring(turn, 1200), ring(0, r), ring(np.pi, r)])
+    edges[:, 2] = 0.2 * np.sign(np.sin(9 * np.arctan2(edges[:, 1], edges[:, 0])))
+    inside = ring(np.linspace(0, np.pi, 7)[1:-1], np.array([[800.0], [1000]]))
+    poles, gap, _ = _surface(inside, edges, np.eye(3), 1e-3)
+    u, v = ((ring(np.linspace(0, np.pi, 61), r[:, None]) - poles[0, 0]) / (poles[-1, -1] - poles[0, 0]))[:, :2].T
+    B, C = (_powers(x, len(poles) - 1) for x in (u, v))
+    assert np.abs(np.einsum("ka,kb,ab->k", B, C, poles[..., 2])).max() < 0.5
+    assert gap < 0.4
+
+
+def ring(turn, r) -> np.ndarray:
+    """(k, 3) points around the origin."""
+    return np.stack(np.broadcast_arrays(r * np.cos(turn), r * np.sin(turn), 0.0), axis=-1).reshape(-1, 3)
+
+
 def test_a_plain_sheet_is_one_patch_and_a_grid_has_every_side_twice():
-    flat = flat_strip()
-    net = net_of(striped(flat), flat.V, T)
-    assert [len(loops) for loops in net.loops.values()] == [1]
-    assert len(net.chains) == 4
+    for plain in (flat_strip(), bent_strip()):
+        net = net_of(striped(plain), plain.V, lifting_of(plain).skins.normals, T)
+        assert [len(loops) for loops in net.loops.values()] == [1]
+        assert len(net.chains) == 4
     given = cylinder_strip()
-    net = without_fillets(net_of(grid(given), given.V, T), lifting_of(given))
+    lifting = lifting_of(given)
+    net = without_fillets(net_of(grid(given), given.V, lifting.skins.normals, T), lifting)
     assert len(net.loops) == 8  # four crossings, four stretches between them
     steps = [step for loops in net.loops.values() for loop in loops for step in loop]
     for k, chain in net.chains.items():
@@ -222,16 +283,28 @@ def test_a_strip_is_untrimmed_and_uses_each_edge_twice():
     assert used == 2 * edges
 
 
-def rectangle_net(arc: bool) -> tuple[ChainNet, np.ndarray]:
+def rectangle_net(arc: bool, folded: bool = False) -> tuple[ChainNet, np.ndarray, np.ndarray]:
     """A region of 2 x 1, its bottom in three chains, one of its sides shared with another region; the middle chain of
-    the bottom ends where an arc does, if asked."""
+    the bottom ends where an arc does, if asked, or at folds of 20 degrees. With its points and the normals there."""
     P = np.array([[0, 0], [0.5, 0], [1, 0], [1.5, 0], [2, 0], [2, 1], [0, 1], [0.25, 0], [1.25, 0.0], [1.75, 0]])
     if arc:
         P[[2, 8], 1] = 0.3, 0.15
+    steep = 0.36 * folded  # tan 20 degrees
+    x = P[:, 0]
+    N = np.stack(
+        [
+            -np.interp(x, [0.49, 0.5, 0.51, 1.49, 1.5, 1.51], steep * np.array([-1, -0.5, 0, 0, 0.5, 1])),
+            0 * x,
+            1 + 0 * x,
+        ],
+        axis=1,
+    )
+    z = steep * np.maximum(np.abs(x - 1) - 0.5, 0)
     ways = [[0, 7, 1], [1, 2, 8, 3], [3, 9, 4], [4, 5], [5, 6], [6, 0]]
     chains = {k: Chain(np.array(way), 0, 1 if k == 5 else VOID) for k, way in enumerate(ways)}
     loops = {0: [[(k, True) for k in chains]], 1: [[(5, False)]]}
-    return ChainNet(csr_array(eye_array(len(P))), chains, loops, frozenset(), np.zeros(0, dtype=np.int64)), P
+    net = ChainNet(csr_array(eye_array(len(P))), chains, loops, frozenset(), np.zeros(0, dtype=np.int64))
+    return net, np.column_stack([P, z]), N
 
 
 @pytest.mark.parametrize("width", [0.2, 2.0])
@@ -255,13 +328,15 @@ def test_a_narrow_lens_joins_the_region_on_its_left(width):
             assert region == (done.chains[k].left if ahead else done.chains[k].right)
 
 
-def test_outlines_are_joined_but_where_they_begin_to_be_round():
-    net, P = rectangle_net(arc=False)
-    done = joined_outlines(net, P)
+@pytest.mark.parametrize("folded", [False, True])
+def test_outlines_are_joined_but_where_they_begin_to_be_round(folded):
+    """What bends with the sheet is straight to those who walk on it."""
+    net, P, N = rectangle_net(arc=False, folded=folded)
+    done = joined_outlines(net, P, N)
     assert done.loops == {0: [[(0, True), (3, True), (4, True), (5, True)]], 1: [[(5, False)]]}
     assert done.chains[0].points.tolist() == [0, 7, 1, 2, 8, 3, 9, 4]
-    net, P = rectangle_net(arc=True)
-    assert joined_outlines(net, P).loops == net.loops
+    net, P, N = rectangle_net(arc=True, folded=folded)
+    assert joined_outlines(net, P, N).loops == net.loops
 
 
 def test_opposite_sides_are_divided_alike_and_points_on_a_line_divide_nothing():
@@ -271,7 +346,7 @@ def test_opposite_sides_are_divided_alike_and_points_on_a_line_divide_nothing():
     chains = {
         k: SampledChain(np.array([[*a, 1, *a, 0], [*b, 1, *b, 0]], dtype=float), True) for k, (a, b) in ends.items()
     }
-    net, _ = rectangle_net(arc=False)
+    net, _, _ = rectangle_net(arc=False)
     (quad,), others = quads_of(net, chains, 0.01)
     assert others == [1]
     curves = {k: curves_through([chain.Q], 0.1)[0] for k, chain in chains.items()}
@@ -359,7 +434,7 @@ def test_crossings_get_whole_round_corners_and_members_keep_four_sides():
     sheet = rounded_grid(given)
     assert sheet.loose.sum() == 8
     lifting = lifting_of(given)
-    net = without_fillets(net_of(sheet, given.V, T), lifting)
+    net = without_fillets(net_of(sheet, given.V, lifting.skins.normals, T), lifting)
     assert sorted(len(loop) for loops in net.loops.values() for loop in loops) == [4] * 4 + [5] * 4
     assert not net.loose
     P = net.weights @ lifting.skins.points

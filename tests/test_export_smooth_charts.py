@@ -13,7 +13,7 @@ from dsfab.export.part import part_of
 from dsfab.export.smooth import charts, plan, points
 from dsfab.export.smooth.charts import Atlas
 from dsfab.export.smooth.limits import Limits
-from dsfab.export.smooth.outline import sheet_of
+from dsfab.export.smooth.outline import WALL, sheet_of
 from dsfab.export.smooth.patch_fits import fitted
 from dsfab.export.smooth.plan import SmoothPlan
 from dsfab.export.smooth.seams import run_key
@@ -124,6 +124,24 @@ def test_an_outline_that_touches_itself_is_cut_apart_there():
     ]
     assert seams[0] == seams[1]
     assert len(seams[0]) == 4
+
+
+def test_runs_of_a_wall_end_where_a_seam_touches_it():
+    """Chart 1 is a square, a corner of which touches the longest side of an opening with three: two outlines of chart 0
+    pass that vertex, and curves that only came near it would cross."""
+    flat = grid(4, 4, 4.0, 4.0)
+    x, y = np.floor(flat.centroids[:, :2]).T
+    there, chart = (x != 2) | (y != 2), ((x == 1) & (y == 1)).astype(np.int64)
+    at = int(np.flatnonzero((flat.V[:, :2] == 2).all(axis=1))[0])
+    V = flat.V.copy()
+    V[at, :2] = 2.5
+    kept = Surface(V, flat.F[there])
+    boundary = np.flatnonzero(kept.edges.boundary[kept.edges.of.ravel()])
+    given = DividedSheet(V, kept.F, np.zeros((flat.n, 3)), chart[there], boundary, np.full(len(boundary), -1))
+    runs = [run for region in sheet_of(given, 0).regions for loop in region.loops for run in loop]
+    touching = [run for run in runs if at in run.vertices]
+    assert sorted(run.beyond == WALL for run in touching) == [False] * 4 + [True] * 2
+    assert all(at in run.vertices[[0, -1]] for run in touching)
 
 
 @pytest.mark.slow

@@ -20,7 +20,7 @@ from dsfab.slicing import cut
 from dsfab.surface import CornerField, Surface
 from tests.analytic import SURFACES, WIDTH, grid
 from tests.designs import coarse_design, sliced
-from tests.meshes import FOLDER, mesh_file
+from tests.meshes import mesh_file
 from tests.presets import BARREL_VAULT_MODES, DOME_MODES
 from tests.zoo import grid as plain_grid
 
@@ -385,9 +385,10 @@ def test_members_of_every_preset_are_looked_at():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("file", sorted(path.name for path in FOLDER.glob("*.obj")))
-def test_members_of_other_surfaces_are_their_sheets(file):
-    made = sliced(preset_for(FOLDER / file))
+@pytest.mark.parametrize("name", ["Botanic", "BubbleShell", "blub", "bob", "camelhead", "roof_with_opening", "torus"])
+def test_members_of_other_surfaces_are_their_sheets(name):
+    """An open shell with holes, a smooth and a rough one, a fish with fins, a ring, a head, a torus."""
+    made = sliced(preset_for(mesh_file(f"{name}.obj")))
     assert_whole(made.members, made.sheet)
 
 

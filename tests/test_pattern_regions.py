@@ -494,7 +494,7 @@ def test_every_pattern_knows_its_regions(way):
 @pytest.mark.parametrize(
     "more",
     [
-        {"method": "auto"},
+        {"method": "auto", "major": {"spacing": 1.0}, "minor": {"spacing": 1.0}},
         {"width": {"rule": "stressed", "solid_fraction": 0.45}},
         {"width": {"rule": "stressed", "solid_fraction": 0.45}, "workshop": True},
     ],

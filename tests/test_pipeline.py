@@ -113,7 +113,7 @@ def test_presets_keep_their_recorded_numbers(name, vertices, kept, genus):
     ids=_stem,
 )
 def test_real_surfaces_give_proven_solids(preset, file, changes):
-    judged(dsfab.run(dsfab.load_preset(preset, changes, mesh=mesh_file(file))))
+    judged(sliced(dsfab.load_preset(preset, changes, mesh=mesh_file(file))))
 
 
 def test_same_preset_same_solid(small):
@@ -214,7 +214,7 @@ def test_a_load_on_removed_material_is_told():
         ({"surface.load": []}, "no load"),
         ({"surface.support.0.at": {"pick": "ball", "center": [0, 0, 90], "radius": 1}}, "picks no vertex"),
         ({"statics.density": 0.0}, "self_weight"),
-        ({"surface": TORUS, "statics.thickness": 2.0, "thickening.thinnest": 0.9}, "bends so sharply"),
+        ({"surface": TORUS, "statics.thickness": 2.0, "thickening.thinnest": 0.9}, r"bends so sharply at \(.* m that"),
         ({"statics.thickness": 60.0}, r"17\.. m large and the sheet 60 m thick: that is no sheet"),
         ({"statics.thickness": 6e-5}, "that is no sheet; check surface.unit"),
         ({"surface.edge": 1e-4}, "edge"),

@@ -18,7 +18,7 @@ from tests.designs import sliced
 from tests.presets import DOME_MODES
 
 SMALL = {"surface.edge": 0.8, "pattern.major.spacing": 1.6, "pattern.minor.spacing": 1.6, "pattern.width.steps": 2}
-PLATE = {"surface.edge": 0.05, "pattern.method": "auto", "pattern.width.steps": 2}
+PLATE = {"surface.edge": 0.065, "pattern.method": "auto", "pattern.width.steps": 2}
 
 
 @pytest.fixture(scope="module")

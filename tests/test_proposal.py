@@ -22,7 +22,7 @@ from dsfab.proposal.sizes import is_figure, sizes
 from dsfab.proposal.vertical import likely_up
 from dsfab.slicing.features import features, kept_cells
 from dsfab.surface import Boundary, Snow, Surface, files, mend, read_surface, upright
-from dsfab.surface.shapes import barrel_vault, dome, plate, sphere, torus
+from dsfab.surface.shapes import barrel_vault, cylinder, dome, plate, sphere, torus, tower
 from tests.canopy import canopy
 from tests.designs import sliced
 from tests.meshes import mesh_file
@@ -61,6 +61,18 @@ def test_turning_is_a_turn_and_puts_the_axis_up(up):
 @pytest.mark.parametrize("way", BACK)
 def test_the_vertical_axis_of_roofs_is_found(shape, way):
     assert likely_up(Surface(upright(shape.V, way), shape.F)) == BACK[way]
+
+
+@pytest.mark.parametrize(
+    "shape", [tower(width=3, height=4, edge=0.5), cylinder(1.5, 3.0, edge=0.5)], ids=["tower", "tube"]
+)
+def test_what_ends_in_level_rings_stands_on_one(shape):
+    assert likely_up(shape) == "z"
+
+
+def test_a_bowl_is_no_dome_on_its_side():
+    bowl = dome(rise=6.0, edge=0.8)
+    assert likely_up(Surface(bowl.V * [1, 1, -1], bowl.F[:, ::-1])) == "z"
 
 
 @pytest.mark.parametrize(
@@ -338,6 +350,10 @@ def test_another_material_in_the_editor_leaves_the_thickness_that_is_shown(tmp_p
         assert built.surface == shown.surface
 
 
+WIDE = ("--set", "surface.edge=0.5", "--set", "pattern.major.spacing=1.5", "--set", "pattern.minor.spacing=1.5")
+"""What is proposed, with members farther apart, and larger triangles: a quarter of the time."""
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("words", [["{mesh}"], ["roof", "--mesh", "{mesh}"]])
 def test_build_takes_a_mesh(tmp_path, monkeypatch, capsys, words):
@@ -346,7 +362,8 @@ def test_build_takes_a_mesh(tmp_path, monkeypatch, capsys, words):
     mesh = obj(tmp_path / "hall.obj", barrel_vault(edge=1.6), 1000.0)
     words = [word.format(mesh=mesh.name) for word in words]
     assert (
-        main(["build", *words, "--format", "stl", "--no-preview", "-o", "out", "--set", "statics.material=S235"]) == 0
+        main(["build", *words, "--format", "stl", "--no-preview", "-o", "out", "--set", "statics.material=S235", *WIDE])
+        == 0
     )
     said = capsys.readouterr().out
     assert "springing line 1" in said
@@ -363,7 +380,7 @@ def test_a_format_that_nobody_asked_for_may_be_left_out(tmp_path, monkeypatch, c
     """A STEP that is too large is told; asked for, it is refused."""
     monkeypatch.chdir(tmp_path)
     obj(tmp_path / "cap.obj", dome(edge=1.2))
-    few = ["--set", "export.step_faces=100", "--set", "export.step=faceted", "--no-preview", "-o", "out"]
+    few = ["--set", "export.step_faces=100", "--set", "export.step=faceted", "--no-preview", "-o", "out", *WIDE]
     assert main(["build", "cap.obj", *few]) == 0
     assert "left out: the STEP file" in capsys.readouterr().err
     assert sorted(path.suffix for path in (tmp_path / "out").glob("cap.*")) == [".3mf", ".stl"]

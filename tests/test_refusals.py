@@ -118,7 +118,11 @@ OPTIONS: dict[str, tuple[list[str], str]] = {
     "turned modes": (["--set", "pattern.rotate=45"], "rotate has no effect on method = 'modes'"),
     "a third family": (["--set", "pattern.families=third"], "'both', 'major' or 'minor'"),
     "an unknown format": (["--format", "skp"], "skp"),
-    "STEP over its budget": (["--format", "step", "--set", "export.step_faces=10"], "more than step_faces = 10"),
+    "STEP over its budget": (
+        ["--format", "step", "--set", "export.step_faces=10"]
+        + [word for family in ("major", "minor") for word in ("--set", f"pattern.{family}.frequency=2")],
+        "more than step_faces = 10",
+    ),
 }
 """What is wrong -> options after `dsfab build dome`, and words of the sentence."""
 

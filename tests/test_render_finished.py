@@ -25,28 +25,22 @@ def expected(vault, tmp_path_factory):
     return path.read_bytes()
 
 
-def test_another_process_draws_the_same_picture_byte_for_byte(vault, expected, tmp_path, monkeypatch):
-    monkeypatch.setattr(finished.os, "cpu_count", lambda: 2)
-    monkeypatch.setattr(finished, "write_picture", None)  # nobody draws here
-    path = tmp_path / "preview.png"
-    with finished.picture_meanwhile(vault, path, SMALL) as finish:
-        finish()
-    assert path.read_bytes() == expected
-    assert [file.name for file in tmp_path.iterdir()] == ["preview.png"]
-
-
-def test_a_process_that_was_started_ahead_draws_once(vault, expected, tmp_path, monkeypatch):
+def test_another_process_draws_the_same_picture_and_one_that_was_started_ahead_draws_once(
+    vault, expected, tmp_path, monkeypatch
+):
     """It loads what draws while there is no design yet."""
     monkeypatch.setattr(finished.os, "cpu_count", lambda: 2)
-    monkeypatch.setattr(finished, "write_picture", None)
+    monkeypatch.setattr(finished, "write_picture", None)  # nobody draws here
     started, one, path = list[str](), finished.Ahead, tmp_path / "preview.png"
     monkeypatch.setattr(finished, "Ahead", lambda program: started.append(program) or one(program))
     with finished.picture_ahead():
+        assert len(started) == 1  # before there is anything to draw
         for count in (1, 2):
             with finished.picture_meanwhile(vault, path, SMALL) as finish:
                 finish()
             assert path.read_bytes() == expected
             assert len(started) == count
+            assert list(tmp_path.iterdir()) == [path]
             path.unlink()
     with finished.picture_meanwhile(vault, path, SMALL):
         assert len(started) == 3

@@ -173,7 +173,8 @@ def test_what_passes_a_section_is_what_presses_beyond_it():
         assert_allclose(carried(s, found, 0, low, high), np.array([70.0, -30.0, -100.0]) * 0.2, rtol=1e-4)
 
 
-CUT = {"surface.edge": 0.6, "surface.load": [{"kind": "self_weight", "case": "dead"},
+CUT = {"surface.edge": 0.6, "pattern.major.spacing": 2.0, "pattern.minor.spacing": 1.0,
+       "surface.load": [{"kind": "self_weight", "case": "dead"},
        {"kind": "snow", "pressure": 1e3, "case": "snow"}],
        "surface.combination": [{"name": "all", "factors": {"dead": 1.35, "snow": 1.5}}]}  # fmt: skip
 

@@ -310,7 +310,8 @@ def test_build_takes_all_from_one_file(tmp_path, monkeypatch, capsys):
     """The opening is there, and what lies on which layer is told."""
     monkeypatch.chdir(tmp_path)
     site(tmp_path / "site.3dm", MARKS)
-    assert main(["build", "site.3dm", "-o", "out", "--no-picture", "--format", "stl", "--set", "surface.edge=0.4"]) == 0
+    few = ["--set=surface.edge=0.4", "--set=pattern.major.spacing=0.6", "--set=pattern.minor.spacing=0.6"]
+    assert main(["build", "site.3dm", "-o", "out", "--no-picture", "--format", "stl", *few]) == 0
     said = capsys.readouterr().out
     assert "layer void" in said
     solid = trimesh.load(tmp_path / "out" / "site.stl")

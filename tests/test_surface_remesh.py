@@ -202,6 +202,19 @@ def test_needles_become_even_triangles(needles):
     check_kept(needles, new, edge)
 
 
+@pytest.mark.parametrize("way", [1, -1], ids=["outside", "inside"])
+def test_an_ear_at_a_round_border_is_no_crease(way):
+    """A square grid on a dome: a corner of the grid is a level triangle between three points of the border."""
+    square = grid(9, 9, 2.0, 2.0)
+    x, y = square.V[:, :2].T - 1
+    u, v = x * np.sqrt(1 - y**2 / 2), y * np.sqrt(1 - x**2 / 2)
+    round_dome = Surface(np.column_stack([u, v, 0.5 * (1 - u**2 - v**2)]), square.F[:, ::way])
+    new = remeshed(round_dome, 0.05, smooth=True)
+    turn = np.einsum("mci,mi->mc", new.vertex_normals[new.F], new.normals)
+    assert np.degrees(np.arccos(turn.min())) < 15
+    assert new.V[new.edges.ends[new.edges.boundary].ravel(), 2] == pytest.approx(0, abs=1e-12)
+
+
 def test_noise_makes_no_creases_and_coarsens():
     """A plate of 7 200 triangles with noise of a fifth of its edges: 3 555 edges are sharp by chance."""
     rough = jittered(grid(60, 60, 1.0, 1.0), 0.0)

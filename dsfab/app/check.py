@@ -16,7 +16,8 @@ from dsfab.wording import length, mass
 if TYPE_CHECKING:
     from dsfab.arrays import Floats
     from dsfab.pipeline.design import Design
-    from dsfab.study.file_check import Clearance, FileCheck, Finding
+    from dsfab.preset import Preset
+    from dsfab.study.file_check import Clearance, FileCheck, FileContents, Finding
 
 FAULTS = {
     "open": "{} edges have one triangle only: there is a hole in the skin",
@@ -55,12 +56,10 @@ class Expected:
         beside = file.parent / "preset.toml"
         return self.preset if self.preset is not None else str(beside) if beside.is_file() else None
 
-    def design(self, name: str, reporter: Reporter) -> "Design":
-        """The design of the preset or built folder of this name."""
-        from dsfab.pipeline import run
-
+    def of(self, name: str) -> "Preset":
+        """The preset, or that of the built folder, of this name."""
         folder = built_folder(name)
-        return run(Source(self.set_).read(str(folder / "preset.toml") if folder else name), reporter)
+        return Source(self.set_).read(str(folder / "preset.toml") if folder else name)
 
 
 @Parameter(name="*")
@@ -78,6 +77,12 @@ class Reading:
         from dsfab.surface import DEFAULT_TRIANGLES
 
         return self.max_triangles or DEFAULT_TRIANGLES
+
+    def contents(self, file: Path, deflection: float) -> "FileContents":
+        """What is in a file; the triangles of curved faces in STEP are off them by so many metres."""
+        from dsfab.study.file_check import read_shipped
+
+        return read_shipped(file, self.unit, self.most, deflection)
 
 
 def check(
@@ -102,16 +107,13 @@ def check(
     """
     if nonlinear.nonlinear:
         return check_nonlinear(str(file), Source(expected.set_), nonlinear, json_, quiet)
-    from dsfab.study.file_check import check_file, read_shipped
+    from dsfab.study.file_check import check_contents
 
     name = expected.name(file)
     reporter = Reporter(quiet or json_)
     try:
-        design = None
-        if name is not None:
-            read_shipped(file, reading.unit, reading.most)  # a file that cannot be read is told before any work begins
-            design = expected.design(name, reporter)
-        checked = check_file(file, design, reading.unit, reading.density, solid, reporter, reading.most)
+        found, design = _read(file, expected.of(name) if name is not None else None, reading, reporter)
+        checked = check_contents(found, design, reading.unit is not None, reading.density, solid, reporter)
         reporter.done()
     finally:
         reporter.stop()
@@ -121,6 +123,23 @@ def check(
         for line in lines(checked, name):
             out(line)
     return 0 if checked.passed else 1
+
+
+def _read(
+    file: Path, preset: "Preset | None", reading: Reading, reporter: Reporter
+) -> "tuple[FileContents, Design | None]":
+    """What is in a file, and the design of the preset, made while OCCT reads; else once the file can be read."""
+    from dsfab.export import meanwhile
+    from dsfab.pipeline import run
+    from dsfab.study.file_check import deflection_for
+
+    reporter("read", f"reading {file.name}")
+    if preset is None:
+        return reading.contents(file, 0.0), None
+    made: list[Design] = []
+    with meanwhile(lambda: made.append(run(preset, reporter))):
+        found = reading.contents(file, deflection_for(preset))
+    return found, made[0]
 
 
 def facts(checked: "FileCheck", preset: str | None = None) -> dict[str, Any]:

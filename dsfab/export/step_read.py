@@ -1,4 +1,4 @@
-"""The triangles of a STEP file, read by build123d in a process of its own that may neither crash nor stall this one."""
+"""The triangles of a STEP file, read by OCCT in a process of its own that may neither crash nor stall this one."""
 
 import json
 import subprocess
@@ -19,16 +19,17 @@ SECONDS, SECONDS_PER_MB = 60.0, 10.0
 
 @dataclass(frozen=True, eq=False)
 class StepMesh:
-    """V (n, 3) millimetres, F (m, 3) not joined between faces, number of solids, and their volume by OCCT, mm3.
+    """V (n, 3) millimetres, F (m, 3) not joined between faces, and the number of solids.
 
     deflection : millimetres that the triangles may be off curved faces.
+    shape      : what was read, as OCCT keeps it (`.bin`).
     """
 
     V: Floats
     F: Ints
     solids: int
-    volume: float
     deflection: float
+    shape: bytes
 
 
 def read_step(path: Path, deflection: float = 0.0) -> StepMesh:
@@ -39,12 +40,12 @@ def read_step(path: Path, deflection: float = 0.0) -> StepMesh:
     asked = (str(deflection),) if deflection else ()
     limit = SECONDS + SECONDS_PER_MB * path.stat().st_size / 1e6
     with tempfile.TemporaryDirectory() as folder:
-        arrays = Path(folder) / "mesh.npz"
         try:
-            found = json.loads(last_line(step_mesh.__file__, str(path), str(arrays), *asked, seconds=limit))
+            found = json.loads(last_line(step_mesh.__file__, str(path), folder, *asked, seconds=limit))
         except subprocess.TimeoutExpired:
             raise ExportError(f"reading {path} did not end within {limit:.0f} s; check the STL or 3MF file") from None
         except ProgramError as error:
             raise ExportError(f"{path} cannot be read as STEP ({str(error)[:160]}); export it again") from None
-        with np.load(arrays) as mesh:
-            return StepMesh(mesh["V"], mesh["F"], int(found["solids"]), float(found["volume"]), found["deflection"])
+        shape = (Path(folder) / "shape.bin").read_bytes()
+        with np.load(Path(folder) / "mesh.npz") as mesh:
+            return StepMesh(mesh["V"], mesh["F"], int(found["solids"]), float(found["deflection"]), shape)

@@ -6,6 +6,7 @@ own, chosen from face to face such that neighbours differ along a few seams only
     z = sign * value + shift     value (n,) at the vertices, sign 1 or -1 and shift (whole periods) at each corner
 """
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -65,8 +66,19 @@ class CornerPhase:
         return not self.singular.any() and bool((self.sign == 1).all() and (self.shift == 0).all())
 
 
-def corner_phase(flow: Flow, phase: Floats) -> CornerPhase:
+def corner_phase(flow: Flow, phase: Floats, other: Callable[[], Floats] | None = None) -> CornerPhase:
     """The phases (n,), in periods, of `Flow.solve` as the faces see them.
+
+    other : makes phases (n,) that are taken where they break off on fewer faces; asked where there is any.
+    """
+    found = _seen(flow, phase)
+    if other and found.broken:
+        found = min(found, _seen(flow, other()), key=lambda one: one.broken)
+    return _aligned(flow.frames.surface, found)
+
+
+def _seen(flow: Flow, phase: Floats) -> CornerPhase:
+    """Phases (n,) as each face sees them by itself.
 
     From corner to corner a phase grows by what is nearest to `flow.turn`; where it does not come back to where it
     began, or to its own sign, the face is singular.
@@ -89,8 +101,7 @@ def corner_phase(flow: Flow, phase: Floats) -> CornerPhase:
     singular = (np.rint(back - z0) != 0) | branch
     signs = np.stack([np.ones(surface.m), s1, s2], axis=1)
     z = np.stack([z0, z1, z2], axis=1)
-    found = CornerPhase(phase, signs, np.rint(z - signs * phase[F]), singular, int((singular & ~branch).sum()))
-    return _aligned(surface, found)
+    return CornerPhase(phase, signs, np.rint(z - signs * phase[F]), singular, int((singular & ~branch).sum()))
 
 
 def _aligned(surface: Surface, given: CornerPhase) -> CornerPhase:

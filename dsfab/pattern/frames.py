@@ -43,7 +43,7 @@ class Frames:
         normal[~normal.any(axis=1)] = (0.0, 0.0, 1.0)
         axis = np.where(np.abs(normal[:, :1]) < 0.6, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
         t1 = unit(axis - dots(axis, normal)[:, None] * normal)
-        return cls(surface, normal, t1, np.cross(normal, t1), _cotangents(surface))
+        return cls(surface, normal, t1, cross(normal, t1), _cotangents(surface))
 
     @property
     def ends(self) -> Ints:
@@ -54,10 +54,10 @@ class Frames:
     def turning(self) -> Floats:
         """(e,) r: a direction at angle a in the frame of the second end is at angle a + r in that of the first."""
         i, j = self.ends.T
-        across = np.cross(self.normal[j], self.normal[i])
+        across = cross(self.normal[j], self.normal[i])
         cosine = dots(self.normal[i], self.normal[j])[:, None]
         x = self.t1[j]
-        y = x * cosine + np.cross(across, x) + across * (dots(across, x)[:, None] / (1 + np.maximum(cosine, -0.99)))
+        y = x * cosine + cross(across, x) + across * (dots(across, x)[:, None] / (1 + np.maximum(cosine, -0.99)))
         return np.arctan2(dots(y, self.t2[i]), dots(y, self.t1[i]))
 
     def sides(self, g: Floats, i: Ints, j: Ints) -> Floats:
@@ -66,8 +66,8 @@ class Frames:
         Which of two that are square to each other is turned over is decided by the surface's sense of turning: by
         rounding it would be another one when the surface is turned.
         """
-        square = cross(self.normal[j], g[j])
-        return np.where(dots(g[i], g[j]) + TIE * dots(g[i], square) < 0, -1.0, 1.0)
+        turned = g + TIE * cross(self.normal, g)
+        return np.where(dots(g[i], turned[j]) < 0, -1.0, 1.0)
 
     def direction(self, angle: Floats) -> Floats:
         """(n, 3) unit vectors at angles (n,) in the frames."""

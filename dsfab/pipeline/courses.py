@@ -2,11 +2,12 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property, partial
 from typing import Self
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats
+from dsfab.arrays import Bools, Floats, cross
 from dsfab.diffusion import Symmetry, found_symmetry, principal_stresses
 from dsfab.pattern import (
     CornerPhase,
@@ -96,7 +97,7 @@ class Followed:
         along = images.directions(frames, field)
         confidence = steer.confidence(surface, given.confidence(surface.areas))
         over = _crossed_over(preset.pattern, frames, along, images)
-        along = np.where(over[:, None], np.cross(frames.normal, along), along)
+        along = np.where(over[:, None], cross(frames.normal, along), along)
         along = signs_with_short_seams(frames, along)[:, None] * along
         own = bool(steer.turn or steer.guidance or over.any())
         steered = steer.steered(surface, along, given, over) if own else None
@@ -104,10 +105,10 @@ class Followed:
         members = tuple(GuideLine.of(surface, preset.pattern.guide))
         return cls(frames, given, along, confidence, moved, images, symmetry, steered, members)
 
-    @property
+    @cached_property
     def gradients(self) -> tuple[Floats, Floats]:
         """(n, 3) of both phases: stripes run square to them."""
-        return np.cross(self.frames.normal, self.along), self.along
+        return cross(self.frames.normal, self.along), self.along
 
     def with_members(self, both: Sequence[Lines]) -> Steered | None:
         """How the families are steered, with words on how far the curves that are to be members are."""
@@ -176,9 +177,7 @@ class Course:
         solved = coarse.solve(*given)
         if not lock.any():
             solved = through_peaks(solved, surface.vertex_areas * self.start * self.follow.moved)
-        phase = corner_phase(coarse, solved)
-        if phase.broken and lock.any():
-            phase = min(phase, corner_phase(coarse, coarse.solve(*given, free=True)), key=lambda one: one.broken)
+        phase = corner_phase(coarse, solved, partial(coarse.solve, *given, free=True) if lock.any() else None)
         phase = phase.times(2**most)
         phase = replace(phase, singular=images.of_any(phase.singular))
         whole = surface.areas * ~phase.singular

@@ -219,10 +219,11 @@ def thickening_step(preset: Preset, surface: Surface, slicing: SlicingResult, lo
     with log.stage("thickening", f"thickening {slicing.sheet.surface.m:,} triangles"):
         offset = offsets(surface, preset.statics.thickness, ask.side)
         if offset.smallest < ask.thinnest:
+            x, y, z = surface.V[offset.tightest]
             raise SolidError(
-                f"the surface bends so sharply that the sheet would be thinned to {offset.smallest:.0%} of its "
-                f"thickness (allowed: {ask.thinnest:.0%}); make statics.thickness smaller, smooth the "
-                "surface, or lower thickening.thinnest"
+                f"the surface bends so sharply at ({x:.4g}, {y:.4g}, {z:.4g}) m that the sheet would be thinned to "
+                f"{offset.smallest:.0%} of its thickness (allowed: {ask.thinnest:.0%}); make "
+                "statics.thickness smaller, smooth the surface, or lower thickening.thinnest"
             )
         D = slicing.sheet.carry_corners(offset.at_corners(surface.F), surface.F)
         cells = slicing.cells

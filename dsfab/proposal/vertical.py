@@ -3,7 +3,7 @@
 import numpy as np
 from scipy.spatial import ConvexHull, QhullError
 
-from dsfab.arrays import Floats
+from dsfab.arrays import Floats, closed_length
 from dsfab.surface import Surface, Up, upright
 
 CLEAR = 0.1
@@ -14,18 +14,35 @@ SOLE = 0.03
 """Share of the height over its lowest point in which vertices are what a surface stands on."""
 PINHOLES = 0.02
 """Boundary shorter than this share of the side of a square of the same area makes no surface open."""
+RINGS = 0.8
+"""Share of the boundary that has to lie in level rings, for a structure that stands on one or hangs from it; the rest
+are doors and windows."""
 
 
 def likely_up(surface: Surface) -> Up:
     """z; or y, or -y, where the surface plainly stands better that way up, as files of Blender and web tools may.
 
     An open surface is judged by how much of it a plan shows, by how much more of its boundary lies at its bottom than
-    at its top, and by how well it stands; a closed one by how well it stands alone.
+    at its top, and by how well it stands; a closed one by how well it stands alone. What ends in level rings, as a
+    tower, a vase or a bowl does, has z up.
     """
+    if _ends_in_level_rings(surface):
+        return "z"
     others: tuple[Up, Up] = ("y", "-y")
     score = {axis: _standing(surface, axis) for axis in others}
     best = max(others, key=lambda axis: score[axis])
     return best if score[best] > _standing(surface, "z") + CLEAR else "z"
+
+
+def _ends_in_level_rings(surface: Surface) -> bool:
+    """Whether nearly all of its boundary are closed lines that are level with z up."""
+    if is_nearly_closed(surface):
+        return False
+    flat = SLICE * float(np.ptp(surface.V[:, 2]))
+    rings = [surface.V[loop] for loop in surface.loops]
+    length = np.array([closed_length(ring) for ring in rings])
+    level = np.array([np.ptp(ring[:, 2]) <= flat for ring in rings])
+    return bool(length[level].sum() > RINGS * length.sum())
 
 
 def _standing(surface: Surface, up: Up) -> float:

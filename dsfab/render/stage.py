@@ -141,8 +141,10 @@ def _marks(beside: Annotations, surface: Surface, load: LoadCase, at: _Frame) ->
 def _person_beside(V: Floats, side: ViewSide, foot: float) -> marks.Mesh:
     """Somebody on the ground to the right of the structure, a little in front of its middle."""
     middle, right, level = _ground_frame(V, side, foot)
-    near_foot = V[V @ side.up < foot + PERSON + 0.6]  # what stands in the way of a person
-    beside = float(((near_foot - middle) @ right).max()) + 0.55
+    near_foot, apart = V[V @ side.up < foot + PERSON + 0.6], 0.55  # what stands in the way of a person
+    if not len(near_foot):  # supports of a wide roof are drawn taller than a person, whom its edge would hide
+        near_foot, apart = V, 0.04 * float(np.ptp(V @ right))
+    beside = float(((near_foot - middle) @ right).max()) + apart
     return person(middle + beside * right + 0.15 * float(np.ptp(V @ level)) * level, right, side.up)
 
 

@@ -26,8 +26,9 @@ SLENDER = 3.0
 """4 area / perimeter is at most twice the width of a slit, and some more where it widens."""
 BROAD = 2.5
 """What is so many times wider than the median member is several in one, or kept besides them."""
-TOLD = 0.25
-"""Lines to an opposite wall must stand for this share of the walls of an opening, or they say little about it."""
+TOLD = (0.05, 0.25)
+"""Lines to an opposite wall say nothing about an opening if they stand for the first of these shares of its walls, and
+all from the second on. A wall more or less, as in the mirrored one on another mesh, makes no other opening of it."""
 NARROWER = 0.9
 """An opening is a slit if it is narrower than this share of the members beside it. Where members crowd they are made
 just as wide as the openings between them: on the sheet, of flat triangles, that is right to some percent."""
@@ -105,18 +106,22 @@ class Openings:
         """(o,) how wide they are over the narrower of the two members beside them: half of their walls have less.
 
         At least half of 4 area / perimeter, the width of a long slit: others are wide somewhere. With few opposite
-        walls, as in a triangle, the side of a square of the same area counts. Infinite where no member is beside them,
-        and for those with few opposite walls that the edge of the surface cuts open.
+        walls, as in a triangle, the side of a square of the same area counts; of both, by how much opposite walls tell,
+        the harmonic mean. Infinite where no member is beside them, and for those with few opposite walls that the edge
+        of the surface cuts open.
         """
         across, wall, member = self._across, np.flatnonzero(self.walls), self._members
         label, known = self.label[across.face], ~np.isnan(self._ratio)
-        found = medians(self._ratio, across.weight, label, self.count)
-        told = np.bincount(label, across.weight * known, self.count)
-        found[told < TOLD * np.bincount(self._beside[wall], self._lengths[wall], self.count)] = np.inf
+        between = medians(self._ratio, across.weight, label, self.count)
+        opposite = np.bincount(label, across.weight * known, self.count)
+        total = np.bincount(self._beside[wall], self._lengths[wall], self.count)
         around = medians(member[self._edges[wall]], self._lengths[wall], self._beside[wall], self.count)
-        side = np.sqrt(np.bincount(self.label, self.part.areas, self.count))
         enclosed = np.isfinite(self.round_sizes)
-        found = np.where(np.isinf(found) & enclosed & np.isfinite(around), side / around, found)
+        square = np.sqrt(np.bincount(self.label, self.part.areas, self.count)) / around
+        square[~enclosed | np.isinf(around)] = np.inf
+        told = np.clip((opposite / np.where(total > 0, total, 1.0) - TOLD[0]) / (TOLD[1] - TOLD[0]), 0, 1)
+        told = np.where(enclosed, told, told == 1)
+        found = _harmonic(between, square, told)
         around[~enclosed] = 1.0  # it does not count there
         return np.where(enclosed, np.maximum(found, self.round_sizes / (2 * around)), found)
 
@@ -192,6 +197,13 @@ class Openings:
         median = medians(away.width, away.weight, np.zeros_like(away.face), 1)
         width[whole[away.walls[:, 0]]] = np.where(away.width < BROAD * median, away.width, median)
         return width
+
+
+def _harmonic(x: Floats, y: Floats, share: Floats) -> Floats:
+    """(o,) the weighted harmonic mean of x and y, which may be infinite; `share` (o,) is the weight of x."""
+    tiny = np.finfo(float).tiny
+    inverse = share / np.maximum(x, tiny) + (1 - share) / np.maximum(y, tiny)
+    return np.asarray(np.divide(1, inverse, out=np.full(len(x), np.inf), where=inverse > 0))
 
 
 def filled_openings(cells: Sheet, size: float, alike: bool = False) -> tuple[Sheet, int]:

@@ -5,12 +5,14 @@ import os
 import weakref
 from collections.abc import Callable
 from contextlib import suppress
-from typing import Any
+from dataclasses import dataclass
+from typing import Any, Self
 
 import numpy as np
+from numpy.typing import NDArray
 from scipy.sparse import csr_array
 
-from dsfab.arrays import Floats
+from dsfab.arrays import Floats, Ints
 from dsfab.sparse.memory import FactorMemoryError, give_back, require_memory
 from dsfab.sparse.multifrontal import NotPositiveDefinite
 
@@ -48,6 +50,37 @@ def pardiso_matrix(K: Matrix) -> csr_array:
     return K() if callable(K) else K
 
 
+@dataclass(frozen=True, eq=False)
+class _Pattern:
+    """Where a symmetric matrix (n, n) has entries, and which of these are its upper triangle.
+
+    indptr, indices : of the matrix.    pointer, column : of the upper triangle.    place : its entries among all.
+    """
+
+    indptr: NDArray[np.int32]
+    indices: NDArray[np.int32]
+    pointer: NDArray[np.int32]
+    column: NDArray[np.int32]
+    place: Ints
+
+    @classmethod
+    def of(cls, K: csr_array) -> Self:
+        row = np.repeat(np.arange(K.shape[0], dtype=K.indices.dtype), np.diff(K.indptr))
+        place = np.flatnonzero(K.indices >= row)
+        pointer = np.concatenate([[0], np.cumsum(np.bincount(row[place], minlength=K.shape[0]))]).astype(np.int32)
+        found = csr_array((place, K.indices[place], pointer), shape=K.shape)
+        found.sort_indices()
+        return cls(K.indptr, K.indices, found.indptr, found.indices, found.data)
+
+    def fits(self, K: csr_array) -> bool:
+        """Whether a matrix has entries in the same places."""
+        return np.array_equal(self.indptr, K.indptr) and np.array_equal(self.indices, K.indices)
+
+    def upper(self, K: csr_array) -> csr_array:
+        """The upper triangle of a matrix that it fits."""
+        return csr_array((K.data[self.place], self.column, self.pointer), shape=K.shape)
+
+
 class Pardiso:
     """The factor of a positive definite matrix, real or Hermitian; called with b, (N,) or (N, k), it returns K^-1 b.
 
@@ -70,7 +103,8 @@ class Pardiso:
             self._solver.set_iparm(entry + 1, value)
         weakref.finalize(self, _release, self._solver)  # MKL's memory is not Python's
         self._threads = 1 if K.shape[0] <= ALONE else int(self._solver.libmkl.MKL_Get_Max_Threads())
-        self._take(K)
+        self._upper = _Pattern.of(K).upper(K)
+        self._known: _Pattern | None = None  # it takes memory that one factor alone can do without
         del K
         nothing = np.zeros((self._upper.shape[0], 1), dtype=self._upper.dtype)
         self._call(ANALYSE, nothing)
@@ -81,22 +115,17 @@ class Pardiso:
 
     def refactor(self, K: csr_array) -> None:
         """Take the values of K (n, n), whose pattern must be that of the matrix analysed."""
-        before = self._upper
-        self._take(K)
-        same = np.array_equal(before.indptr, self._upper.indptr)
-        if not same or not np.array_equal(before.indices, self._upper.indices):
+        if self._known is None or not self._known.fits(K):
+            self._known = _Pattern.of(K)
+        taken = self._known.upper(K)
+        same = np.array_equal(self._upper.indptr, taken.indptr)
+        if not same or not np.array_equal(self._upper.indices, taken.indices):
             raise ValueError("the pattern of the matrix has changed")
+        self._upper = taken
         self._call(FACTORISE, np.zeros((K.shape[0], 1), dtype=self._upper.dtype))
 
     def __call__(self, b: Floats) -> Floats:
         return self._call(SOLVE, np.asfortranarray(b, dtype=self._upper.dtype)).reshape(b.shape)
-
-    def _take(self, K: csr_array) -> None:
-        row = np.repeat(np.arange(K.shape[0], dtype=K.indices.dtype), np.diff(K.indptr))
-        keep = K.indices >= row
-        pointer = np.concatenate([[0], np.cumsum(np.bincount(row[keep], minlength=K.shape[0]))])
-        self._upper = csr_array((K.data[keep], K.indices[keep], pointer.astype(np.int32)), shape=K.shape)
-        self._upper.sort_indices()
 
     def _call(self, phase: int, b: Floats) -> Floats:
         from pypardiso.pardiso_wrapper import PyPardisoError

@@ -48,6 +48,7 @@ class Offsets:
     D        : (n, 3) half of the way from the lower to the upper skin, metres. Zero without faces.
     limited  : number of vertices where the surface bends too tightly for the asked thickness.
     smallest : the smallest share of the asked thickness that was left there; 1 when nothing was limited.
+    tightest : the vertex at which that is.
     sides    : (m, 3) of 1 and -1: whether D lies on a face's own side at its corners (see `corner_sides`); all 1 but on
                surfaces with one side only.
     """
@@ -55,6 +56,7 @@ class Offsets:
     D: Floats
     limited: int
     smallest: float
+    tightest: int
     sides: Ints
 
     def __post_init__(self) -> None:
@@ -89,7 +91,7 @@ def offsets(surface: Surface, thickness: float | Floats, side: Side = "mid") -> 
     full = 0.5 * N * (t * mitres(surface, N, weights, faces))[:, None]
     share = safe_shares(surface, full, sides, SHIFT[side])
     limited = int((share < 1).sum())
-    return Offsets(full * share[:, None], limited, float(share.min()), sides)
+    return Offsets(full * share[:, None], limited, float(share.min()), int(share.argmin()), sides)
 
 
 def _checked_thickness(surface: Surface, thickness: float | Floats) -> Floats:

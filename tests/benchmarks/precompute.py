@@ -8,6 +8,8 @@ SimplicialLDLT solves the statics, Spectra over Eigen's Cholesky finds the modes
 and modes; the least of three runs, and what of it is the assembly of both stiffnesses and the modes.
 """
 
+import dsfab  # noqa: F401  # isort: skip  (before numpy, as every command loads it: waiting threads of BLAS then sleep)
+
 import subprocess
 import tempfile
 import time

@@ -71,7 +71,7 @@ def _workshop(surface: Surface) -> list[Control]:
         ),
         Control(group, "pattern.workshop", "no slits", "switch", live=False, hint=_NO_SLITS),
         Control(group, "fabrication.bed", "fits into", "size", "m", live=False, hint=_BED),
-        Control(group, "fabrication.accept", "build in spite of faults", "switch", live=False, hint=_ACCEPT),
+        Control(group, "fabrication.accept", "accept faults", "switch", live=False, hint=_ACCEPT),
     ]
 
 

@@ -4,7 +4,7 @@ from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, vstack
 
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError
@@ -42,6 +42,9 @@ NARROW = 1 / 4000
 
 LENS = 1 / 3
 """Width of a region between two chains that is no region, as a share of the thickness."""
+
+INNER = ((1 / 3, 1 / 3, 1 / 3), (2 / 3, 1 / 6, 1 / 6), (1 / 6, 2 / 3, 1 / 6), (1 / 6, 1 / 6, 2 / 3))
+"""Barycentric weights of the points where a trimmed face is held in each cell: with the middle alone it may wave."""
 
 PASSES = 3
 """Looks at outlines that cross themselves; what one pass joins or leaves whole may cross anew."""
@@ -122,11 +125,11 @@ def _sheets(striped: StripedSheet) -> Iterator[StripedSheet]:
 
 def _net(sheet: StripedSheet, lifting: Lifting, plan: SmoothPlan) -> ChainNet:
     """The net of a piece; it has about a wall for each chain of its outline, and at least two faces for each region."""
-    t = plan.limits.thickness
-    net = net_of(sheet, plan.surface.V, t / MM_PER_M)
+    t, skins = plan.limits.thickness, lifting.skins
+    net = net_of(sheet, plan.surface.V, skins.normals, t / MM_PER_M)
     net = without_fillets(net, lifting)
-    P = np.asarray(net.weights @ lifting.skins.points)
-    net = joined_outlines(without_lenses(net, P, LENS * t), P)
+    P, N = (np.asarray(net.weights @ x) for x in (skins.points, skins.normals))
+    net = joined_outlines(without_lenses(net, P, LENS * t), P, N)
     return straightened(net, lifting, t)
 
 
@@ -158,11 +161,11 @@ def _trimmed_faces(
     net: ChainNet, model: NetModel, sheet: StripedSheet, fits: "_Fits", plan: SmoothPlan
 ) -> dict[int, TrimmedFace]:
     """By region; none of one that no surface is near to, but has four sides."""
-    found = dict[int, TrimmedFace]()
+    found, parts = dict[int, TrimmedFace](), {*net.parent, *net.parent.values()}
     for region, loops in model.trimmed.items():
         inside = _inside(net, sheet, fits.lifting, region)
         try:
-            found[region] = trimmed_face(model, loops, inside, NARROW * plan.limits.thickness)
+            found[region] = trimmed_face(model, loops, inside, NARROW * plan.limits.thickness, region in parts)
         except ExportError:
             if region not in model.compact:
                 raise
@@ -220,7 +223,7 @@ class _Fits:
 
 
 def _inside(net: ChainNet, sheet: StripedSheet, lifting: Lifting, region: int) -> Floats:
-    """(k, 6) points of the skins over the middles of a region's cells."""
+    """(k, 6) points of the skins over a region's cells, `INNER` of each."""
     F: Ints = sheet.F[net.cell == net.parent.get(region, region)]
     a, b, c = (sheet.weights[F[:, i]] for i in range(3))
-    return lifting.points(csr_array((a + b + c) * (1 / 3)))
+    return lifting.points(csr_array(vstack([a * u + b * v + c * w for u, v, w in INNER], format="csr")))

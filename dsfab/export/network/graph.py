@@ -19,7 +19,8 @@ TURN = np.cos(np.deg2rad(40.0))
 """Cosine of the turn of an outline from which on it has a corner."""
 
 ROUND = np.cos(np.deg2rad(10.0))
-"""Cosine of the turn from which on vertices are on a round corner: it begins and ends at a node."""
+"""Cosine of the turn, seen along the sheet's normal, from which on vertices are on a round corner: it begins and ends
+at a node. Where a coarse mesh bends, outlines turn with it, and are straight."""
 
 SLIVER = 1 / 4
 """Regions smaller than the square of this share of the thickness join the neighbour with the longest border."""
@@ -63,12 +64,21 @@ class ChainNet:
         return (int(points[0]), int(points[-1])) if ahead else (int(points[-1]), int(points[0]))
 
 
-def net_of(sheet: StripedSheet, V: Floats, thickness: float) -> ChainNet:
-    """The net of a sheet on an uncut surface with vertices V (n, 3); both lengths in one unit."""
-    P = np.asarray(sheet.weights @ V)
+def net_of(sheet: StripedSheet, V: Floats, N: Floats, thickness: float) -> ChainNet:
+    """The net of a sheet on an uncut surface with vertices V and normals N (n, 3); both lengths in one unit."""
+    P, normals = (np.asarray(sheet.weights @ x) for x in (V, N))
     edges = edge_table(sheet.F)
     region, loose = _regions(sheet, P, edges, thickness)
-    return _Walk(sheet, P, edges, region).net(loose)
+    return _Walk(sheet, P, normals, edges, region).net(loose)
+
+
+def turns(before: Floats, after: Floats, N: Floats) -> Floats:
+    """(k,) cosines of the angles between ways (k, 3), seen along directions N (k, 3) of any length."""
+    one, two = (
+        way - N * (np.einsum("ki,ki->k", way, N) / np.einsum("ki,ki->k", N, N))[:, None] for way in (before, after)
+    )
+    length = np.linalg.norm(one, axis=1) * np.linalg.norm(two, axis=1)
+    return np.asarray(np.einsum("ki,ki->k", one, two) / np.maximum(length, 1e-300))
 
 
 def _regions(sheet: StripedSheet, P: Floats, edges: EdgeTable, thickness: float) -> tuple[Ints, frozenset[int]]:
@@ -95,8 +105,8 @@ def _regions(sheet: StripedSheet, P: Floats, edges: EdgeTable, thickness: float)
 class _Walk:
     """Along the borders of regions, half-edge by half-edge."""
 
-    def __init__(self, sheet: StripedSheet, P: Floats, edges: EdgeTable, region: Ints) -> None:
-        self.weights, self.P, self.region = sheet.weights, P, region
+    def __init__(self, sheet: StripedSheet, P: Floats, N: Floats, edges: EdgeTable, region: Ints) -> None:
+        self.weights, self.P, self.N, self.region = sheet.weights, P, N, region
         self.twin = edges.twins
         self.start, self.end = half_edges(sheet.F)
         self.left = np.repeat(region, 3)
@@ -131,7 +141,8 @@ class _Walk:
         void = self.right[h] == VOID
         sharp = (turn < TURN) & void & ~loose[h // 3]
         node[self.end[h[sharp]]] = True
-        node[self.end[h[self._round_ends(turn < ROUND, void)]]] = True
+        bent = turns(way[h], way[self.after[h]], self.N[self.end[h]]) < ROUND
+        node[self.end[h[self._round_ends(bent, void)]]] = True
         return node
 
     def _round_ends(self, bent: Bools, void: Bools) -> Bools:

@@ -8,22 +8,23 @@ from dataclasses import replace
 import numpy as np
 
 from dsfab.arrays import Floats, Ints
-from dsfab.export.network.graph import ROUND, TURN, VOID, Chain, ChainNet, Loop
+from dsfab.export.network.graph import ROUND, TURN, VOID, Chain, ChainNet, Loop, turns
 
 FEWEST = 4
 """Chains that a loop keeps."""
 
 
-def joined_outlines(net: ChainNet, P: Floats) -> ChainNet:
-    """The net without nodes in the middle of round corners and of straight walls; P (p, d) are its points."""
+def joined_outlines(net: ChainNet, P: Floats, N: Floats) -> ChainNet:
+    """The net without nodes in the middle of round corners and of straight walls; P and N (p, 3) are its points and the
+    normals there."""
     ends = [int(p) for chain in net.chains.values() for p in (chain.points[0], chain.points[-1])]
     degree = np.bincount(ends, minlength=len(P))
     chains = dict(net.chains)
-    loops = {region: [_joined(loop, chains, P, degree) for loop in some] for region, some in net.loops.items()}
+    loops = {region: [_joined(loop, chains, P, N, degree) for loop in some] for region, some in net.loops.items()}
     return replace(net, chains=chains, loops=loops)
 
 
-def _joined(loop: Loop, chains: dict[int, Chain], P: Floats, degree: Ints) -> Loop:
+def _joined(loop: Loop, chains: dict[int, Chain], P: Floats, N: Floats, degree: Ints) -> Loop:
     """A loop with fewer chains; `chains` loses those that have become part of others."""
     if all(chains[k].right == VOID for k, _ in loop):
         return loop
@@ -32,7 +33,8 @@ def _joined(loop: Loop, chains: dict[int, Chain], P: Floats, degree: Ints) -> Lo
         (j, _), (k, _) = found[at - 1], found[at]
         a, b = chains[j], chains[k]
         outer = a.right == VOID and b.right == VOID and j != k
-        if outer and degree[b.points[0]] == 2 and not _ends(P[_around(found, at, chains)]):
+        near = _around(found, at, chains)
+        if outer and degree[b.points[0]] == 2 and not _ends(P[near], N[near]):
             chains[j] = replace(a, points=np.concatenate([a.points, b.points[1:]]))
             del chains[k], found[at]
         else:
@@ -51,15 +53,15 @@ def _around(loop: Loop, at: int, chains: dict[int, Chain]) -> Ints:
     return np.concatenate([before[-3:-1], after[:3]]) if min(len(before), len(after)) > 2 else after[:0]
 
 
-def _ends(line: Floats) -> bool:
-    """Whether something ends in the middle of five points (5, d): a sharp corner, or that an outline is round; and
-    where there are fewer."""
+def _ends(line: Floats, N: Floats) -> bool:
+    """Whether something ends in the middle of five points (5, 3) with normals there: a sharp corner, or that an outline
+    is round; and where there are fewer."""
     if len(line) < 5:
         return True
     way = np.diff(line, axis=0)
-    way = way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-300)
-    before, here, after = np.einsum("ki,ki->k", way[1:], way[:-1])
-    return bool(here < TURN or (here < ROUND and max(before, after) >= ROUND))
+    before, here, after = turns(way[:-1], way[1:], N[1:-1])
+    sharp = way[1] @ way[2] < TURN * np.linalg.norm(way[1]) * np.linalg.norm(way[2])
+    return bool(sharp or (here < ROUND and max(before, after) >= ROUND))
 
 
 def without_lenses(net: ChainNet, P: Floats, width: float) -> ChainNet:

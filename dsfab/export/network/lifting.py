@@ -1,7 +1,8 @@
 """Points of both smooth skins over points of the mesh.
 
 A triangle knows no curvature; its corners and their normals do. Half of what Phong tessellation [Boubekeur, Alexa 2008]
-adds to a point reproduces every quadratic, spheres and cylinders to the third order, without a parametrisation.
+adds to a point reproduces every quadratic, spheres and cylinders to the third order, without a parametrisation. At
+creases it would leave the mesh by more than a solid may.
 """
 
 from dataclasses import dataclass
@@ -16,6 +17,10 @@ from dsfab.export.smooth.dense import Dense, dense
 from dsfab.export.smooth.source import Curved
 from dsfab.surface import Surface
 from dsfab.units import MM_PER_M
+
+MOST = 1 / 5
+"""Share of the thickness that a point is lifted at most: of the mesh's chord error no more counts than a quarter, see
+`dsfab.export.smooth.limits`, and both skins and what is fitted to them stray a little more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,10 +41,12 @@ class Lifting:
         along = np.einsum("ni,ni->n", V, N)
         outer = (N[:, :, None] * N[:, None, :]).reshape(-1, 9)
         pull = weights @ (along[:, None] * N)
-        middle = P + (pull - np.einsum("kij,kj->ki", (weights @ outer).reshape(-1, 3, 3), P)) / 2
+        half = MM_PER_M * np.asarray(weights @ self.skins.half)[:, None]
+        lift = (pull - np.einsum("kij,kj->ki", (weights @ outer).reshape(-1, 3, 3), P)) / 2
+        lift *= np.minimum(2 * MOST * half / np.maximum(np.linalg.norm(lift, axis=1, keepdims=True), 1e-300), 1)
         n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-300)
-        D = MM_PER_M * np.asarray(weights @ self.skins.half)[:, None] * n
-        middle = middle + self.skins.shift * D
+        D = half * n
+        middle = P + lift + self.skins.shift * D
         return np.concatenate([middle + D, middle - D], axis=1)
 
     def away(self, Q: Floats) -> Floats:

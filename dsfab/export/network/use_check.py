@@ -15,10 +15,11 @@ closed        : whether a section has no open ends.
 again         : whether the shape is valid, with as many faces and its volume, once OCCT has written and read it.
 fillets, sharp : how many of up to ten edges across the sheet can be rounded, one by one, and how many were tried.
 
-    python -P use_check.py FILE.step sample
+    python -P use_check.py FILE sample
 
-tries the first of these cuts alone: `box`, `halves`, whether both are valid, and `off`, by what share their volumes
-miss the whole. Volumes are asked for last, where both are: those of smooth solids take most of the time.
+tries of a STEP file, or of a `.bin` file that `step_mesh` kept, the first of these cuts alone: `box`, `halves`, whether
+both are valid, and `off`, by what share their volumes miss the whole. Volumes are asked for last, where both are: those
+of smooth solids take most of the time.
 
 It imports nothing from dsfab, so that it is a second opinion, and can be started from anywhere.
 """
@@ -99,6 +100,14 @@ def sample(path: Path) -> dict[str, Any]:
 
 
 def _read(path: str) -> Any:
+    """The shape in a STEP file, or in a `.bin` file that `step_mesh` kept of one."""
+    if path.endswith(".bin"):
+        from OCP.BinTools import BinTools
+        from OCP.TopoDS import TopoDS_Shape
+
+        shape = TopoDS_Shape()
+        BinTools.Read_s(shape, path)
+        return shape
     from OCP.Message import Message
     from OCP.STEPControl import STEPControl_Reader
 

@@ -1,9 +1,9 @@
 """The outlines of a sheet in each chart: closed chains of runs, each along one wall or one seam between two charts.
 
            wall (family 0)                A run ends where its family or the chart beyond it changes, at a sharp turn,
-     o-----------------------o            and where a seam passes a wall or a third chart. Both charts of a seam end
-     |   chart 0             |            its runs at the same vertices.
-seam |........ 0 | 1 ........| seam
+     o-----------------------o            and where a seam passes a wall or a third chart; at a vertex that two loops
+     |   chart 0             |            share, so that neither crosses the other. Both charts of a seam end its runs
+seam |........ 0 | 1 ........| seam       at the same vertices.
      |   chart 1             |
 """
 
@@ -105,17 +105,15 @@ def sheet_of(given: DividedSheet, shift: int) -> SheetOutline:
     special[table.ends[table.boundary]] = True
     beyond = _beyond(given, len(V))
     found = list(_regions(F, given.chart))
-    for _, loops in found:
-        for loop in loops:
-            visited, often = np.unique(loop, return_counts=True)
-            special[visited[often > 1]] = True
+    shared = [_shared(loops) for _, loops in found]
+    special[np.concatenate(shared)] = True
     regions = tuple(
         Region(
             int(given.chart[face]),
             int(piece[face]),
-            tuple(_runs(V, some, special, beyond) for loop in loops for some in _simple(loop)),
+            tuple(_runs(V, some, special, beyond, touching) for loop in loops for some in _simple(loop)),
         )
-        for face, loops in found
+        for (face, loops), touching in zip(found, shared, strict=True)
     )
     return SheetOutline(V, D, F, given.chart, piece, charts, regions)
 
@@ -128,6 +126,12 @@ def _regions(F: Ints, chart: Ints) -> Iterator[tuple[int, list[Ints]]]:
         for i in range(count):
             faces = mine[part == i]
             yield int(faces[0]), boundary_loops(F[faces], edge_table(F[faces]))
+
+
+def _shared(loops: list[Ints]) -> Ints:
+    """The vertices that the outlines of a part pass more than once."""
+    vertices, often = np.unique(np.concatenate(loops), return_counts=True)
+    return np.asarray(vertices[often > 1])
 
 
 def _simple(loop: Ints) -> list[Ints]:
@@ -146,7 +150,7 @@ def _beyond(given: DividedSheet, n: int) -> _Beyond:
     return _Beyond(n, key[order], chart[order], family[order])
 
 
-def _runs(V: Floats, loop: Ints, special: Bools, beyond: _Beyond) -> tuple[OutlineRun, ...]:
+def _runs(V: Floats, loop: Ints, special: Bools, beyond: _Beyond, touching: Ints) -> tuple[OutlineRun, ...]:
     chart, family = beyond.at(loop)
     seam = chart != WALL
     kind = np.where(seam, chart, -2 - family)
@@ -155,7 +159,7 @@ def _runs(V: Floats, loop: Ints, special: Bools, beyond: _Beyond) -> tuple[Outli
     along = along / np.maximum(length, 1e-300)[:, None]
     ahead = np.einsum("ki,ki->k", along, np.roll(along, 1, axis=0))
     sharp = ~seam & ~np.roll(seam, 1) & (ahead < np.cos(SHARP))
-    ends = (kind != np.roll(kind, 1)) | sharp | (seam & np.roll(seam, 1) & special[loop])
+    ends = (kind != np.roll(kind, 1)) | sharp | (seam & np.roll(seam, 1) & special[loop]) | np.isin(loop, touching)
     at = _two_at_least(V, loop, np.flatnonzero(ends))
     stops, width = [*at.tolist(), int(at[0]) + len(loop)], _width(V[loop], float(length.sum()))
     return tuple(OutlineRun(loop[np.arange(i, j + 1) % len(loop)], int(chart[i]), width) for i, j in pairwise(stops))

@@ -10,6 +10,7 @@ from dsfab.errors import ExportError
 from dsfab.export import Limits, smooth_limits
 from dsfab.limits import DEFLECTION, FURTHER, OFF_SURFACE
 from dsfab.pipeline.design import Design
+from dsfab.preset import Preset
 from dsfab.study.file_check.reading import FileContents
 from dsfab.surface import Surface, nearest
 from dsfab.thickening.offset import SHIFT
@@ -79,7 +80,7 @@ class Allowance:
     def of(cls, found: FileContents, design: Design) -> "Allowance":
         """For a file: triangles of STL and 3MF are exact; planar faces of STEP may be simplified, curved ones may be
         off by the mesh's own chord error, and their triangles, here, by their deflection."""
-        flat, asked = off_surface(design), design.preset.export.step_tolerance
+        flat, asked = off_surface(design.preset), design.preset.export.step_tolerance
         if found.reader != "OCCT":
             return cls(OFF_SURFACE * design.preset.statics.thickness)
         if not found.deflection:
@@ -99,14 +100,14 @@ class Allowance:
         return np.asarray(flat + chord)
 
 
-def off_surface(design: Design) -> float:
+def off_surface(preset: Preset) -> float:
     """Metres that curves of a file may be off a design, beside the mesh's own chord error."""
-    return design.preset.export.step_tolerance or OFF_SURFACE * design.preset.statics.thickness
+    return preset.export.step_tolerance or OFF_SURFACE * preset.statics.thickness
 
 
-def deflection_for(design: Design) -> float:
+def deflection_for(preset: Preset) -> float:
     """Metres that triangles of a file's curved faces may be off them, to compare it with a design."""
-    return DEFLECTION * off_surface(design)
+    return DEFLECTION * off_surface(preset)
 
 
 def distance(found: FileContents, design: Design) -> Distance:

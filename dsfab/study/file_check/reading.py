@@ -40,6 +40,7 @@ class FileContents:
     metres  : in one of these units.                        collapsed : triangles without three different corners.
     reader  : whose reader it was.       path : of the file.
     deflection : metres that the triangles may be off the faces of the file, which are curved in STEP; else 0.
+    shape   : of STEP, what OCCT read, as it keeps it; else empty.
     """
 
     path: Path
@@ -51,6 +52,7 @@ class FileContents:
     collapsed: int
     reader: str
     deflection: float = 0.0
+    shape: bytes = b""
 
     def __post_init__(self) -> None:
         lock(self, "V", np.float64, (None, 3))
@@ -114,7 +116,7 @@ def _step(path: Path, deflection: float) -> FileContents:
     F, lost = _whole(of.reshape(-1)[mesh.F])
     metres = METRES_PER["mm"]
     off = mesh.deflection * metres if _curved(path) else 0.0
-    return FileContents(path, mesh.V[once] * metres, F, "mm", True, metres, lost, "OCCT", off)
+    return FileContents(path, mesh.V[once] * metres, F, "mm", True, metres, lost, "OCCT", off, mesh.shape)
 
 
 def _curved(path: Path) -> bool:

@@ -10,6 +10,7 @@ from dsfab.surface.mesh import Surface
 from dsfab.surface.refine import LARGEST
 from dsfab.surface.remesh.collapse import with_short_edges_collapsed
 from dsfab.surface.remesh.curves import FeatureCurves, feature_curves
+from dsfab.surface.remesh.ears import with_ears_turned
 from dsfab.surface.remesh.facets import SmoothPatches, barycentric
 from dsfab.surface.remesh.flip import with_edges_flipped
 from dsfab.surface.remesh.net import FREE, Net
@@ -45,8 +46,8 @@ def remeshed(
 
     Boundaries, and creases of more than 30 degrees, are kept to a fiftieth of `edge`, their corners exactly, and so are
     the extent in x, y and z, the number of pieces and holes, and the sides that the faces have; not creases of slivers
-    and noise, see `design_features`. Edges are shorter than asked where that takes it, and where
-    curves lie closer together. The same surface gives the same mesh.
+    and noise, see `design_features`, nor of ears, see `with_ears_turned`. Edges are shorter than asked where
+    that takes it, and where curves lie closer together. The same surface gives the same mesh.
 
     Raises SurfaceError for lengths that are none, edges that are longer than the surface or would take over `LARGEST`
     triangles, and a surface with repeated faces or edges of more than two.
@@ -56,6 +57,7 @@ def remeshed(
         sizes = [*sizes, SizeField(surface, curvature_sizes(surface, edge, finest))]
     for one in sizes or [SizeField(surface, np.full(surface.n, edge))]:
         _check_count(one, finest or float(one.length.min()))
+    surface = with_ears_turned(surface)
     curves = feature_curves(surface, edge)
     nearest = NearestOnSurface(surface)
     net = _even(Net.of(surface, curves, edge), curves, nearest, sizes, edge)
