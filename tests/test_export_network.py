@@ -224,7 +224,7 @@ def flat_model(corners: np.ndarray) -> tuple[NetModel, list]:
     for i in range(k):
         line = corners[i] + np.arange(4)[:, None] / 3 * (corners[(i + 1) % k] - corners[i])
         both = [np.c_[line, np.full(4, z)] for z in (20.0, -20.0)]
-        model.edges.append(NetEdge(i, (i + 1) % k, np.concatenate(both, axis=1), True))
+        model.edges.append(NetEdge(i, (i + 1) % k, np.concatenate(both, axis=1)))
     return model, [(i, True) for i in range(k)]
 
 
@@ -363,6 +363,22 @@ def test_opposite_sides_are_divided_alike_and_points_on_a_line_divide_nothing():
     one = NetLines(net, [long, *apart.lines[3:]])
     assert Stations(one, chains).cells(quad) == 1
     assert one.along((1, False)) == (0, 0.9, 0.1)
+
+
+def test_an_outline_is_looked_at_again_where_a_line_has_moved():
+    """Its chains are those that it had, and another line of the net was fitted anew."""
+    net, P, _ = rectangle_net(arc=False)
+    ends = {k: np.tile(P[chain.points[[0, -1]]], 2) for k, chain in net.chains.items()}
+    curves = {k: ChainCurve(np.array([0.0, 1]), np.linspace(*both, 4)[None]) for k, both in ends.items()}
+    lines = [ChainLine([(k, True)], curve, np.array([0.0, 1])) for k, curve in curves.items()]
+    model = NetModel(trimmed=dict(net.loops))
+    known = draft._outlines(net, NetLines(net, lines), model)
+    assert draft._changed({}, known) == [0, 1]
+    for k, seen in ((0, [0]), (5, [0, 1])):
+        bent = replace(lines[k], curve=ChainCurve(np.array([0.0, 1]), lines[k].curve.spans + 0.1))
+        moved = NetLines(net, [*lines[:k], bent, *lines[k + 1 :]])
+        assert draft._changed(known, draft._outlines(net, moved, model)) == seen
+    assert draft._changed(known, known) == []
 
 
 @pytest.mark.parametrize(

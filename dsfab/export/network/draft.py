@@ -1,6 +1,6 @@
 """The text of a part by members, which nobody has checked."""
 
-from collections.abc import Collection, Iterator
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -139,15 +139,16 @@ def _solid(
     """The model of a piece, and its faces without four sides."""
     fits = _Fits(lifting, plan)
     lines, model = fits.model(net)
-    new = list(model.trimmed)
+    known = dict[int, bytes]()
     for _ in range(PASSES):
+        outlines = _outlines(net, lines, model)
+        new = _changed(known, outlines)
         sound = without_crossings(net, lines.curves(new), new)
         if sound is net:
             break
-        before, known, net = net, set(model.trimmed), sound
+        net, known = sound, outlines
         lines, model = fits.model(net)
-        new = _changed(before, known, net, model)
-    net, model = _divided(net, model, fits, plan)
+    net, model = _divided(net, lines, model, fits, plan)
     faces = _trimmed_faces(net, model, sheet, fits, plan)
     bad = {region for region in model.compact if not _close(faces.get(region), plan)}
     if bad:
@@ -178,15 +179,17 @@ def _close(face: TrimmedFace | None, plan: SmoothPlan) -> bool:
     return face is not None and face.gap <= NARROW * plan.limits.thickness and face.off <= near
 
 
-def _divided(net: ChainNet, model: NetModel, fits: "_Fits", plan: SmoothPlan) -> tuple[ChainNet, NetModel]:
+def _divided(
+    net: ChainNet, lines: NetLines, model: NetModel, fits: "_Fits", plan: SmoothPlan
+) -> tuple[ChainNet, NetModel]:
     """A net and its model with members that are cut off from their ends, unless an outline then crosses itself."""
-    regions = set(model.trimmed)
+    regions, known = set(model.trimmed), _outlines(net, lines, model)
     for _ in range(PASSES):
         whole = divided(net, sorted(regions), fits.lifting, NARROW * plan.limits.thickness)
         if whole is net:
             break
         lines, found = fits.model(whole)
-        new = _changed(net, regions, whole, found)
+        new = _changed(known, _outlines(whole, lines, found))
         curves = lines.curves(new)
         crossed = [region for region in new if crossing_chains(whole, curves, region)]
         wrong = {whole.parent.get(region, region) for region in crossed} & regions
@@ -196,9 +199,18 @@ def _divided(net: ChainNet, model: NetModel, fits: "_Fits", plan: SmoothPlan) ->
     return net, model
 
 
-def _changed(before: ChainNet, known: Collection[int], net: ChainNet, model: NetModel) -> list[int]:
-    """The trimmed regions of a net whose outlines are not those that regions known before had."""
-    return [k for k in model.trimmed if k not in known or net.loops[k] != before.loops.get(k)]
+def _outlines(net: ChainNet, lines: NetLines, model: NetModel) -> dict[int, bytes]:
+    """The poles around each trimmed region of a net. A line takes part in many outlines, and moves all of them."""
+    curves = lines.curves(model.trimmed)
+    return {
+        region: b"".join(curves[k].spans.tobytes() for loop in net.loops[region] for k, _ in loop)
+        for region in model.trimmed
+    }
+
+
+def _changed(known: dict[int, bytes], outlines: dict[int, bytes]) -> list[int]:
+    """The regions whose outlines are not those that were known before."""
+    return [region for region, outline in outlines.items() if known.get(region) != outline]
 
 
 class _Fits:
