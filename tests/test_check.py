@@ -12,7 +12,14 @@ from dsfab.export import write
 from dsfab.pipeline import run
 from dsfab.preset_file import load_preset
 from dsfab.study import file_check
-from dsfab.study.file_check import Clearance, Clearances, FileContents, check_file, read_shipped, soundness
+from dsfab.study.file_check import (
+    Clearance,
+    Clearances,
+    FileContents,
+    check_file,
+    read_shipped,
+    soundness,
+)
 from dsfab.study.file_check.distance import distance
 from dsfab.study.file_check.walls import clearances
 from dsfab.surface.mesh import Surface
@@ -253,6 +260,20 @@ def test_a_smooth_file_of_a_coarse_mesh_is_accepted_as_its_build_accepts_it(tmp_
     assert next(f.reason for f in checked.findings if f.name == "cut").startswith(f"{count} faces: to cut it in CAD")
     t = vault.preset.statics.thickness
     assert t / 20 < checked.distance.largest < checked.distance.allowed < t / 4
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(("gap", "sound"), [(0.1, True), (-0.1, False)])
+def test_chords_of_step_that_cross_are_drawn_finer_before_it_is_no_solid(tmp_path, gap, sound):
+    """A pin in a tube of .4 m, narrower or wider by .1 mm, and turned: chords of the tube reach into the pin."""
+    from build123d import Axis, Compound, Cylinder, export_step
+
+    tube = Cylinder(300, 40) - Cylinder(200 + gap, 40)
+    pin = Cylinder(200, 30).rotate(Axis.Z, 2.5)
+    export_step(Compound([tube, pin]), tmp_path / "pin.step")
+    found = read_shipped(tmp_path / "pin.step", deflection=1e-3)
+    assert not soundness(found.V, found.F).sound
+    assert file_check._judged(found, lambda *_: None).sound == sound
 
 
 def test_surfaces_that_touch_in_a_point_are_told_and_sound():

@@ -46,6 +46,9 @@ Progress = Callable[[str, str], None]
 TOO_THIN, TOO_THICK = 1e-4, 10.0
 """Metres. No workshop makes thinner walls; no building has thicker ones: the file's numbers are in another unit."""
 
+FINER = 2
+"""How often triangles of curved faces are drawn at a quarter of the distance, where they cross."""
+
 AGREES, DIFFERS = 0.05, 0.15
 """Solid and shell agree to the first; beyond the second something is wrong; between them nobody knows."""
 
@@ -128,7 +131,7 @@ def check_contents(
     """
     tell = progress or (lambda stage, doing: None)
     tell("judge", f"looking for holes and crossings in {len(found.F):,} triangles")
-    sound = soundness(found.V, found.F)
+    sound = _judged(found, tell)
     cut, near, apart = _cut_and_measured(found, sound, design, tell)
     findings = [Finding("solid", "pass" if sound.sound else "fail"), _unit(found, near, apart, unit_given)]
     usable = all(finding.verdict == "pass" for finding in findings)
@@ -142,6 +145,19 @@ def check_contents(
         findings.append(_compliance(carries, why))
     density = density or (design.preset.statics.density if design else 0.0)
     return FileCheck(found.path, found, sound, near, apart, carries, density, tuple(findings))
+
+
+def _judged(found: FileContents, tell: Progress) -> Soundness:
+    """Whether it is a solid. Triangles of curved faces that cross are drawn finer before that is said of the faces:
+    where two edges come close, chords of theirs may cross which the edges do not."""
+    sound, finer = soundness(found.V, found.F), found
+    for _ in range(FINER):
+        if not finer.deflection or {fault.kind for fault in sound.faults} != {"crossing"}:
+            break
+        tell("judge", "drawing triangles of curved faces finer, since some cross")
+        finer = read_shipped(found.path, deflection=finer.deflection / 4)
+        sound = soundness(finer.V, finer.F)
+    return sound
 
 
 def _cut_and_measured(
