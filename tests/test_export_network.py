@@ -365,6 +365,18 @@ def test_opposite_sides_are_divided_alike_and_points_on_a_line_divide_nothing():
     assert one.along((1, False)) == (0, 0.9, 0.1)
 
 
+@pytest.mark.parametrize(("near", "trimmed"), [(True, 2), (False, 0)])
+def test_a_crossing_goes_back_to_patches_where_one_surface_is_not_near(monkeypatch, near, trimmed):
+    """The half of a strip is taken for a crossing, for which one face on each skin is enough."""
+    given = cylinder_strip()
+    angle, x = np.arctan2(*given.centroids.T[[2, 1]]) / (np.pi / 2), given.centroids[:, 0]
+    part, _, _ = draft_of(given, striped(given, label=((angle > 0.5) * (1 + (x > 0.5))).astype(np.int64)))
+    monkeypatch.setattr("dsfab.export.network.model.MOST_CELLS", 0)
+    monkeypatch.setattr(draft, "_close", lambda face, plan: near)
+    made = member_draft(part, SmoothPlan(part))
+    assert (made.trimmed, made.faces) == (trimmed, 2 * 3 + 6)
+
+
 def test_an_outline_is_looked_at_again_where_a_line_has_moved():
     """Its chains are those that it had, and another line of the net was fitted anew."""
     net, P, _ = rectangle_net(arc=False)
