@@ -43,6 +43,12 @@ def strips(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     return x.reshape(-1, 3), np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
 
 
+def welded(V: np.ndarray, F: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Vertices and triangles whose vertices at one place are one."""
+    _, first, of = np.unique(np.round(V, 9), axis=0, return_index=True, return_inverse=True)
+    return V[first], of.reshape(-1)[F]
+
+
 def folded() -> tuple[np.ndarray, np.ndarray]:
     """Eight flat strips of 1 x 6 m in plan, .6 m high."""
     u, v = np.meshgrid(np.arange(65) / 8, np.linspace(0, 6, 49), indexing="ij")
@@ -69,15 +75,20 @@ def moebius() -> tuple[np.ndarray, np.ndarray]:
     """Of radius 3 m, 1.6 m wide; its ends are joined by place."""
     w, a = np.meshgrid(np.linspace(-0.8, 0.8, 13), np.linspace(0, 2 * np.pi, 121), indexing="ij")
     r = 3 + w * np.cos(a / 2)
-    V, F = strips(np.stack([r * np.cos(a), r * np.sin(a), 1 + w * np.sin(a / 2)], axis=2))
-    _, first, of = np.unique(np.round(V, 9), axis=0, return_index=True, return_inverse=True)
-    return V[first], of.reshape(-1)[F]
+    return welded(*strips(np.stack([r * np.cos(a), r * np.sin(a), 1 + w * np.sin(a / 2)], axis=2)))
 
 
 def cylinder() -> tuple[np.ndarray, np.ndarray]:
     """A half of radius 3 m whose grid runs at 45 degrees."""
     u, v = np.meshgrid(np.linspace(0, np.pi, 65), np.linspace(0, 8, 57), indexing="ij")
     return strips(np.stack([3 * np.cos(u), v + u, 3 * np.sin(u)], axis=2))
+
+
+def catenoid() -> tuple[np.ndarray, np.ndarray]:
+    """Of 1.5 m around its waist, 3 m high; its ends are joined by place."""
+    z, a = np.meshgrid(np.linspace(-1.5, 1.5, 41), np.linspace(0, 2 * np.pi, 121), indexing="ij")
+    r = 1.5 * np.cosh(z / 1.5)
+    return welded(*strips(np.stack([r * np.cos(a), r * np.sin(a), z + 1.5], axis=2)))
 
 
 def schwarz() -> tuple[np.ndarray, np.ndarray]:
@@ -91,7 +102,7 @@ def schwarz() -> tuple[np.ndarray, np.ndarray]:
 
 
 OWN: dict[str, Callable[[], tuple[np.ndarray, np.ndarray]]] = {
-    f.__name__: f for f in (folded, cube, helicoid, moebius, cylinder, schwarz)
+    f.__name__: f for f in (folded, cube, helicoid, moebius, cylinder, catenoid, schwarz)
 }
 
 
