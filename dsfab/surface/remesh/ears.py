@@ -2,9 +2,9 @@
 
 import numpy as np
 
-from dsfab.arrays import Floats, Ints, lengths
 from dsfab.surface.edge_changes import has_new_diagonal, quads, with_other_diagonals
 from dsfab.surface.mesh import Surface
+from dsfab.surface.remesh.flip import angle_at
 
 BLUNT = 150.0
 """Degrees at the tip of a triangle with two border edges from which that is an ear."""
@@ -18,26 +18,18 @@ def with_ears_turned(surface: Surface) -> Surface:
     spans two chords of the border alone, and the sheet seems to have a crease there that its shape has not.
     """
     edges, n = surface.edges, surface.n
-    pairs = edges.pairs
-    pairs = np.concatenate([pairs, pairs[:, ::-1]])
+    pairs = np.concatenate([edges.pairs, edges.pairs[:, ::-1]])
     bare = edges.boundary[edges.of].reshape(-1, 3).sum(axis=1) == 2
     quad = quads(surface.F, pairs)
     a, b, c, d = quad.T
     alike = surface.F.ravel()[pairs[:, 1]] == b  # two faces that are turned alike run along their edge both ways
     ear = bare[pairs[:, 0] // 3] & ~bare[pairs[:, 1] // 3] & alike & has_new_diagonal(quad, edges, n)
-    ear &= _angles(surface.V, a, c, b) > np.radians(BLUNT)
-    ear &= (_angles(surface.V, b, a, c) + _angles(surface.V, b, a, d) < np.pi) & (
-        _angles(surface.V, a, b, c) + _angles(surface.V, a, b, d) < np.pi
-    )
+    ear &= angle_at(surface.V, c, a, b) > np.radians(BLUNT)
+    for one, two in ((a, b), (b, a)):  # both new faces lie like the old ones
+        ear &= angle_at(surface.V, one, two, c) + angle_at(surface.V, one, two, d) < np.pi
     chosen = np.flatnonzero(ear)
     behind = pairs[chosen, 1] // 3
     chosen = chosen[np.unique(behind, return_index=True)[1]]  # of two ears at one face the first
     if not len(chosen):
         return surface
     return Surface(surface.V, with_other_diagonals(surface.F, pairs[chosen], quad[chosen]))
-
-
-def _angles(V: Floats, one: Ints, at: Ints, other: Ints) -> Floats:
-    """(k,) radians between the ways from vertices `at` (k,) to `one` and `other`."""
-    p, q = V[one] - V[at], V[other] - V[at]
-    return np.asarray(np.arctan2(lengths(np.cross(p, q)), np.einsum("ki,ki->k", p, q)))

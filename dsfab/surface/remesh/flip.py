@@ -61,7 +61,7 @@ def _delaunay_gain(angles: Floats, pairs: Ints) -> Floats:
 
 def _face_angles(V: Floats, F: Ints) -> Floats:
     """(m, 3) the angles at the corners of faces F (m, 3), radians."""
-    return np.stack([_angle(V, F[:, c], F[:, (c + 1) % 3], F[:, (c + 2) % 3]) for c in range(3)], axis=1)
+    return np.stack([angle_at(V, F[:, c], F[:, (c + 1) % 3], F[:, (c + 2) % 3]) for c in range(3)], axis=1)
 
 
 def _sound(V: Floats, quad: Ints) -> Bools:
@@ -77,7 +77,7 @@ def _sound(V: Floats, quad: Ints) -> Bools:
     return np.asarray(fine & (least[1] > np.minimum(SOUND, least[0])))
 
 
-def _angle(V: Floats, at: Ints, one: Ints, two: Ints) -> Floats:
+def angle_at(V: Floats, at: Ints, one: Ints, two: Ints) -> Floats:
     """(q,) the angle at a vertex between two others, radians."""
     u, v = V[one] - V[at], V[two] - V[at]
     x, y, z = u.T
