@@ -17,11 +17,11 @@ from dsfab.app.options import Source
 from dsfab.errors import PresetError, SurfaceError
 from dsfab.preset_file import load_preset
 from dsfab.proposal import decisions, preset_for, propose
-from dsfab.proposal.feet import feet
+from dsfab.proposal.feet import feet, stems
 from dsfab.proposal.sizes import is_figure, sizes
 from dsfab.proposal.vertical import likely_up
 from dsfab.slicing.features import features, kept_cells
-from dsfab.surface import Boundary, Snow, Surface, files, mend, read_surface, upright
+from dsfab.surface import Boundary, Box, Snow, Surface, files, mend, read_surface, upright
 from dsfab.surface.shapes import barrel_vault, cylinder, dome, plate, sphere, torus, tower
 from tests.canopy import canopy
 from tests.designs import sliced
@@ -93,6 +93,24 @@ def test_feet_of_shapes_that_everybody_knows():
     assert names(canopy(0.5)) == ["foot 1", "foot 2", "foot 3", "foot 4"]
     assert names(plate(edge=0.3)) == ["edge"]
     assert names(sphere(edge=0.4)) == ["foot"]
+
+
+@pytest.mark.parametrize("across", [3.0, 30.0])
+def test_a_funnel_hangs_from_its_upper_rim_or_stands_on_a_stem(across):
+    """The preset has the lines for a stem as comments; they hold its lowest part, and more than a point of it."""
+    flat = plate(length=across, width=across, edge=across / 20)
+    x, y = np.abs(flat.V[:, :2]).T
+    funnel = Surface(np.column_stack([flat.V[:, :2], 0.2 * np.maximum(x, y)]), flat.F)
+    assert names(funnel) == ["upper rim"]
+    proposal = propose(funnel)
+    assert any(line.startswith("hangs from  upper rim") for line in proposal.lines)
+    text = proposal.text()
+    stem = [line.removeprefix("# ") for line in text.partition("To stand on a stem")[2].splitlines()[1:5]]
+    support = tomllib.loads("\n".join(stem))["surface"]["support"][0]
+    held = Box(support["at"]["min"], support["at"]["max"]).vertices(funnel)
+    assert 9 <= held.sum() < 0.1 * funnel.n
+    assert held[np.argmin(funnel.V[:, 2])]
+    assert not stems(dome(edge=0.8), feet(dome(edge=0.8), 10.0), 10.0)
 
 
 @pytest.mark.parametrize(

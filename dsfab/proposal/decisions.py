@@ -12,7 +12,7 @@ import numpy as np
 from dsfab.materials import material_named
 from dsfab.preset import Preset
 from dsfab.preset_file import preset_from
-from dsfab.proposal.feet import Foot, feet
+from dsfab.proposal.feet import Foot, feet, stems
 from dsfab.proposal.marks import drawn_feet, drawn_marks, mark_decisions
 from dsfab.proposal.reading import Decision, GivenMesh, mesh_in_file, mesh_in_memory, vertical_axis
 from dsfab.proposal.sizes import Sizes, is_figure, sizes
@@ -128,7 +128,13 @@ def _decisions(proposal: Proposal) -> Iterator[Decision]:
     yield _mesh(surface, size)
     where = ", ".join(foot.name + (f" ({length(foot.length)})" if foot.length else "") for foot in stands)
     free = "; other edges and openings are free" if any(foot.length for foot in stands) else ", its lowest part"
-    yield Decision("stands on", where if "support" in proposal.marks else where + free, "surface.support")
+    if "support" in proposal.marks:
+        yield Decision("stands on", where, "surface.support")
+    elif stems(surface, stands, size.span):
+        stem = "; dsfab new writes the lines for a stem, too"
+        yield Decision("hangs from", where + free + stem, "surface.support")
+    else:
+        yield Decision("stands on", where + free, "surface.support")
     yield from mark_decisions(proposal.marks)
     snow = f" and snow of {SNOW / 1000:g} kPa on the plan, a placeholder for your local code"
     yield Decision("carries", "its own weight" + (snow if proposal.snow else ""), "surface.load")

@@ -19,6 +19,10 @@ LOW = 0.35
 """Share of the height over the lowest foot in which others may begin."""
 SHORTEST = 1 / 25
 """Share of the span that a foot is long at least."""
+STEM = 1 / 20
+"""Share of the span that a stem under the lowest part of a hanging sheet reaches to each side."""
+RIM = "upper rim"
+"""What a loop of boundary is called that a sheet hangs from."""
 STEP = 1 / 200
 """Share of the span between two points of the boundary that are looked at."""
 
@@ -55,7 +59,7 @@ def feet(surface: Surface, span: float) -> tuple[Foot, ...]:
     """
     height = float(np.ptp(surface.V[:, 2]))
     if is_nearly_closed(surface):
-        return _named(_soles(surface, height), span)
+        return _named(surface, _soles(surface, height), span)
     if height < FLAT * surface.size:
         outline = surface.V[surface.loops[0]]
         return (Foot("edge", outline, closed_length(outline), loop=0),)
@@ -67,7 +71,27 @@ def feet(surface: Surface, span: float) -> tuple[Foot, ...]:
         if outer[k] or _stands(surface, loop, highest):
             line = _resampled(surface.V[loop], STEP * span)
             found += _stretches(k, line, height, highest, span)
-    return _named(found, span)
+    return _named(surface, found, span)
+
+
+def stems(surface: Surface, stands: Sequence[Foot], span: float) -> tuple[Foot, ...]:
+    """What a sheet that hangs from an upper rim, as a funnel or a bowl, might stand on instead: its lowest parts."""
+    if not stands or not all(foot.name.startswith(RIM) for foot in stands):
+        return ()
+    x, y = surface.V[:, 0], surface.V[:, 1]
+    found = []
+    for sole in _soles(surface, float(np.ptp(surface.V[:, 2]))):
+        (left, front), (right, back) = sole.points[:, :2].min(axis=0), sole.points[:, :2].max(axis=0)
+        reach = max(STEM * span, 2 * surface.mean_edge)
+        near = (x >= left - reach) & (x <= right + reach) & (y >= front - reach) & (y <= back + reach)
+        found.append(Foot("stem", surface.V[near], 0.0))
+    return tuple(found)
+
+
+def _hangs(surface: Surface, loop: int) -> bool:
+    """Whether a level boundary loop is above the middle of the sheet."""
+    middle = float(surface.vertex_areas @ surface.V[:, 2]) / surface.area
+    return float(surface.V[surface.loops[loop], 2].mean()) > middle
 
 
 def _outer(surface: Surface) -> list[bool]:
@@ -196,9 +220,15 @@ def _length(P: Floats) -> float:
     return float(lengths(P[1:] - P[:-1]).sum())
 
 
-def _named(found: Sequence[Foot], span: float) -> tuple[Foot, ...]:
-    """Base rings, springing lines and feet, those of a kind numbered where there are several."""
-    kinds = ["base ring" if f.loop is not None else "springing line" if f.length > span / 2 else "foot" for f in found]
+def _named(surface: Surface, found: Sequence[Foot], span: float) -> tuple[Foot, ...]:
+    """Base rings, upper rims, springing lines and feet, those of a kind numbered where there are several."""
+    kinds = [_kind(surface, foot, span) for foot in found]
     several = [kinds.count(kind) > 1 for kind in kinds]
     names = [f"{kind} {kinds[: i + 1].count(kind)}" if several[i] else kind for i, kind in enumerate(kinds)]
     return tuple(replace(foot, name=name) for name, foot in zip(names, found, strict=True))
+
+
+def _kind(surface: Surface, foot: Foot, span: float) -> str:
+    if foot.loop is not None:
+        return RIM if _hangs(surface, foot.loop) else "base ring"
+    return "springing line" if foot.length > span / 2 else "foot"

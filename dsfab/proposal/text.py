@@ -6,7 +6,7 @@ from typing import Any
 
 import numpy as np
 
-from dsfab.proposal.feet import Foot
+from dsfab.proposal.feet import Foot, stems
 from dsfab.proposal.marks import TABLES, mark_tables
 from dsfab.proposal.reading import GivenMesh
 from dsfab.proposal.sizes import Sizes, is_figure
@@ -82,16 +82,24 @@ def _surface(keys: Mapping[str, Any], notes: Mapping[str, str], size: Sizes) -> 
 
 
 def _supports(surface: Surface, size: Sizes, stands: tuple[Foot, ...]) -> Iterator[list[str]]:
-    digits = max(0, 4 - int(np.floor(np.log10(surface.size))))
     for foot in stands:
-        at = foot.picker(0.25 * (size.edge or surface.mean_edge), digits)
-        if isinstance(at, Boundary):
-            pick = f'pick = "boundary", loop = {at.loop}'
-        else:
-            pick = f'pick = "box", min = {list(at.min)}, max = {list(at.max)}'
-            pick += ", boundary = true" if at.boundary else ""
-        metres = f"{length(foot.length)} of free edge" if foot.length else ""
-        yield ["[[surface.support]]", _entry("name", foot.name, metres), f"at = {{ {pick} }}", _entry("hold", "xyz")]
+        yield _support(surface, size, foot)
+    for stem in stems(surface, stands, size.span):  # with which it need not hang
+        yield [
+            f"# {line}" for line in ("To stand on a stem, take these lines instead:", *_support(surface, size, stem))
+        ]
+
+
+def _support(surface: Surface, size: Sizes, foot: Foot) -> list[str]:
+    digits = max(0, 4 - int(np.floor(np.log10(surface.size))))
+    at = foot.picker(0.25 * (size.edge or surface.mean_edge), digits)
+    if isinstance(at, Boundary):
+        pick = f'pick = "boundary", loop = {at.loop}'
+    else:
+        pick = f'pick = "box", min = {list(at.min)}, max = {list(at.max)}'
+        pick += ", boundary = true" if at.boundary else ""
+    metres = f"{length(foot.length)} of free edge" if foot.length else ""
+    return ["[[surface.support]]", _entry("name", foot.name, metres), f"at = {{ {pick} }}", _entry("hold", "xyz")]
 
 
 def _loads(snow: bool) -> Iterator[list[str]]:
