@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from scipy.sparse import csr_array, vstack
 
 from dsfab import preset_for
 from dsfab.members import member_graph
@@ -16,7 +17,7 @@ from dsfab.pipeline import Design
 from dsfab.preset_file import load_preset
 from dsfab.preset_list import shipped_presets
 from dsfab.results import PatternResult
-from dsfab.slicing import cut
+from dsfab.slicing import Sheet, cut
 from dsfab.surface import CornerField, Surface
 from tests.analytic import SURFACES, WIDTH, grid
 from tests.designs import coarse_design, sliced
@@ -208,6 +209,27 @@ def test_a_stripe_whose_middle_is_beside_the_plate_has_an_axis_in_its_own_middle
     surface, pattern = plate([lambda x, y: y / 0.7 + 0.05, lambda x, y: x / 0.5 + 0.1], 0.12, shake=0.0)
     lowest = graph_of(surface, pattern).members[0]  # from the edge to z = .12, at y = .049
     assert lowest.axis.P[:, 1] == pytest.approx(np.full(len(lowest.axis.s), 0.0245), abs=1e-6)
+
+
+def test_a_sliver_that_hangs_on_its_stripe_by_a_corner_is_no_member_and_bends_nothing():
+    """At a corner of the strip is a cell above its wall, as of a fillet, and beside that one a cell below it again."""
+    surface, pattern = plate([lambda x, y: y / 0.7 - 1 / 14, lambda x, y: x / 2 - 0.8], 1 / 7, shake=0.0)
+    sheet = cut(surface, pattern.fields, pattern.levels).kept()
+    plain = sheet.kept((sheet.surface.centroids[:, 1] < 0.15) & (sheet.surface.centroids[:, 0] > 0.3))
+    V, F = plain.surface.V, plain.surface.F
+    a, b = (int(np.hypot(V[:, 0] - x, V[:, 1] - 0.15).argmin()) for x in (0.3, 0.35))
+    added = np.array([[0.32, 0.152, 0], [0.29, 0.14, 0]])
+    more = Surface(np.concatenate([V, added]), np.concatenate([F, [[a, b, len(V)], [a, len(V), len(V) + 1]]]))
+    x, y = added[:, 0] / 2, added[:, 1] / 1.4
+    corner = [int(np.hypot(surface.V[:, 0] - x, surface.V[:, 1] - y).argmin()) for x, y in ((0, 0), (2, 0), (0, 1.4))]
+    rows = csr_array((np.stack([1 - x - y, x, y], axis=1).ravel(), corner * 2, [0, 3, 6]), shape=(2, surface.n))
+    beside = [np.append(one, [one[np.nonzero(a == F)[0][0]]] * 2) for one in (plain.parent, plain.family)]
+    graph = member_graph(surface, Sheet(more, *beside, vstack([plain.weights, rows], format="csr")), pattern)
+    strip, wanted = (one.by_id["A01"] for one in (graph, member_graph(surface, plain, pattern)))
+    assert [one.id for one in graph.members] == ["A01"]
+    assert strip.area == pytest.approx(more.area)
+    assert (strip.axis.P == wanted.axis.P).all()
+    assert np.abs([strip.axis.kg, strip.axis.kn]).max() < 1e-9
 
 
 def test_a_line_that_turns_back_is_two_members_that_end_at_each_other():

@@ -11,8 +11,8 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
 from dsfab.arrays import Bools, Floats, Ints
-from dsfab.members.bands import NamedBand
-from dsfab.members.middle_lines import MiddleLine, middle_lines, straight_parts, without_specks
+from dsfab.members.bands import NOWHERE, NamedBand
+from dsfab.members.middle_lines import SPECK, MiddleLine, middle_lines, straight_parts, without_specks
 from dsfab.slicing import Overlay
 
 DISC = 0.4
@@ -56,7 +56,7 @@ class Component:
 
 
 def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: float) -> list[Component]:
-    """Those of all stripes; cells of crossings are in two or more.
+    """Those of all stripes; cells of crossings are in two or more, those of slivers may be in none.
 
     normals : (n, 3) unit normals at the vertices of the overlay.    edge : of the uncut mesh, metres.
     """
@@ -66,6 +66,8 @@ def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: 
         lines = _lines(overlay, k, normals)
         for stripe in np.flatnonzero(overlay.of == k).tolist():
             cells = np.flatnonzero(overlay.part[:, k] == stripe)
+            if band.drawn.centre < NOWHERE and _is_sliver(overlay, k, cells, lines.get(stripe, [])):
+                continue
             kind = _kind(band.kind, round_[stripe], lines.get(stripe, []))
             whole = Component(
                 kind, band.family, int(overlay.level[stripe]), cells, np.ones(len(cells), bool), None, k, stripe
@@ -94,6 +96,20 @@ def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLi
     other[other == 0] = np.finfo(float).tiny
     flat = np.ptp(away, axis=1).max(initial=0) < 1e-12
     return lines if flat else lines | middle_lines(overlay, k, other, normals)
+
+
+def _is_sliver(overlay: Overlay, k: int, cells: Ints, lines: list[MiddleLine]) -> bool:
+    """Whether connected cells (c,) of field k lie beside its middle and are shorter than its band would be wide there.
+
+    Where a wall was moved, by snapping or rounding, bits between it and the exact one hang on their stripe by a vertex.
+    They are millimetres long: an axis along one would tell the curvature of nothing.
+    """
+    offset, surface = overlay.offset[cells, :, k], overlay.sheet.surface
+    if not lines or ((offset.min(axis=1) < 0) & (offset.max(axis=1) > 0)).any():
+        return False
+    away, length = np.abs(offset), lines[0].length
+    own = float(surface.areas[cells].sum()) / length
+    return bool(length < SPECK * own * 2 * away.max() / np.ptp(away))
 
 
 def _kind(kind: str, roundness: float, lines: list[MiddleLine]) -> str:

@@ -17,6 +17,8 @@ SNOW = 750.0
 """Pa on the plan: a placeholder for the local code."""
 SHARE = 0.45
 """Of the surface that stays material."""
+SNAP = 0.01
+"""A fifth of the usual one: a mesh of somebody's own has no mirrored halves, and twentieth parts of its edges show."""
 STEP_FACES = 12_000
 """Planar faces of a STEP file: 15 s to write and check, 10 MB."""
 THINNEST = 0.05
@@ -57,7 +59,11 @@ def proposal_text(
         *(table for table in tables if table[0] not in TABLES.values()),
         *_families(size),
         _widths(),
-        ["[slicing]", _entry("min_member", size.thickness, "m; narrower members are widened there")],
+        [
+            "[slicing]",
+            _entry("snap", SNAP, "of an edge, that cuts move by to a vertex: mirrored halves are alike on any mesh"),
+            _entry("min_member", size.thickness, "m; narrower members are widened there"),
+        ],
         *_thickening(surface),
         [
             "[export]",
