@@ -226,11 +226,13 @@ def bays_of(name, edge, layering=LAYERING):
     """(family, number, numbers of crossing members, metres along a layer) from hole to hole of one piece."""
     _, graph = graph_of(name, edge)
     nodes = {node.id: node for node in graph.nodes}
+    layers = {}  # of which pieces are parts
     for part in parts_of(name, edge, layering).pieces:
         member = graph.by_id[part.member]
-        course = member_course(graph, member, 3 * layering.bolt, 2 * layering.half_cover)
-        layer = Development(course, part.layer)
-        known = []
+        if (part.member, part.layer) not in layers:
+            course = member_course(graph, member, 3 * layering.bolt, 2 * layering.half_cover)
+            layers[part.member, part.layer] = Development(course, part.layer)
+        layer, known = layers[part.member, part.layer], []
         for hole in part.holes:
             if hole.bolt in nodes and nodes[hole.bolt].kind == "crossing":
                 node = nodes[hole.bolt]
@@ -239,7 +241,7 @@ def bays_of(name, edge, layering=LAYERING):
                 if ASIDE < s < member.length - ASIDE:
                     known.append((s, other.stripe, hole))
         for (s, i, one), (z, j, two) in pairwise(known):
-            along = float(np.diff(np.interp([s, z], course.s, layer.length))[0])
+            along = float(np.diff(np.interp([s, z], layer.course.s, layer.length))[0])
             yield member, i, j, along, float(np.linalg.norm(two.at - one.at)), part.layer
 
 
