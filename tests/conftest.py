@@ -49,6 +49,7 @@ def pytest_collection() -> Iterator[None]:
         return (yield)
     finally:
         gc.freeze()
+        gc.set_threshold(10_000, 10, 10)  # as much memory at the most, and less than half of the time
         gc.enable()
 
 

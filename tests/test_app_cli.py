@@ -23,7 +23,7 @@ from dsfab.surface import files
 from tests.presets import DOME_MODES, GLOBE_MODES, ROOF_MODES
 
 SLOW = (".step", ".stp", ".stpz", ".brep")
-QUICK = ["--set", "surface.edge=0.6", "--format", "stl,ply", "--no-picture"]
+QUICK = ["--set", "surface.edge=0.9", "--format", "stl,ply", "--no-picture"]
 
 
 def run(capsys, *arguments: str) -> tuple[int, str, str]:

@@ -10,7 +10,7 @@ from dsfab.errors import StaticsError
 from dsfab.limits import BALANCE, RESIDUAL, worst
 from dsfab.report.compliance.findings import Findings
 from dsfab.statics.solve import _require_solved
-from tests.test_architecture import modules
+from tests.test_architecture import modules, nodes
 from tests.zoo import grid
 
 
@@ -48,5 +48,5 @@ def test_no_other_module_has_a_limit_or_a_status_of_its_own():
         if file == "limits.py":
             continue
         assert not named(tree) & own, file
-        literals = [ast.unparse(node) for node in ast.walk(tree) if isinstance(node, ast.Subscript)]
+        literals = [ast.unparse(node) for node in nodes(tree) if isinstance(node, ast.Subscript)]
         assert not any(text.startswith("Literal['pass', 'fail'") for text in literals), file

@@ -240,6 +240,7 @@ def test_halved_stripes_of_a_symmetric_mesh_are_symmetric(make, order):
         assert given.material[face] == pytest.approx(given.material, abs=1e-9)
 
 
+@pytest.mark.slow
 def test_widths_are_those_of_all_images_where_faces_have_none():
     """The vertices of the shipped dome have images, not all of its faces: their slopes alone differ by 2 %."""
     made = draft(load_preset("dome"))
@@ -251,6 +252,7 @@ def test_widths_are_those_of_all_images_where_faces_have_none():
             assert T @ values == pytest.approx(values, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_what_is_kept_besides_has_the_images_of_ragged_patches():
     """Caps of the globe are picked to an edge of a mesh without its mirrors."""
     made = draft(load_preset("globe", {"surface.edge": 0.07}))

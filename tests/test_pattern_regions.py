@@ -469,9 +469,17 @@ WAYS = {
 }
 
 
+@pytest.fixture(scope="module")
+def drafted():
+    return draft(wall(OCULUS, RING, BAND))
+
+
 @pytest.mark.parametrize("way", list(WAYS))
-def test_every_pattern_knows_its_regions(way):
-    design = dsfab.run(wall(OCULUS, RING, BAND, **WAYS[way]))
+def test_every_pattern_knows_its_regions(way, drafted):
+    preset = wall(OCULUS, RING, BAND, **WAYS[way])
+    assert preset.surface == drafted.preset.surface
+    before = {name: getattr(drafted, name) for name in ("surface", "statics", "diffusion")}
+    design = dsfab.Design.known(preset, **before).until("thickening")
     sheet, surface = design.sheet, design.surface
     centre = np.linalg.norm(sheet.surface.centroids - (0.6, 0.3, 0), axis=1)
     assert centre.min() > 0.8 * (1 - 2 * EVEN) - 0.02
@@ -556,23 +564,22 @@ def test_a_void_is_told_with_its_area():
     assert "pattern.region.0 (oculus) is void: 2.01 m2 of 48 m2" in notes
 
 
-def test_the_preview_shows_regions_and_ends_them_where_they_are_drawn():
-    made = draft(wall(OCULUS, RING, BAND))
-    near, _ = distances(made)
-    inside = made.preset.pattern.region[2].faces(made.surface)
-    deep = np.ones(made.surface.n, dtype=bool)
-    deep[made.surface.F[~inside]] = False
+def test_the_preview_shows_regions_and_ends_them_where_they_are_drawn(drafted):
+    near, _ = distances(drafted)
+    inside = drafted.preset.pattern.region[2].faces(drafted.surface)
+    deep = np.ones(drafted.surface.n, dtype=bool)
+    deep[drafted.surface.F[~inside]] = False
     assert deep.any()
     assert (near[deep] < -1e30).all()
-    shore = np.zeros(made.surface.n, dtype=bool)
-    shore[made.surface.F[inside]] = True
-    far = np.linalg.norm(made.surface.V[:, :2] - (0.6, 0.3), axis=1) > 2
+    shore = np.zeros(drafted.surface.n, dtype=bool)
+    shore[drafted.surface.F[inside]] = True
+    far = np.linalg.norm(drafted.surface.V[:, :2] - (0.6, 0.3), axis=1) > 2
     edge = near[shore & ~deep & far]
     assert ((edge >= 0) & (edge < 1e-2 * near.max())).all()
 
 
-def test_the_editor_begins_with_regions():
-    facts, arrays = model(draft(wall(OCULUS, RING, BAND)))
+def test_the_editor_begins_with_regions(drafted):
+    facts, arrays = model(drafted)
     assert np.isfinite(arrays["kept"]).all()
     assert (arrays["kept"][:, 0] < 0).any()
     assert facts

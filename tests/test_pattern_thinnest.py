@@ -44,6 +44,7 @@ def test_a_width_that_is_said_counts(free):
         assert narrowest(made) == pytest.approx(said, rel=1e-9)
 
 
+@pytest.mark.slow
 def test_thick_sheets_and_narrow_bounds_leave_a_pattern():
     """Half of what equally wide members would be, or the widest that is allowed."""
     thick = {**GRADED, "statics.thickness": 0.5}

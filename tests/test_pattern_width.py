@@ -534,6 +534,7 @@ def test_evenly_spaced_members_leave_no_slit_where_the_stress_is_large(rule):
     assert bounded.max() == pytest.approx(0.24)
 
 
+@pytest.mark.slow
 def test_round_corners_and_filled_specks_are_in_the_share():
     """The fillets of the dome alone are .17 % of its surface."""
     design = dsfab.Design.of(dsfab.load_preset("dome", {"surface.edge": 0.5}))

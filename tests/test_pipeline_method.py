@@ -186,11 +186,21 @@ def test_stressed_widths_are_judged_evened():
     assert all(one.compliance < 0.99 * both["graded"][name].compliance for name, one in both["stressed"].items())
 
 
+def coarse_shape(name, share, edge, **pattern):
+    """A shape to be held against topology optimisation, of longer triangles."""
+    asked = against_simp.preset(name, share, **pattern)
+    return asked.model_copy(update={"surface": asked.surface.model_copy(update={"edge": edge})})
+
+
 @pytest.mark.slow
 @pytest.mark.parametrize("share", [0.5, 0.3])
 def test_a_bracket_of_method_auto_comes_near_to_topology_optimisation(share):
-    """1.15 and 1.5 times its compliance are asked; 2.56 and 2.71 it had while widths were constant or graded only."""
-    made = dsfab.pipeline.draft(against_simp.preset("bracket", share))
+    """1.15 and 1.5 times its compliance are asked; 2.56 and 2.71 it had while widths were constant or graded only.
+
+    On half of the benchmark's triangles, where topology optimisation is as stiff to 1.4 %, and the design has 1.140 and
+    1.392 times its compliance; 1.26 and 2.00 if the best of graded widths is taken.
+    """
+    made = dsfab.pipeline.draft(coarse_shape("bracket", share, 0.055))
     own = against_simp.structure(made)
     task = ComparisonTask.of(made, own.sheet.surface.area)
     most = against_simp.ASKED[share] * quick(task, against_simp.simp(task)).compliance
@@ -208,9 +218,7 @@ def test_a_plate_with_a_hole_and_a_wall_over_an_arch_come_near_to_topology_optim
         "minor": {"mode": 1},
         "width": {"rule": "graded", "solid_fraction": share, "steps": 4},
     }
-    asked = against_simp.preset(name, share, **quicker)
-    asked = asked.model_copy(update={"surface": asked.surface.model_copy(update={"edge": edge})})
-    made = dsfab.pipeline.draft(asked)
+    made = dsfab.pipeline.draft(coarse_shape(name, share, edge, **quicker))
     own = against_simp.structure(made)
     task = ComparisonTask.of(made, own.sheet.surface.area)
     other = quick(task, against_simp.simp(task)).compliance

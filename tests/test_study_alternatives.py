@@ -192,6 +192,7 @@ def test_sweeps_can_measure_both(pulled):
     assert METRICS["over_isotropic"](pulled) == found["isotropic"]
 
 
+@pytest.mark.slow
 def test_a_search_says_first_what_its_best_run_loses_to(pulled, tmp_path, capsys):
     path, folder = tmp_path / "pulled.toml", tmp_path / "sweep"
     path.write_text(preset_toml(pulled.settled))

@@ -39,6 +39,14 @@ def folder(design, tmp_path_factory):
     return made
 
 
+@pytest.fixture(scope="module")
+def back(design, tmp_path_factory):
+    """The design as its archive holds it."""
+    kept = tmp_path_factory.mktemp("kept")
+    write_archive(design, kept)
+    return read_archive(kept, design.preset)
+
+
 @pytest.fixture
 def poisoned(monkeypatch):
     """No stage may run."""
@@ -94,10 +102,7 @@ def test_the_same_design_gives_the_same_archive(design, tmp_path):
 
 
 @pytest.mark.parametrize("suffix", [s for s in FORMATS if s not in (".stp", ".stpz", ".brep", ".ifc", ".lines.step")])
-def test_the_folder_delivers_what_the_design_does(suffix, design, tmp_path):
-    write_archive(design, tmp_path)
-    back = read_archive(tmp_path, design.preset)
-    assert back is not None
+def test_the_folder_delivers_what_the_design_does(suffix, design, back, tmp_path):
     if suffix in (".step", ".3dm", ".dxf"):  # slow, or with random identifiers
         (one, how), (two, other) = (deliverable(x, suffix) for x in (design, back))
         same(one.V, two.V)

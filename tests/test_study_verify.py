@@ -79,7 +79,10 @@ MISSED = {
 """Targets that the pair for verdicts does not meet, and what it does instead."""
 
 
-@pytest.mark.parametrize("test", TESTS.values(), ids=lambda test: test.name)
+@pytest.mark.parametrize(
+    "test",
+    [pytest.param(test, marks=[pytest.mark.slow] * (name == "cut_vault"), id=name) for name, test in TESTS.items()],
+)
 def test_the_pair_for_verdicts_meets_its_targets_and_every_reference_on_its_finest_mesh(test):
     for mesh in test.meshes:
         rows = series(test, mesh, BEST)

@@ -70,8 +70,11 @@ def test_a_drawing_that_is_too_large_is_refused_before_it_is_read(tmp_path):
             file.truncate(10**9)  # no byte of it is on the disk
         with pytest.raises(SurfaceError, match=r"1,000,000,000 bytes, and 50,000,000 is the limit"):
             loops_of(tmp_path / name)
+    late = DrawingBudget(started=time.monotonic() - 61)
     with pytest.raises(SurfaceError, match=r"took more than 60 s; put"):
-        DrawingBudget(started=time.monotonic() - 61).require("bytes", 0)
+        late.require("bytes", 0)
+    with pytest.raises(SurfaceError, match=r"took more than 60 s; put"):
+        list(_loops([spatial(np.array([[0, 0], [3, 0]])), spatial(np.array([[3, 0], [0, 4]]))], "here", late))
 
 
 @pytest.mark.parametrize("name", ENTITIES)

@@ -105,9 +105,9 @@ def test_the_stress_at_a_hole_is_as_good_on_far_fewer_triangles():
     assert abs(by_stress - 3) < min(abs(even - 3), 0.06)
 
 
-def of_canopy(thickness: float = 0.05, **pattern: object) -> dsfab.Preset:
+def of_canopy(thickness: float = 0.05, finest: float = 0.1, **pattern: object) -> dsfab.Preset:
     return dsfab.Preset(
-        surface={"mesh": canopy(0.3), "edge": 0.4, "finest": 0.1, "finest_at": "stress"},
+        surface={"mesh": canopy(0.3), "edge": 0.4, "finest": finest, "finest_at": "stress"},
         supports=[dsfab.Support(dsfab.Box((0, 0, 0), (1, 1, 0.02), relative=True, boundary=True))],
         loads=[dsfab.SelfWeight()],
         statics={"thickness": thickness},
@@ -137,7 +137,7 @@ def test_a_revised_thickness_makes_the_mesh_of_a_fresh_design():
 
 def test_voids_count_and_supports_are_found_again_elsewhere(monkeypatch):
     oculus = {"do": "void", "at": dsfab.Ball((1.0, 5.0, 3.5), 1.2)}
-    preset = of_canopy(region=[oculus])
+    preset = of_canopy(finest=0.25, region=[oculus])
     surface = dsfab.Design.of(preset).surface
     before = [np.flatnonzero(one.at.vertices(surface)) for one in regions.acting_on(preset, surface).support]
     monkeypatch.setattr(regions, "_BEFORE", {})  # as in another process

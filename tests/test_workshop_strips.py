@@ -181,8 +181,10 @@ def assert_folds_back(part, graph, folder):
     return read, curve
 
 
-@pytest.mark.parametrize("every", [6, pytest.param(1, marks=pytest.mark.slow)])
-@pytest.mark.parametrize("name", SURFACES)
+@pytest.mark.parametrize(
+    ("name", "every"),
+    [("hypar", 6), ("catenoid", 6), *(pytest.param(name, 1, marks=pytest.mark.slow) for name in SURFACES)],
+)
 def test_parts_of_files_bend_back_with_their_holes_at_nodes_and_their_outlines_at_edges(name, every, tmp_path):
     """Of both layers: all that the bolt of a node goes through lies on its line."""
     _, graph = graph_of(name, 0.2)
@@ -226,11 +228,13 @@ def bays_of(name, edge, layering=LAYERING):
     """(family, number, numbers of crossing members, metres along a layer) from hole to hole of one piece."""
     _, graph = graph_of(name, edge)
     nodes = {node.id: node for node in graph.nodes}
+    layers = {}  # of which pieces are parts
     for part in parts_of(name, edge, layering).pieces:
         member = graph.by_id[part.member]
-        course = member_course(graph, member, 3 * layering.bolt, 2 * layering.half_cover)
-        layer = Development(course, part.layer)
-        known = []
+        if (part.member, part.layer) not in layers:
+            course = member_course(graph, member, 3 * layering.bolt, 2 * layering.half_cover)
+            layers[part.member, part.layer] = Development(course, part.layer)
+        layer, known = layers[part.member, part.layer], []
         for hole in part.holes:
             if hole.bolt in nodes and nodes[hole.bolt].kind == "crossing":
                 node = nodes[hole.bolt]
@@ -239,7 +243,7 @@ def bays_of(name, edge, layering=LAYERING):
                 if ASIDE < s < member.length - ASIDE:
                     known.append((s, other.stripe, hole))
         for (s, i, one), (z, j, two) in pairwise(known):
-            along = float(np.diff(np.interp([s, z], course.s, layer.length))[0])
+            along = float(np.diff(np.interp([s, z], layer.course.s, layer.length))[0])
             yield member, i, j, along, float(np.linalg.norm(two.at - one.at)), part.layer
 
 
@@ -281,7 +285,9 @@ def _outward(member):
     return np.sign(np.einsum("ki,ki->k", axis.N[:, :2], axis.P[:, :2]).mean())
 
 
-@pytest.mark.parametrize("name", SURFACES)
+@pytest.mark.parametrize(
+    "name", ["sphere", "catenoid", *(pytest.param(name, marks=pytest.mark.slow) for name in ("cylinder", "hypar"))]
+)
 def test_bays_of_both_layers_are_those_of_the_offset_surface_and_come_nearer_with_the_mesh(name):
     coarse, fine = (layer_bay_errors(name, edge) for edge in (0.4, 0.2))
     assert len(fine) > 60

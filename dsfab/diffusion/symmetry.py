@@ -177,15 +177,18 @@ def symmetry_group(words: Sequence[str]) -> Floats:
 
 def generated_group(generators: Sequence[Floats]) -> Floats:
     """(g, 3, 3) all products of rotations and mirrors, the identity first; raises OverflowError for too many."""
-    found = [np.eye(3)]
-    for R in found:  # grows while it is walked
+    found = np.empty((LARGEST + 1 + len(generators), 3, 3))
+    found[0], count, walked = np.eye(3), 1, 0
+    while walked < count:
         for g in generators:
-            new = g @ R
-            if not any(np.abs(new - old).max() < SNAP for old in found):
-                found.append(new)
-        if len(found) > LARGEST:
+            new = g @ found[walked]
+            if not (np.abs(found[:count] - new).max(axis=(1, 2)) < SNAP).any():
+                found[count] = new
+                count += 1
+        walked += 1
+        if count > LARGEST:
             raise OverflowError
-    return np.stack(found)
+    return found[:count].copy()
 
 
 def far_off(surface: Surface, tree: igl.AABB, points: Floats) -> float:

@@ -131,7 +131,7 @@ def _loops(runs: list[Floats], where: str, budget: DrawingBudget) -> Iterator[Fl
             continue
         free[first], chain = False, [runs[first]]
         while np.linalg.norm(chain[0][0] - chain[-1][-1]) > close or (len(chain) == 1 and len(chain[0]) < 3):
-            budget.require("entities", 0)
+            budget.require_time()
             near = (end for end in sorted(ends.query_ball_point(chain[-1][-1], close)) if free[end // 2])
             if (end := next(near, None)) is None:
                 raise SurfaceError(_open(np.concatenate(chain), where))

@@ -38,7 +38,7 @@ def read_rhino_apart(path: Path, budget: DrawingBudget) -> Drawing:
     try:
         said = json.loads(_said("drawing", path, budget.seconds))
     except subprocess.TimeoutExpired:
-        budget.require("bytes", 0)  # it says that it took too long
+        budget.require_time()  # it says that it took too long
         raise
     _raise(said)
     runs, points = (

@@ -47,6 +47,10 @@ class DrawingBudget:
         """Raise SurfaceError for more of a kind ("bytes", "entities", "points") than accepted, or after too long."""
         if count > getattr(self, kind):
             raise SurfaceError(f"the drawing has {count:,} {kind}, and {getattr(self, kind):,} is the limit; {_APART}")
+        self.require_time()
+
+    def require_time(self) -> None:
+        """Raise SurfaceError after too long."""
         if time.monotonic() - self.started > self.seconds:
             raise SurfaceError(f"reading the drawing took more than {self.seconds:.0f} s; {_APART}")
 
