@@ -1,0 +1,123 @@
+"""Seams between patches that were divided apart: vertices of the one become vertices of the other's edges.
+
+Programs that mesh a model patch by patch divide the two sides of a seam differently, and the sheet is open there:
+
+     a ------------- b          a ------------- b
+      \\   gap of a  /            \\ \\  |  |  / /       the face c of the long edge becomes a fan to the vertices p
+        p -- p -- p                p - p - p
+"""
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from dsfab.arrays import Bools, Floats, Ints, along_segments, from_segments, lengths
+from dsfab.surface.topology import EdgeTable, connected, edge_table, next_half_edge
+
+SAG = 1 / 15
+"""Of an edge: how far the chord of an arc of 30 degrees lies off that arc. Where two patches share both ends of a seam,
+it is as open as that in between; seams that are less open than `within` need not share any vertex."""
+
+ONWARD = 0.5
+"""Cosine of the angle of 60 degrees between sheets at a seam: sheets that fold back more sharply only touch there."""
+
+ROUNDS = 4
+"""A face takes the vertices of one of its edges at a time, and has up to three of them at a seam."""
+
+
+def stitched(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:
+    """The faces F (m, 3) of the mesh V (n, 3), those along open seams as fans, and how many vertices that joined.
+
+    within : how close to an edge a vertex lies on it, in the unit of V. Edges of more than two faces are not made:
+             the faces stay as they are where that would be the end of it.
+    """
+    faces, joined = F, 0
+    for _ in range(ROUNDS):
+        edges = edge_table(faces)
+        half, vertex = _open_seams(V, faces, edges, within)
+        if not len(half):
+            break
+        faces = _with_fans(V, faces, half, vertex)
+        joined += len(half)
+    crowded = (edge_table(faces).count > 2).sum() > (edge_table(F).count > 2).sum()
+    return (F, 0) if crowded else (faces, joined)
+
+
+def _open_seams(V: Floats, F: Ints, edges: EdgeTable, within: float) -> tuple[Ints, Ints]:
+    """Half-edges (k,) on the boundary, one of a face at most, and the vertices (k,) of other faces that lie on them."""
+    alone = np.flatnonzero(edges.boundary)
+    half, ends = edges.order[edges.start[alone]], edges.ends[alone]
+    edge, vertex = _near(V, ends, max(within, 0.0))
+    if not len(edge):
+        return half[:0], vertex
+    far = from_segments(V[vertex], V[ends[edge, 0]], V[ends[edge, 1]])
+    long = lengths(V[ends[edge, 1]] - V[ends[edge, 0]])
+    on = (far <= within) | ((far <= SAG * long) & _of_one_seam(ends, edge, vertex))
+    on &= (F[half[edge] // 3] != vertex[:, None]).all(axis=1) & _onward(V, F, half, ends, edge, vertex)
+    edge, vertex, far = edge[on], vertex[on], far[on]
+    nearest = np.lexsort((far, vertex))
+    nearest = nearest[np.diff(vertex[nearest], prepend=-1) > 0]
+    edge, vertex = edge[nearest], vertex[nearest]
+    face = half[edge] // 3
+    first = np.full(len(F), len(alone))
+    np.minimum.at(first, face, edge)
+    now = first[face] == edge
+    return half[edge[now]], vertex[now]
+
+
+def _near(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
+    """Edges (k,) of those with ends (b, 2), and vertices (k,) of others that lie beside their inside."""
+    a, b = V[ends].transpose(1, 0, 2)
+    border = np.unique(ends)
+    reach = np.maximum((0.5 + SAG) * lengths(b - a), within)
+    found = cKDTree(V[border]).query_ball_point((a + b) / 2, reach)
+    edge = np.repeat(np.arange(len(ends)), [len(some) for some in found])
+    vertex = border[np.concatenate([np.asarray(some, dtype=np.int64) for some in found])] if len(edge) else border[:0]
+    along = along_segments(V[vertex], a[edge], b[edge])
+    beside = (along > 0) & (along < 1) & (ends[edge] != vertex[:, None]).all(axis=1)
+    return edge[beside], vertex[beside]
+
+
+def _of_one_seam(ends: Ints, edge: Ints, vertex: Ints) -> Bools:
+    """(k,) whether a boundary edge and a boundary vertex lie on two strands between the same vertices, in which parts
+    touch. A strand is a part of the boundary, edges (b, 2), between vertices of other than two of its edges."""
+    degree = np.bincount(ends.ravel())
+    order = np.argsort(ends.ravel(), kind="stable")
+    pairs = order[np.flatnonzero(degree[ends.ravel()[order]] == 2)].reshape(-1, 2) // 2
+    count, strand = connected(len(ends), *pairs.T)
+    of_vertex = np.full(len(degree), -1)
+    of_vertex[ends] = strand[:, None]
+    node = degree[ends] != 2
+    stops = np.stack([np.full(count, -1), np.full(count, -1)], axis=1)
+    np.maximum.at(stops[:, 1], np.repeat(strand, 2)[node.ravel()], ends[node])
+    stops[:, 0] = len(degree)
+    np.minimum.at(stops[:, 0], np.repeat(strand, 2)[node.ravel()], ends[node])
+    mine, other = strand[edge], of_vertex[vertex]
+    met = (stops[mine] == stops[other]).all(axis=1) & (stops[mine, 1] >= 0)
+    return np.asarray(met & (mine != other) & (degree[vertex] == 2))
+
+
+def _onward(V: Floats, F: Ints, half: Ints, ends: Ints, edge: Ints, vertex: Ints) -> Bools:
+    """(k,) whether the sheet at a boundary vertex goes on from that at a boundary edge, not folded back on it."""
+    inward = V[F].mean(axis=1)[half // 3] - V[ends].mean(axis=1)
+    at_vertex = np.zeros_like(V)
+    np.add.at(at_vertex, ends.ravel(), np.repeat(inward, 2, axis=0))
+    along = V[ends[edge, 1]] - V[ends[edge, 0]]
+    along /= lengths(along)[:, None]
+    one, other = inward[edge], at_vertex[vertex]
+    one, other = (x - np.einsum("ki,ki->k", x, along)[:, None] * along for x in (one, other))
+    onward: Bools = np.einsum("ki,ki->k", one, other) <= ONWARD * lengths(one) * lengths(other)
+    return onward
+
+
+def _with_fans(V: Floats, F: Ints, half: Ints, vertex: Ints) -> Ints:
+    """(m', 3) the faces with vertices (k,) on half-edges (k,), one of a face: fans around the corner across, in place
+    of it and at the end."""
+    start, end, across = (F.ravel()[next_half_edge(half, k)] for k in range(3))
+    order = np.lexsort((along_segments(V[vertex], V[start], V[end]), half))
+    half, vertex, end, across = half[order], vertex[order], end[order], across[order]
+    last = np.append(half[1:] != half[:-1], True)
+    onward = np.where(last, end, np.roll(vertex, -1))
+    faces = F.copy()
+    first = np.append(True, last[:-1])
+    faces.ravel()[next_half_edge(half[first])] = vertex[first]
+    return np.concatenate([faces, np.stack([vertex, onward, across], axis=1)])
