@@ -131,11 +131,15 @@ def test_a_joint_between_panels_stays_open(gap):
 
 
 def test_a_narrow_opening_and_needles_at_a_border_are_no_seams():
-    """A slit of 3.6 by .04 m pointed at its ends, without a vertex on one side; a fan of needles on an edge."""
+    """A slit of 3.6 by .04 m pointed at its ends, without a vertex on one side; a needle on an edge; a tip like one."""
     slit = [[0, 0, 0], [4, 0, 0], [4, 2, 0], [0, 2, 0], [0.2, 1, 0], [3.8, 1, 0], [2, 1.04, 0]]
     around = [[0, 1, 4], [1, 5, 4], [1, 2, 5], [2, 6, 5], [2, 3, 6], [3, 4, 6], [3, 0, 4]]
     needles = [[0, 0, 0], [4, 0, 0], [2, 1e-4, 0], [2, 2, 0]], [[0, 1, 2], [0, 2, 3], [2, 1, 3]]
-    for V, F in ((slit, around), needles):
+    tip = (
+        [[0, 0, 0], [-1, 7e-5, 0], [1, 1.4e-4, 0], [4, 0, 0], [-2, 3, 0]],
+        [[0, 3, 1], [1, 3, 2], [0, 1, 4], [1, 2, 4]],
+    )
+    for V, F in ((slit, around), needles, tip):
         mesh = mended(np.array(V, dtype=float), np.array(F))
         assert mesh.repairs == ()
         assert_array_equal(mesh.F, F)

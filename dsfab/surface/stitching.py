@@ -17,9 +17,6 @@ SAG = 1 / 15
 """Of an edge: how far the chord of an arc of 30 degrees lies off that arc. Where two patches share both ends of a seam,
 it is as open as that in between; seams that are less open than `within` need not share any vertex."""
 
-ONWARD = 0.5
-"""Cosine of the angle of 60 degrees between sheets at a seam: sheets that fold back more sharply only touch there."""
-
 ROUNDS = 4
 """A face takes the vertices of one of its edges at a time, and has up to three of them at a seam."""
 
@@ -46,13 +43,13 @@ def _open_seams(V: Floats, F: Ints, edges: EdgeTable, within: float) -> tuple[In
     """Half-edges (k,) on the boundary, one of a face at most, and the vertices (k,) of other faces that lie on them."""
     alone = np.flatnonzero(edges.boundary)
     half, ends = edges.order[edges.start[alone]], edges.ends[alone]
-    edge, vertex = _near(V, ends, max(within, 0.0))
+    edge, vertex = _near(V, ends, within)
     if not len(edge):
         return half[:0], vertex
     far = from_segments(V[vertex], V[ends[edge, 0]], V[ends[edge, 1]])
     long = lengths(V[ends[edge, 1]] - V[ends[edge, 0]])
     on = (far <= within) | ((far <= SAG * long) & _of_one_seam(ends, edge, vertex))
-    on &= (F[half[edge] // 3] != vertex[:, None]).all(axis=1) & _onward(V, F, half, ends, edge, vertex)
+    on &= (F[half[edge] // 3] != vertex[:, None]).all(axis=1)
     edge, vertex, far = edge[on], vertex[on], far[on]
     nearest = np.lexsort((far, vertex))
     nearest = nearest[np.diff(vertex[nearest], prepend=-1) > 0]
@@ -94,19 +91,6 @@ def _of_one_seam(ends: Ints, edge: Ints, vertex: Ints) -> Bools:
     mine, other = strand[edge], of_vertex[vertex]
     met = (stops[mine] == stops[other]).all(axis=1) & (stops[mine, 1] >= 0)
     return np.asarray(met & (mine != other) & (degree[vertex] == 2))
-
-
-def _onward(V: Floats, F: Ints, half: Ints, ends: Ints, edge: Ints, vertex: Ints) -> Bools:
-    """(k,) whether the sheet at a boundary vertex goes on from that at a boundary edge, not folded back on it."""
-    inward = V[F].mean(axis=1)[half // 3] - V[ends].mean(axis=1)
-    at_vertex = np.zeros_like(V)
-    np.add.at(at_vertex, ends.ravel(), np.repeat(inward, 2, axis=0))
-    along = V[ends[edge, 1]] - V[ends[edge, 0]]
-    along /= lengths(along)[:, None]
-    one, other = inward[edge], at_vertex[vertex]
-    one, other = (x - np.einsum("ki,ki->k", x, along)[:, None] * along for x in (one, other))
-    onward: Bools = np.einsum("ki,ki->k", one, other) <= ONWARD * lengths(one) * lengths(other)
-    return onward
 
 
 def _with_fans(V: Floats, F: Ints, half: Ints, vertex: Ints) -> Ints:
