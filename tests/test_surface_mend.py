@@ -13,7 +13,7 @@ from dsfab.surface import Ball, Box, Nearest, Side, Surface, mended, read_surfac
 from dsfab.surface.mend import WELD
 from dsfab.surface.places import merged
 from dsfab.surface.shapes import dome, plate, sphere
-from dsfab.surface.topology import boundary_loops, edge_table, manifold_faults, pieces
+from dsfab.surface.topology import boundary_loops, edge_table, manifold_faults, pieces, pinches
 from tests.own_meshes import figure, gyroid, voronoi_shell
 from tests.zoo import grid
 
@@ -128,6 +128,26 @@ def test_a_joint_between_panels_stays_open(gap):
     mesh = mended(*patches(4, 12, gap=gap))
     assert mesh.repairs == ()
     assert pieces(mesh.F, edge_table(mesh.F))[0] == 2
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_parts_that_touch_in_a_point_are_joined_there(turned):
+    """Two openings with a common corner in a plate, and two plates that share a corner, one of them turned over."""
+    one = grid(6, 6, 3.0, 3.0)
+    side = one.centroids - 1.5
+    middle = np.flatnonzero((np.abs(side[:, :2]) < 0.5).all(axis=1) & (side[:, 0] * side[:, 1] > 0))
+    other = one.F + one.n
+    other = np.where(other == one.n, one.n - 1, other)[:, :: -1 if turned else 1]
+    holed, two = np.delete(one.F, middle, axis=0), np.vstack([one.F, other])
+    apart = np.vstack([one.V, one.V + [3, 3, 0]])
+    for V, F in ((one.V, holed), (apart, two)):
+        before, mesh = edge_table(F), mended(V, F)
+        edges = edge_table(mesh.F)
+        assert len(pinches(F, before, len(V))) == 1
+        assert len(pinches(mesh.F, edges, len(mesh.V))) == 0
+        assert edges.count.max() == 2
+        assert len(mesh.F) == len(F) + 1
+        assert "touch in a point joined" in mesh.repairs[-1]
 
 
 def test_a_narrow_opening_and_needles_at_a_border_are_no_seams():

@@ -5,13 +5,15 @@ Programs that mesh a model patch by patch divide the two sides of a seam differe
      a ------------- b          a ------------- b
       \\   gap of a  /            \\ \\  |  |  / /       the face c of the long edge becomes a fan to the vertices p
         p -- p -- p                p - p - p
+
+Where parts of a sheet touch in a point only, a face joins them there.
 """
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from dsfab.arrays import Bools, Floats, Ints, along_segments, from_segments, lengths
-from dsfab.surface.topology import EdgeTable, connected, edge_table, next_half_edge
+from dsfab.surface.topology import EdgeTable, connected, corner_fans, edge_table, next_half_edge, pinches
 
 SAG = 1 / 15
 """Of an edge: how far the chord of an arc of 30 degrees lies off that arc. Where two patches share both ends of a seam,
@@ -19,6 +21,9 @@ it is as open as that in between; seams that are less open than `within` need no
 
 ROUNDS = 4
 """A face takes the vertices of one of its edges at a time, and has up to three of them at a seam."""
+
+WIDEST = 150.0
+"""Degrees between two edges that a face can join."""
 
 
 def stitched(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:
@@ -105,3 +110,33 @@ def _with_fans(V: Floats, F: Ints, half: Ints, vertex: Ints) -> Ints:
     first = np.append(True, last[:-1])
     faces.ravel()[next_half_edge(half[first])] = vertex[first]
     return np.concatenate([faces, np.stack([vertex, onward, across], axis=1)])
+
+
+def joined_at_points(V: Floats, F: Ints) -> tuple[Ints, int]:
+    """The faces F (m, 3) of the mesh V (n, 3) and one more in the narrowest gap between two parts that touch in a point
+    only, as two openings with one common corner leave; and how many these are. No edge gets more than two faces."""
+    edges = edge_table(F)
+    points = pinches(F, edges, len(V))
+    if not len(points):
+        return F, 0
+    fans, alone = corner_fans(F, edges), edges.order[edges.start[:-1][edges.boundary]]
+    onward = next_half_edge(alone)
+    at = np.concatenate([F.ravel()[alone], F.ravel()[onward]])
+    away = np.concatenate([F.ravel()[onward], F.ravel()[alone]])
+    fan = np.concatenate([fans.ravel()[alone], fans.ravel()[onward]])
+    new = [_gusset(V, int(v), away[at == v], fan[at == v]) for v in points]
+    found = np.array([face for face in new if face is not None], dtype=np.int64).reshape(-1, 3)
+    _, first = np.unique(np.sort(found, axis=1), axis=0, return_index=True)
+    faces = np.concatenate([F, found[np.sort(first)]])
+    crowded = (edge_table(faces).count > 2).sum() > (edges.count > 2).sum()
+    return (F, 0) if crowded else (faces, len(first))
+
+
+def _gusset(V: Floats, v: int, away: Ints, fan: Ints) -> list[int] | None:
+    """The face at a vertex between those two of its boundary edges, to vertices (k,) of different fans (k,), that are
+    closest to one another in direction."""
+    along = V[away] - V[v]
+    along /= lengths(along)[:, None]
+    cosine = np.where((fan[:, None] == fan) | (away[:, None] == away), -np.inf, along @ along.T)
+    i, j = np.unravel_index(int(cosine.argmax()), cosine.shape)
+    return [v, int(away[i]), int(away[j])] if cosine[i, j] > np.cos(np.radians(WIDEST)) else None
