@@ -132,6 +132,24 @@ def test_feet_of_own_meshes(own, name, expected):
     assert [foot.name for foot in propose(own[name]).stands] == expected
 
 
+@pytest.mark.parametrize(("rise", "kind"), [(0.9, "mast"), (-0.9, "foot")], ids=["tent", "shell"])
+@pytest.mark.parametrize("corners", [3, 6])
+def test_a_tent_hangs_from_its_corners_and_a_shell_stands_on_them(rise, kind, corners):
+    """Edges come inwards between corners, which are the highest points of it, or the lowest; the middle is above."""
+    a, r = np.meshgrid(np.linspace(0, 2 * np.pi, 24 * corners + 1)[:-1], np.linspace(0.1, 1, 9), indexing="ij")
+    tip = np.abs(1 - np.mod(a * corners / np.pi, 2))  # 1 at corners
+    low = 4 * np.cos(np.pi / corners)
+    x, y = (r * (low + (5.5 - low) * tip**2) * turned for turned in (np.cos(a), np.sin(a)))
+    n, k = a.shape
+    V = np.stack([x, y, 4 + rise * tip**2 * r + 0.7 * (1 - r)], axis=2).reshape(-1, 3)
+    i, j = (index.ravel() for index in np.meshgrid(np.arange(n), np.arange(k - 1), indexing="ij"))
+    p, q = i * k + j, (i + 1) % n * k + j
+    surface = Surface(V, np.concatenate([np.c_[p, p + 1, q + 1], np.c_[p, q + 1, q]]))
+    assert names(surface) == [f"{kind} {i + 1}" for i in range(corners)]
+    at = [foot.points.mean(axis=0)[:2] for foot in feet(surface, float(np.ptp(V, axis=0)[:2].min()))]
+    assert np.linalg.norm(at, axis=1).min() > 5
+
+
 def test_openings_are_not_held(own):
     """Neither holes in a roof, nor cells near the ground of a shell; the free edge of a slab neither."""
     for name in ("canopy_mm", "voronoi_shell", "mushroom_slab"):

@@ -13,8 +13,9 @@ from dsfab.surface import Ball, Box, Nearest, Side, Surface, mended, read_surfac
 from dsfab.surface.mend import WELD
 from dsfab.surface.places import merged
 from dsfab.surface.shapes import dome, plate, sphere
-from dsfab.surface.topology import edge_table, manifold_faults
+from dsfab.surface.topology import boundary_loops, edge_table, manifold_faults, pieces, pinches
 from tests.own_meshes import figure, gyroid, voronoi_shell
+from tests.zoo import grid
 
 ROOF = dome(edge=0.9)
 
@@ -94,6 +95,74 @@ def test_pinholes_are_closed_and_doors_are_not():
     assert closed.is_closed
     assert closed.volume == pytest.approx(Surface(tiny, ball.F).volume, rel=1e-6)
     assert mended(ball.V, ball.F[1:]).repairs == ()
+
+
+def patches(near, far, bend=0.6, gap=0.0):
+    """Two patches of a barrel of 4 by 4 m side by side, with so many strips across at their seam, and a gap there."""
+    V, F = [], []
+    for strips, (x0, x1) in ((near, (0.0, 2.0)), (far, (2.0 + gap, 4.0))):
+        one = grid(3, strips, x1 - x0, 4.0)
+        turn = bend * (one.V[:, 1] / 2 - 1)
+        F.append(one.F + sum(map(len, V)))
+        V.append(np.stack([x0 + one.V[:, 0], 2 / bend * np.sin(turn), 2 / bend * np.cos(turn)], axis=1))
+    return np.vstack(V), np.vstack(F)
+
+
+@pytest.mark.parametrize(("near", "far", "bend"), [(4, 12, 0.6), (5, 8, 0.6), (3, 40, 1e-6), (7, 5, 1e-6)])
+def test_patches_that_were_divided_apart_are_one_sheet(near, far, bend):
+    """Seams are shared at their ends only, or at a few vertices; on a barrel they gape as its chords do."""
+    V, F = patches(near, far, bend)
+    mesh = mended(V, F)
+    edges = edge_table(mesh.F)
+    assert manifold_faults(mesh.F, edges, len(mesh.V)) == ()
+    assert pieces(mesh.F, edges)[0] == 1
+    (rim,) = boundary_loops(mesh.F, edges)
+    assert len(rim) == near + far + 12
+    assert "on open seams" in mesh.repairs[-1]
+    assert area(mesh.V, mesh.F) == pytest.approx(area(V, F), rel=2e-3)
+
+
+@pytest.mark.parametrize("gap", [0.004, 0.1])
+def test_a_joint_between_panels_stays_open(gap):
+    """Narrower than chords gape, but the panels share no vertex: it is meant."""
+    mesh = mended(*patches(4, 12, gap=gap))
+    assert mesh.repairs == ()
+    assert pieces(mesh.F, edge_table(mesh.F))[0] == 2
+
+
+@pytest.mark.parametrize("turned", [False, True])
+def test_parts_that_touch_in_a_point_are_joined_there(turned):
+    """Two openings with a common corner in a plate, and two plates that share a corner, one of them turned over."""
+    one = grid(6, 6, 3.0, 3.0)
+    side = one.centroids - 1.5
+    middle = np.flatnonzero((np.abs(side[:, :2]) < 0.5).all(axis=1) & (side[:, 0] * side[:, 1] > 0))
+    other = one.F + one.n
+    other = np.where(other == one.n, one.n - 1, other)[:, :: -1 if turned else 1]
+    holed, two = np.delete(one.F, middle, axis=0), np.vstack([one.F, other])
+    apart = np.vstack([one.V, one.V + [3, 3, 0]])
+    for V, F in ((one.V, holed), (apart, two)):
+        before, mesh = edge_table(F), mended(V, F)
+        edges = edge_table(mesh.F)
+        assert len(pinches(F, before, len(V))) == 1
+        assert len(pinches(mesh.F, edges, len(mesh.V))) == 0
+        assert edges.count.max() == 2
+        assert len(mesh.F) == len(F) + 1
+        assert "touch in a point joined" in mesh.repairs[-1]
+
+
+def test_a_narrow_opening_and_needles_at_a_border_are_no_seams():
+    """A slit of 3.6 by .04 m pointed at its ends, without a vertex on one side; a needle on an edge; a tip like one."""
+    slit = [[0, 0, 0], [4, 0, 0], [4, 2, 0], [0, 2, 0], [0.2, 1, 0], [3.8, 1, 0], [2, 1.04, 0]]
+    around = [[0, 1, 4], [1, 5, 4], [1, 2, 5], [2, 6, 5], [2, 3, 6], [3, 4, 6], [3, 0, 4]]
+    needles = [[0, 0, 0], [4, 0, 0], [2, 1e-4, 0], [2, 2, 0]], [[0, 1, 2], [0, 2, 3], [2, 1, 3]]
+    tip = (
+        [[0, 0, 0], [-1, 7e-5, 0], [1, 1.4e-4, 0], [4, 0, 0], [-2, 3, 0]],
+        [[0, 3, 1], [1, 3, 2], [0, 1, 4], [1, 2, 4]],
+    )
+    for V, F in ((slit, around), needles, tip):
+        mesh = mended(np.array(V, dtype=float), np.array(F))
+        assert mesh.repairs == ()
+        assert_array_equal(mesh.F, F)
 
 
 def test_files_as_programs_write_them_become_sheets(tmp_path):

@@ -202,6 +202,18 @@ def test_needles_become_even_triangles(needles):
     check_kept(needles, new, edge)
 
 
+@pytest.mark.parametrize(("fold", "degrees"), [(0.0, 14), (0.4, 7)])
+def test_a_tip_is_not_refined_the_more_the_nearer_it_comes(fold, degrees):
+    """A tip of 14 degrees, flat or creased along its middle: edges shrank to a fortieth and a seventieth of those asked
+    for. They are as long as its angle is wide at the length of an edge, and their last row is as wide at theirs."""
+    half, edge = 4 * np.tan(np.radians(7)), 0.2
+    tip = Surface([[0, 0, 0], [4, -half, 0], [4, half, 0], [4, 0, fold]], [[0, 1, 3], [0, 3, 2]])
+    new = remeshed(tip, edge)
+    check_kept(tip, new, edge)
+    assert new.edge_lengths.min() > 1.25 * np.tan(np.radians(degrees)) ** 2 * edge
+    assert smallest_angle(new) > degrees
+
+
 @pytest.mark.parametrize("way", [1, -1], ids=["outside", "inside"])
 def test_an_ear_at_a_round_border_is_no_crease(way):
     """A square grid on a dome: a corner of the grid is a level triangle between three points of the border."""

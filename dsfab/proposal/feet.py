@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints, closed_length, lengths
+from dsfab.proposal.masts import mast_corners
 from dsfab.proposal.vertical import SOLE, is_nearly_closed
 from dsfab.surface import Boundary, Box, Surface, connected
 
@@ -54,6 +55,7 @@ def feet(surface: Surface, span: float) -> tuple[Foot, ...]:
 
     flat   : on its outer edge.
     closed : on what lies within `SOLE` of its height over its lowest point.
+    hung   : from the corners of its outer edge, see `mast_corners`.
     else   : on the stretches of boundary around the low points of the outer edge, and of other edges that reach the
              ground. Openings in the roof, with sheet below them, are not held.
     """
@@ -65,7 +67,9 @@ def feet(surface: Surface, span: float) -> tuple[Foot, ...]:
         return (Foot("edge", outline, closed_length(outline), loop=0),)
     ground = min(float(surface.V[loop, 2].min()) for loop in surface.loops)
     outer = _outer(surface)
-    found: list[Foot] = []
+    found = _masts(surface, outer, height, span)
+    if found:
+        return _named(surface, found, span)
     for k, loop in enumerate(surface.loops):
         highest = ground + LOW * height
         if outer[k] or _stands(surface, loop, highest):
@@ -92,6 +96,17 @@ def _hangs(surface: Surface, loop: int) -> bool:
     """Whether a level boundary loop is above the middle of the sheet."""
     middle = float(surface.vertex_areas @ surface.V[:, 2]) / surface.area
     return float(surface.V[surface.loops[loop], 2].mean()) > middle
+
+
+def _masts(surface: Surface, outer: list[bool], height: float, span: float) -> list[Foot]:
+    """The corners of outer edges from which sheets hang."""
+    found = []
+    for loop in (loop for k, loop in enumerate(surface.loops) if outer[k]):
+        line = _resampled(surface.V[loop], STEP * span)
+        for at in mast_corners(line, SHORTEST * span, height):
+            stretch = line[_widened(line, np.arange(len(line)) == at, SHORTEST * span)]
+            found.append(Foot("mast", stretch, _length(stretch)))
+    return found
 
 
 def _outer(surface: Surface) -> list[bool]:
@@ -221,8 +236,8 @@ def _length(P: Floats) -> float:
 
 
 def _named(surface: Surface, found: Sequence[Foot], span: float) -> tuple[Foot, ...]:
-    """Base rings, upper rims, springing lines and feet, those of a kind numbered where there are several."""
-    kinds = [_kind(surface, foot, span) for foot in found]
+    """Masts, base rings, upper rims, springing lines and feet, those of a kind numbered where there are several."""
+    kinds = [foot.name or _kind(surface, foot, span) for foot in found]
     several = [kinds.count(kind) > 1 for kind in kinds]
     names = [f"{kind} {kinds[: i + 1].count(kind)}" if several[i] else kind for i, kind in enumerate(kinds)]
     return tuple(replace(foot, name=name) for name, foot in zip(names, found, strict=True))

@@ -7,6 +7,7 @@ import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints, area_vectors, closed_length, complement, lengths
 from dsfab.surface.places import merged
+from dsfab.surface.stitching import joined_at_points, stitched
 from dsfab.surface.topology import boundary_loops, duplicate_faces, edge_table, flips_to_orient, pieces
 
 WELD = 5e-5
@@ -47,9 +48,11 @@ def mended(V: Floats, F: Ints) -> MendedMesh:
 
     Vertices closer than `WELD` of the largest side become one, faces without area or with an earlier face's corners go,
     and so do the later ones of three and more on an edge, pieces under `CRUMB` of the area, and pinholes with outlines
-    under `PINHOLE` of the side. What is left is as it was; vertices without a face are dropped.
+    under `PINHOLE` of the side. Seams of patches that were divided apart are stitched, and parts that touch in a
+    point are joined there: see `dsfab.surface.stitching`. What is left is as it was; vertices without a face go.
     """
-    mesh = _without(sound_faces(V, F), _TOO_MANY)
+    mesh = _without(stitched_mesh(_without(sound_faces(V, F), _TOO_MANY)), _TOO_SMALL)
+    mesh = _joined(mesh) if len(mesh.F) else mesh
     return _compact(_without_pinholes(mesh) if len(mesh.F) else mesh)
 
 
@@ -87,6 +90,24 @@ def _welded(mesh: MendedMesh) -> MendedMesh:
     return MendedMesh(V, became[mesh.F], (*mesh.repairs, words))
 
 
+def stitched_mesh(mesh: MendedMesh) -> MendedMesh:
+    """The mesh with vertices that lie on edges of other faces made corners of these."""
+    if not len(mesh.F):
+        return mesh
+    F, joined = stitched(mesh.V, mesh.F, WELD * float(np.ptp(mesh.V, axis=0).max()))
+    if not joined:
+        return mesh
+    words = f"{counted(joined, 'vertex')} on open seams joined to the edges beside"
+    return replace(mesh, F=F, repairs=(*mesh.repairs, words))
+
+
+def _joined(mesh: MendedMesh) -> MendedMesh:
+    """The mesh with a face more where parts touch in a point."""
+    F, count = joined_at_points(mesh.V, mesh.F)
+    words = f"parts that touch in a point joined by a face at {counted(count, 'place')}"
+    return replace(mesh, F=F, repairs=(*mesh.repairs, words)) if count else mesh
+
+
 def _with_area(V: Floats, F: Ints) -> Ints:
     """(k,) faces whose smallest height is more than nothing of their longest edge."""
     P = V[F]
@@ -117,7 +138,8 @@ def _in_large_pieces(V: Floats, F: Ints) -> Ints:
 
 
 _UNSOUND: tuple[Fault, ...] = ((_with_area, "without area"), (_unrepeated, "that repeat others"))
-_TOO_MANY: tuple[Fault, ...] = ((_on_edges_of_two, "on edges that have two others"), (_in_large_pieces, "in crumbs"))
+_TOO_MANY: tuple[Fault, ...] = ((_on_edges_of_two, "on edges that have two others"),)
+_TOO_SMALL: tuple[Fault, ...] = ((_in_large_pieces, "in crumbs"),)
 
 
 def _without_pinholes(mesh: MendedMesh) -> MendedMesh:

@@ -6,7 +6,7 @@ import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints, area_vectors, closed_length, lengths
 from dsfab.surface.hole_filling import hole_triangles
-from dsfab.surface.mend import MendedMesh, counted, sound_faces
+from dsfab.surface.mend import MendedMesh, counted, sound_faces, stitched_mesh
 from dsfab.surface.topology import (
     EdgeTable,
     boundary_loops,
@@ -51,7 +51,7 @@ def repaired_scan(V: Floats, F: Ints) -> MendedMesh:
     Pieces under `SPECK` of the largest go. Holes whose outline is under `HOLE` of the largest side are filled.
     """
     mesh = sound_faces(V, F)
-    for step in (_split, _turned, _without_specks, _filled):
+    for step in (stitched_mesh, _split, _turned, _without_specks, _filled):
         mesh = step(mesh) if len(mesh.F) else mesh
     return mesh
 

@@ -31,9 +31,10 @@ def with_sizes(net: Net, chords: Floats, curves: FeatureCurves, base: Floats | f
     if len(net.node):
         k = np.clip(np.searchsorted(curves.at, net.at), 0, len(chords) - 1)
         np.minimum.at(size, net.node, np.maximum(np.minimum(chords[k], chords[np.maximum(k - 1, 0)]), least))
-    for vertex, width in _narrow(net):
+    for vertex, width, slope in _narrow(net):
         wide = width > TOLERANCE * edge  # less is a sliver
-        np.minimum.at(size, vertex[wide], np.maximum(NARROW * width[wide], least))
+        row = NARROW * np.maximum(width, edge * slope)[wide]
+        np.minimum.at(size, vertex[wide], np.maximum(row, least))
     return replace(net, size=graded_sizes(net.V, net.edges.ends, size))
 
 
@@ -51,11 +52,12 @@ def graded_sizes(V: Floats, ends: Ints, size: Floats) -> Floats:
         size = lower
 
 
-def _narrow(net: Net) -> list[tuple[Ints, Floats]]:
-    """Vertices (k,) of kinds that do not leave their curves, and how wide (k,) the surface is there, metres.
+def _narrow(net: Net) -> list[tuple[Ints, Floats, Floats]]:
+    """Vertices (k,) of kinds that do not leave their curves, how wide (k,) the surface is there, metres, and its slope
+    (k,) as in `_slopes`.
 
-    That is an edge from curve to curve, the height of a face between them, or an edge between corners. What lies in
-    the angle of a corner is left out: it is narrow at any size.
+    That is an edge from curve to curve, the height of a face between them, or an edge between corners. The face in the
+    angle of a corner is left out: it is narrow at any size.
     """
     held, edges, along = net.kind > FREE, net.edges, net.along_curves
     length = edge_lengths(net.V, edges.ends)
@@ -67,14 +69,47 @@ def _narrow(net: Net) -> list[tuple[Ints, Floats]]:
     rigid = np.flatnonzero(along & (net.kind[edges.ends].min(axis=1) == FIXED))
     between = held[net.F].all(axis=1) & (on.sum(axis=1) == 1)
     face, corner = np.nonzero(on & between[:, None])
-    base = net.F[face, corner], net.F[face, (corner + 1) % 3]
-    P, A, B = net.V[net.F[face, (corner + 2) % 3]], net.V[base[0]], net.V[base[1]]
+    base, apex = (net.F[face, corner], net.F[face, (corner + 1) % 3]), net.F[face, (corner + 2) % 3]
+    P, A, B = net.V[apex], net.V[base[0]], net.V[base[1]]
     height = np.linalg.norm(np.cross(B - A, P - A), axis=1) / np.linalg.norm(B - A, axis=1)
+    one, other = edges.ends[bridge].T
+    across = np.append(_slopes(net, one, other, length[bridge]), np.zeros(len(rigid)))
+    upward = np.maximum(_slopes(net, base[0], apex, height), _slopes(net, base[1], apex, height))
     both = np.concatenate([bridge, rigid])
     return [
-        (edges.ends[both].ravel(), np.repeat(length[both], 2)),
-        (net.F[face].ravel(), np.repeat(height, 3)),
+        (edges.ends[both].ravel(), np.repeat(length[both], 2), np.repeat(across, 2)),
+        (net.F[face].ravel(), np.repeat(height, 3), np.repeat(upward, 3)),
     ]
+
+
+def _slopes(net: Net, one: Ints, other: Ints, width: Floats) -> Floats:
+    """(k,) how fast the surface widens from the corner in which the curves of vertices one and other (k,) meet: their
+    width (k,), metres, over their way to it along the curves; 0 where they meet in none.
+
+        corner <   ---- at a slope of .3 it is .3 edges wide at an edge's length from its corner: edges as short fill
+                        it from there on, and shorter ones nearer to the corner would go on and on
+    """
+    corner, way = _corners(net)
+    slope = np.zeros(len(one))
+    for i in range(2):
+        for j in range(2):
+            met = (corner[one, i] == corner[other, j]) & (corner[one, i] >= 0)
+            far = np.maximum(way[one, i], way[other, j])
+            slope[met] = np.maximum(slope[met], width[met] / np.maximum(far[met], TOLERANCE * width[met]))
+    return slope
+
+
+def _corners(net: Net) -> tuple[Ints, Floats]:
+    """(n, 2) the vertices at the two ends of each vertex's curve, -1 off the curves, and the way (n, 2) to them along
+    it, metres; of a corner itself, twice itself."""
+    corner, way = np.full((net.n, 2), -1), np.zeros((net.n, 2))
+    ends = np.searchsorted(net.curve, net.curve), np.searchsorted(net.curve, net.curve, side="right") - 1
+    for i, end in enumerate(ends):
+        corner[net.node, i] = net.node[end]
+        way[net.node, i] = np.abs(net.at - net.at[end])
+    fixed = net.kind == FIXED
+    corner[fixed], way[fixed] = np.flatnonzero(fixed)[:, None], 0
+    return corner, way
 
 
 def chord_lengths(curves: FeatureCurves, edge: float) -> Floats:

@@ -1,0 +1,142 @@
+"""Seams between patches that were divided apart: vertices of the one become vertices of the other's edges.
+
+Programs that mesh a model patch by patch divide the two sides of a seam differently, and the sheet is open there:
+
+     a ------------- b          a ------------- b
+      \\   gap of a  /            \\ \\  |  |  / /       the face c of the long edge becomes a fan to the vertices p
+        p -- p -- p                p - p - p
+
+Where parts of a sheet touch in a point only, a face joins them there.
+"""
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from dsfab.arrays import Bools, Floats, Ints, along_segments, from_segments, lengths
+from dsfab.surface.topology import EdgeTable, connected, corner_fans, edge_table, next_half_edge, pinches
+
+SAG = 1 / 15
+"""Of an edge: how far the chord of an arc of 30 degrees lies off that arc. Where two patches share both ends of a seam,
+it is as open as that in between; seams that are less open than `within` need not share any vertex."""
+
+ROUNDS = 4
+"""A face takes the vertices of one of its edges at a time, and has up to three of them at a seam."""
+
+WIDEST = 150.0
+"""Degrees between two edges that a face can join."""
+
+
+def stitched(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:
+    """The faces F (m, 3) of the mesh V (n, 3), those along open seams as fans, and how many vertices that joined.
+
+    within : how close to an edge a vertex lies on it, in the unit of V. Edges of more than two faces are not made:
+             the faces stay as they are where that would be the end of it.
+    """
+    faces, joined = F, 0
+    for _ in range(ROUNDS):
+        edges = edge_table(faces)
+        half, vertex = _open_seams(V, faces, edges, within)
+        if not len(half):
+            break
+        faces = _with_fans(V, faces, half, vertex)
+        joined += len(half)
+    crowded = (edge_table(faces).count > 2).sum() > (edge_table(F).count > 2).sum()
+    return (F, 0) if crowded else (faces, joined)
+
+
+def _open_seams(V: Floats, F: Ints, edges: EdgeTable, within: float) -> tuple[Ints, Ints]:
+    """Half-edges (k,) on the boundary, one of a face at most, and the vertices (k,) of other faces that lie on them."""
+    alone = np.flatnonzero(edges.boundary)
+    half, ends = edges.order[edges.start[alone]], edges.ends[alone]
+    edge, vertex = _near(V, ends, within)
+    if not len(edge):
+        return half[:0], vertex
+    far = from_segments(V[vertex], V[ends[edge, 0]], V[ends[edge, 1]])
+    long = lengths(V[ends[edge, 1]] - V[ends[edge, 0]])
+    on = (far <= within) | ((far <= SAG * long) & _of_one_seam(ends, edge, vertex))
+    on &= (F[half[edge] // 3] != vertex[:, None]).all(axis=1)
+    edge, vertex, far = edge[on], vertex[on], far[on]
+    nearest = np.lexsort((far, vertex))
+    nearest = nearest[np.diff(vertex[nearest], prepend=-1) > 0]
+    edge, vertex = edge[nearest], vertex[nearest]
+    face = half[edge] // 3
+    first = np.full(len(F), len(alone))
+    np.minimum.at(first, face, edge)
+    now = first[face] == edge
+    return half[edge[now]], vertex[now]
+
+
+def _near(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
+    """Edges (k,) of those with ends (b, 2), and vertices (k,) of others that lie beside their inside."""
+    a, b = V[ends].transpose(1, 0, 2)
+    border = np.unique(ends)
+    reach = np.maximum((0.5 + SAG) * lengths(b - a), within)
+    found = cKDTree(V[border]).query_ball_point((a + b) / 2, reach)
+    edge = np.repeat(np.arange(len(ends)), [len(some) for some in found])
+    vertex = border[np.concatenate([np.asarray(some, dtype=np.int64) for some in found])] if len(edge) else border[:0]
+    along = along_segments(V[vertex], a[edge], b[edge])
+    beside = (along > 0) & (along < 1) & (ends[edge] != vertex[:, None]).all(axis=1)
+    return edge[beside], vertex[beside]
+
+
+def _of_one_seam(ends: Ints, edge: Ints, vertex: Ints) -> Bools:
+    """(k,) whether a boundary edge and a boundary vertex lie on two strands between the same vertices, in which parts
+    touch. A strand is a part of the boundary, edges (b, 2), between vertices of other than two of its edges."""
+    degree = np.bincount(ends.ravel())
+    order = np.argsort(ends.ravel(), kind="stable")
+    pairs = order[np.flatnonzero(degree[ends.ravel()[order]] == 2)].reshape(-1, 2) // 2
+    count, strand = connected(len(ends), *pairs.T)
+    of_vertex = np.full(len(degree), -1)
+    of_vertex[ends] = strand[:, None]
+    node = degree[ends] != 2
+    stops = np.stack([np.full(count, -1), np.full(count, -1)], axis=1)
+    np.maximum.at(stops[:, 1], np.repeat(strand, 2)[node.ravel()], ends[node])
+    stops[:, 0] = len(degree)
+    np.minimum.at(stops[:, 0], np.repeat(strand, 2)[node.ravel()], ends[node])
+    mine, other = strand[edge], of_vertex[vertex]
+    met = (stops[mine] == stops[other]).all(axis=1) & (stops[mine, 1] >= 0)
+    return np.asarray(met & (mine != other) & (degree[vertex] == 2))
+
+
+def _with_fans(V: Floats, F: Ints, half: Ints, vertex: Ints) -> Ints:
+    """(m', 3) the faces with vertices (k,) on half-edges (k,), one of a face: fans around the corner across, in place
+    of it and at the end."""
+    start, end, across = (F.ravel()[next_half_edge(half, k)] for k in range(3))
+    order = np.lexsort((along_segments(V[vertex], V[start], V[end]), half))
+    half, vertex, end, across = half[order], vertex[order], end[order], across[order]
+    last = np.append(half[1:] != half[:-1], True)
+    onward = np.where(last, end, np.roll(vertex, -1))
+    faces = F.copy()
+    first = np.append(True, last[:-1])
+    faces.ravel()[next_half_edge(half[first])] = vertex[first]
+    return np.concatenate([faces, np.stack([vertex, onward, across], axis=1)])
+
+
+def joined_at_points(V: Floats, F: Ints) -> tuple[Ints, int]:
+    """The faces F (m, 3) of the mesh V (n, 3) and one more in the narrowest gap between two parts that touch in a point
+    only, as two openings with one common corner leave; and how many these are. No edge gets more than two faces."""
+    edges = edge_table(F)
+    points = pinches(F, edges, len(V))
+    if not len(points):
+        return F, 0
+    fans, alone = corner_fans(F, edges), edges.order[edges.start[:-1][edges.boundary]]
+    onward = next_half_edge(alone)
+    at = np.concatenate([F.ravel()[alone], F.ravel()[onward]])
+    away = np.concatenate([F.ravel()[onward], F.ravel()[alone]])
+    fan = np.concatenate([fans.ravel()[alone], fans.ravel()[onward]])
+    new = [_gusset(V, int(v), away[at == v], fan[at == v]) for v in points]
+    found = np.array([face for face in new if face is not None], dtype=np.int64).reshape(-1, 3)
+    _, first = np.unique(np.sort(found, axis=1), axis=0, return_index=True)
+    faces = np.concatenate([F, found[np.sort(first)]])
+    crowded = (edge_table(faces).count > 2).sum() > (edges.count > 2).sum()
+    return (F, 0) if crowded else (faces, len(first))
+
+
+def _gusset(V: Floats, v: int, away: Ints, fan: Ints) -> list[int] | None:
+    """The face at a vertex between those two of its boundary edges, to vertices (k,) of different fans (k,), that are
+    closest to one another in direction."""
+    along = V[away] - V[v]
+    along /= lengths(along)[:, None]
+    cosine = np.where((fan[:, None] == fan) | (away[:, None] == away), -np.inf, along @ along.T)
+    i, j = np.unravel_index(int(cosine.argmax()), cosine.shape)
+    return [v, int(away[i]), int(away[j])] if cosine[i, j] > np.cos(np.radians(WIDEST)) else None
