@@ -217,8 +217,8 @@ class _Fits:
     """The lines of nets, and their models; chains with the points that they had are not sampled anew."""
 
     def __init__(self, lifting: Lifting, plan: SmoothPlan) -> None:
-        self.lifting, self.reach = lifting, REACH * plan.limits.thickness
-        self.fits = LineFits(FLAT * plan.limits.distance, lifting.away)
+        self.lifting, self.limits, self.reach = lifting, plan.limits, REACH * plan.limits.thickness
+        self.fits = LineFits(plan.limits.distance, lifting.away)
         self.points, self.chains = dict[int, Ints](), dict[int, SampledChain]()
         self.patched = set[int]()
 
@@ -226,7 +226,7 @@ class _Fits:
         """Of a net."""
         new = {k: chain for k, chain in net.chains.items() if self.points.get(k) is not chain.points}
         if new:
-            self.chains |= sampled_chains(replace(net, chains=new), self.lifting)
+            self.chains |= sampled_chains(replace(net, chains=new), self.lifting, self.limits)
             self.points |= {k: chain.points for k, chain in new.items()}
         chains = {k: self.chains[k] for k in net.chains}
         quads, others = quads_of(net, chains, self.reach)
