@@ -14,7 +14,7 @@ from dsfab.delivery.files import curved_sheet
 from dsfab.errors import ExportError
 from dsfab.export import StepOptions, sampled_use, write
 from dsfab.export.ladder import prepare
-from dsfab.export.network import draft, use_check
+from dsfab.export.network import draft, line_fits, straightening, use_check
 from dsfab.export.network.crossings import without_crossings
 from dsfab.export.network.curves import ChainCurve, SampledChain, curves_through, on_skins
 from dsfab.export.network.dividing import _narrow, divided
@@ -28,12 +28,13 @@ from dsfab.export.network.model import NetEdge, NetModel
 from dsfab.export.network.patches import coons, least_jacobian, pulled
 from dsfab.export.network.quads import quads_of
 from dsfab.export.network.stations import Stations, paired
+from dsfab.export.network.straightening import straightened
 from dsfab.export.network.trimmed import _powers, _surface, trimmed_face
 from dsfab.export.part import part_of
 from dsfab.export.program import run_program
 from dsfab.export.smooth.plan import SmoothPlan
 from dsfab.export.smooth.source import StripedSheet
-from dsfab.export.splines import bernstein
+from dsfab.export.splines import Spline, bernstein
 from dsfab.slicing import Sheet
 from dsfab.surface import SHAPES, Surface
 from dsfab.surface.neighbours import on_boundary
@@ -160,7 +161,7 @@ def test_chains_lie_on_the_skins_where_a_line_is_near_enough():
     """80 mm of a parallel of a sphere of 1 m: a line below by .8 mm is within 2 mm, and becomes a cubic on it."""
     chain = on_sphere(np.stack([np.linspace(0, 0.08, 50), np.full(50, 0.1)], axis=1))
     x = np.linspace(0, 1, 41)
-    below, on = (on_skins(curves_through([chain], 2.0), away)[0](x) for away in (np.zeros_like, to_sphere))
+    below, on = (on_skins(curves_through([chain], [2.0]), away)[0](x) for away in (np.zeros_like, to_sphere))
     assert np.abs(to_sphere(below)).max() > 0.7
     assert np.abs(to_sphere(on)).max() < 0.01
     np.testing.assert_allclose(on[[0, -1]], chain[[0, -1]], atol=1e-9)
@@ -170,7 +171,8 @@ def test_patches_lie_on_the_skins_between_their_borders():
     """A region of 900 x 400 mm on a sphere of 1 m, two spans by one: its Coons patches stray by 1.7 mm."""
     x = np.linspace(0, 1, 200)
     ends = [((0, 0), (0.9, 0)), ((0.9, 0), (0.9, 0.4)), ((0, 0.4), (0.9, 0.4)), ((0, 0), (0, 0.4))]
-    curves = on_skins(curves_through([on_sphere(a + x[:, None] * np.subtract(b, a)) for a, b in ends], 0.1), to_sphere)
+    lines = [on_sphere(a + x[:, None] * np.subtract(b, a)) for a, b in ends]
+    curves = on_skins(curves_through(lines, [0.1] * len(lines)), to_sphere)
     coarse = coons(*(curve.spans for curve in curves))
     (fine,) = pulled([coarse], to_sphere)
     B = bernstein(x[::20])
@@ -349,7 +351,7 @@ def test_opposite_sides_are_divided_alike_and_points_on_a_line_divide_nothing():
     net, _, _ = rectangle_net(arc=False)
     (quad,), others = quads_of(net, chains, 0.01)
     assert others == [1]
-    curves = {k: curves_through([chain.Q], 0.1)[0] for k, chain in chains.items()}
+    curves = {k: curves_through([chain.Q], [0.1])[0] for k, chain in chains.items()}
     apart = NetLines(net, [ChainLine([(k, True)], curve, np.array([0.0, 1])) for k, curve in curves.items()])
     stations = Stations(apart, chains)
     assert stations.cells(quad) == 3
@@ -358,7 +360,7 @@ def test_opposite_sides_are_divided_alike_and_points_on_a_line_divide_nothing():
     assert len(right) == len(left) == 1
     np.testing.assert_allclose([(a, b) for _, a, b in top], [(1, 0.9), (0.9, 0.1), (0.1, 0)])
     np.testing.assert_allclose(sorted(stations.stops[apart.place[4][0]]), [0, 0.1, 0.9, 1])
-    bow = curves_through([np.concatenate([chains[0].Q, chains[2].Q])], 0.1)[0]
+    bow = curves_through([np.concatenate([chains[0].Q, chains[2].Q])], [0.1])[0]
     long = ChainLine([(k, True) for k in range(3)], bow, np.array([0, 0.1, 0.9, 1]))
     one = NetLines(net, [long, *apart.lines[3:]])
     assert Stations(one, chains).cells(quad) == 1
@@ -498,6 +500,39 @@ def test_a_long_member_is_cut_off_from_a_pointed_end(far):
     assert [done.chains[k].left for k in range(5)] == [0, 8, 8, 0, 0]
     line = done.weights[done.chains[5].points] @ flat.V
     np.testing.assert_allclose(line, np.linspace(flat.V[rows[1]], flat.V[rows[3]], len(line)), atol=1e-9)
+
+
+@pytest.mark.parametrize(("deep", "regions"), [(20, 1), (1, 2)])
+def test_what_is_inside_of_a_hairpin_and_beside_it_is_one_region(deep, regions):
+    """A stripe of a third of the strip's width below another, 20 of 40 columns long, or 1."""
+    flat = flat_strip()
+    x, y = flat.centroids[:, 0], flat.centroids[:, 1] / flat.V[:, 1].max()
+    label = ((np.abs(x - 0.5) < 1 / 6) & (y < deep / 40)).astype(np.int64)
+    lifting = lifting_of(flat)
+    net = straightened(net_of(striped(flat, label=label), flat.V, lifting.skins.normals, T), lifting, 1e3 * T)
+    assert len(net.loops) == regions
+    assert sum(chain.right != VOID for chain in net.chains.values()) == regions - 1
+
+
+@pytest.mark.parametrize("sag", [1.0, 0.1])
+def test_chords_of_a_straightened_chain_are_near_it(sag):
+    """A quarter of a circle of 1 m."""
+    h = 4 / 3 * np.tan(np.pi / 8)
+    arc = Spline(np.repeat([0.0, 1], 4), 1e3 * np.array([[1, 0, 0], [1, h, 0], [h, 1, 0], [0, 1, 0]]), 3)
+    P = arc(np.linspace(0, 1, straightening._points(arc, sag)))
+    off = 1e3 - np.linalg.norm((P[1:] + P[:-1]) / 2, axis=1).min()
+    assert sag / 4 < off < 1.1 * sag
+
+
+@pytest.mark.parametrize(("width", "within"), [(4, 0.03 * 8000 / 2008), (400, 0.55 * 2 + 0.3 / 8)])
+def test_lines_are_as_far_off_as_the_mesh_allows_but_not_so_far_that_a_slit_closes(width, within):
+    """Around an opening 1 m long; what is allowed is 2 mm, and the mesh's chord error .3 mm."""
+    P = np.array([[0, 0], [0, width], [1000, width], [1000, 0]])
+    net_chains = {k: Chain(np.array([k, (k + 1) % 4]), 0, VOID) for k in range(4)}
+    net = ChainNet(csr_array(eye_array(4)), net_chains, {}, frozenset(), np.zeros(0, dtype=np.int64))
+    ends = {k: P[chain.points] for k, chain in net_chains.items()}
+    chains = {k: SampledChain(np.array([[*a, 1, *a, -1], [*b, 1, *b, -1]]), True, 0.3) for k, (a, b) in ends.items()}
+    assert line_fits._tolerances(net, chains, 2.0) == pytest.approx(dict.fromkeys(range(4), within))
 
 
 def two_squares(bulge: float) -> tuple[ChainNet, dict[int, ChainCurve]]:

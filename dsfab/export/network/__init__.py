@@ -4,6 +4,7 @@ lifting     : points of the smooth skins over points of the mesh.
 graph       : the sheet's regions, and the chains of edges between them.
 fillets     : round corners of openings taken into the members beside them.
 joining     : chains of an outline that are one.
+straightening : chains between material, without those that run out and back.
 curves      : the chains as cubics, one for both skins.
 inner       : splines that bring curves and patches back onto the skins between their ends.
 quads       : which regions have four sides.

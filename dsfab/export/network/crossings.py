@@ -63,12 +63,12 @@ def without_crossings(net: ChainNet, curves: Mapping[int, ChainCurve], regions: 
         for k in sorted(crossing_chains(net, curves, region)):
             chain = whole.chains.get(k)
             if chain is not None and VOID != chain.right != chain.left:
-                whole = _joined(whole, k)
+                whole = without_chain(whole, k)
                 break
     return whole
 
 
-def _joined(net: ChainNet, k: int) -> ChainNet:
+def without_chain(net: ChainNet, k: int) -> ChainNet:
     """The net in which both regions of a chain are the one on its left; it is of single outlines, or as it was."""
     left, right = net.chains[k].left, net.chains[k].right
     if len(net.loops[left]) + len(net.loops[right]) > 2:

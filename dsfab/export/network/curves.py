@@ -13,6 +13,7 @@ from dsfab.export.network.inner import InnerSpline
 from dsfab.export.network.lifting import Lifting
 from dsfab.export.smooth.edges import spread
 from dsfab.export.smooth.fits import splines_through
+from dsfab.export.smooth.limits import Limits
 from dsfab.export.splines import Spline, bernstein
 
 BETWEEN = 2
@@ -26,10 +27,12 @@ TO_POLES = np.linalg.inv(bernstein(READ))
 
 @dataclass(frozen=True, eq=False)
 class SampledChain:
-    """Q : (k, 6) points on the outer and on the inner skin, millimetres.    outline : whether void is beyond it."""
+    """Q : (k, 6) points on the outer and on the inner skin, millimetres.    outline : whether void is beyond it.
+    chord : the mesh's least chord error along it, millimetres."""
 
     Q: Floats
     outline: bool
+    chord: float = 0.0
 
     @cached_property
     def middle(self) -> Floats:
@@ -120,9 +123,9 @@ def parts_of(poles: Floats, start: Floats, end: Floats) -> Floats:
     return np.asarray(TO_POLES @ rows @ poles)
 
 
-def curves_through(lines: Sequence[Floats], tolerance: float) -> list[ChainCurve]:
-    """The curves within a tolerance of polylines (k, 6), millimetres; all are fitted at once."""
-    fits = splines_through([spread(line) for line in lines], [tolerance] * len(lines), parts=2)
+def curves_through(lines: Sequence[Floats], tolerances: Sequence[float]) -> list[ChainCurve]:
+    """The curves within tolerances of polylines (k, 6), millimetres; all are fitted at once."""
+    fits = splines_through([spread(line) for line in lines], tolerances, parts=2)
     return [ChainCurve.of(*fit) for fit in fits]
 
 
@@ -142,7 +145,7 @@ def on_skins(curves: Sequence[ChainCurve], away: Callable[[Floats], Floats]) -> 
     ]
 
 
-def sampled_chains(net: ChainNet, lifting: Lifting) -> dict[int, SampledChain]:
+def sampled_chains(net: ChainNet, lifting: Lifting, limits: Limits) -> dict[int, SampledChain]:
     """The chains of a net on the smooth skins, by number."""
     numbers = list(net.chains)
     points = [net.chains[k].points for k in numbers]
@@ -151,11 +154,12 @@ def sampled_chains(net: ChainNet, lifting: Lifting) -> dict[int, SampledChain]:
     parts = [csr_array(one * (1 - t) + two * t) for t in np.arange(BETWEEN) / BETWEEN]
     last = net.weights[np.array([p[-1] for p in points])]
     Q = lifting.points(csr_array(vstack([*parts, last], format="csr")))
-    count = len(start)
+    count, chord = len(start), limits.allowed(Q[: len(start), :3]) - limits.distance
     inner = Q[: BETWEEN * count].reshape(BETWEEN, count, 6).transpose(1, 0, 2)
     at, found = 0, dict[int, SampledChain]()
     for i, (k, p) in enumerate(zip(numbers, points, strict=True)):
         mine = inner[at : at + len(p) - 1].reshape(-1, 6)
-        found[k] = SampledChain(np.concatenate([mine, Q[[BETWEEN * count + i]]]), net.chains[k].right == VOID)
+        Qk = np.concatenate([mine, Q[[BETWEEN * count + i]]])
+        found[k] = SampledChain(Qk, net.chains[k].right == VOID, float(chord[at : at + len(p) - 1].min()))
         at += len(p) - 1
     return found

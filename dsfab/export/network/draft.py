@@ -1,6 +1,6 @@
 """The text of a part by members, which nobody has checked."""
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -163,10 +163,15 @@ def _trimmed_faces(
 ) -> dict[int, TrimmedFace]:
     """By region; none of one that no surface is near to, but has four sides."""
     found, parts = dict[int, TrimmedFace](), {*net.parent, *net.parent.values()}
+    outlines = {region: model.outline(loops) for region, loops in model.trimmed.items()}
     for region, loops in model.trimmed.items():
-        inside = _inside(net, sheet, fits.lifting, region)
+        if len(loops) == 1 and (known := fits.faces.get((region, outlines[region]))):
+            found[region] = replace(known, loops=loops)
+    new = [region for region in model.trimmed if region not in found]
+    for region, inside in _inside(net, sheet, fits.lifting, new).items():
         try:
-            found[region] = trimmed_face(model, loops, inside, NARROW * plan.limits.thickness, region in parts)
+            face = trimmed_face(model, model.trimmed[region], inside, NARROW * plan.limits.thickness, region in parts)
+            found[region] = fits.faces[region, outlines[region]] = face
         except ExportError:
             if region not in model.compact:
                 raise
@@ -214,19 +219,21 @@ def _changed(known: dict[int, bytes], outlines: dict[int, bytes]) -> list[int]:
 
 
 class _Fits:
-    """The lines of nets, and their models; chains with the points that they had are not sampled anew."""
+    """The lines of nets, and their models; chains with the points that they had are not sampled anew, nor are trimmed
+    faces with the outlines that they had (by region and poles)."""
 
     def __init__(self, lifting: Lifting, plan: SmoothPlan) -> None:
-        self.lifting, self.reach = lifting, REACH * plan.limits.thickness
-        self.fits = LineFits(FLAT * plan.limits.distance, lifting.away)
+        self.lifting, self.limits, self.reach = lifting, plan.limits, REACH * plan.limits.thickness
+        self.fits = LineFits(plan.limits.distance, lifting.away)
         self.points, self.chains = dict[int, Ints](), dict[int, SampledChain]()
+        self.faces = dict[tuple[int, bytes], TrimmedFace]()
         self.patched = set[int]()
 
     def model(self, net: ChainNet) -> tuple[NetLines, NetModel]:
         """Of a net."""
         new = {k: chain for k, chain in net.chains.items() if self.points.get(k) is not chain.points}
         if new:
-            self.chains |= sampled_chains(replace(net, chains=new), self.lifting)
+            self.chains |= sampled_chains(replace(net, chains=new), self.lifting, self.limits)
             self.points |= {k: chain.points for k, chain in new.items()}
         chains = {k: self.chains[k] for k in net.chains}
         quads, others = quads_of(net, chains, self.reach)
@@ -234,8 +241,13 @@ class _Fits:
         return lines, net_model(lines, chains, quads, others, self.lifting.away, self.patched)
 
 
-def _inside(net: ChainNet, sheet: StripedSheet, lifting: Lifting, region: int) -> Floats:
-    """(k, 6) points of the skins over a region's cells, `INNER` of each."""
-    F: Ints = sheet.F[net.cell == net.parent.get(region, region)]
+def _inside(net: ChainNet, sheet: StripedSheet, lifting: Lifting, regions: Sequence[int]) -> dict[int, Floats]:
+    """By region, (k, 6) points of the skins over its cells, `INNER` of each; all are found at once."""
+    if not regions:
+        return {}
+    cells = [np.flatnonzero(net.cell == net.parent.get(region, region)) for region in regions]
+    F: Ints = sheet.F[np.concatenate(cells)]
     a, b, c = (sheet.weights[F[:, i]] for i in range(3))
-    return lifting.points(csr_array(vstack([a * u + b * v + c * w for u, v, w in INNER], format="csr")))
+    points = lifting.points(csr_array(vstack([a * u + b * v + c * w for u, v, w in INNER], format="csr")))
+    each = np.split(points.reshape(len(INNER), len(F), 6), np.cumsum([len(some) for some in cells])[:-1], axis=1)
+    return {region: some.reshape(-1, 6) for region, some in zip(regions, each, strict=True)}

@@ -13,8 +13,10 @@ import numpy as np
 from dsfab.arrays import Floats, Ints
 from dsfab.export.network.curves import SampledChain, curves_through, on_skins
 from dsfab.export.network.graph import VOID, ChainNet, Loop
+from dsfab.export.network.joining import mean_width
 from dsfab.export.network.lines import ChainLine, End, NetLines, end_of, ends_of, node_of, with_ends_on_lines
 from dsfab.export.network.quads import Quad
+from dsfab.export.smooth.edges import FLAT, OF_LOOP
 
 APART = 0.1
 """Share of a span by which the ends of chains in a line are away from its breaks, at least."""
@@ -22,22 +24,27 @@ APART = 0.1
 SMOOTH = 10.0
 """Degrees that an outline may turn where two of its chains are one line, if no region needs that."""
 
+OF_CHORD = 1 / 8
+"""Share of the mesh's own chord error that is added to the tolerance, a quarter of what walls of smooth solids get: the
+skins of a coarse mesh wave, onto which curves are brought afterwards. With half, a torus was 3.8 mm off of 3.4."""
+
 
 class LineFits:
-    """The lines of nets within a tolerance, millimetres; those whose chains have the points that they had are not
-    fitted anew.
+    """The lines of nets; those whose chains have the points that they had are not fitted anew.
 
-    away : the ways (k, 6) to both skins from points near them.
+    distance : that a solid may be off the mesh, millimetres.    away : the ways (k, 6) to both skins from points near
+    them.
     """
 
-    def __init__(self, tolerance: float, away: Callable[[Floats], Floats]) -> None:
-        self.tolerance, self.away = tolerance, away
+    def __init__(self, distance: float, away: Callable[[Floats], Floats]) -> None:
+        self.distance, self.away = distance, away
+        self.within = dict[int, float]()
         self.known = dict[tuple[tuple[int, bool], ...], tuple[list[Ints], ChainLine]]()
         self.pulled = dict[int, tuple[ChainLine, ChainLine]]()
 
     def lines(self, net: ChainNet, chains: Mapping[int, SampledChain], quads: Iterable[Quad], reach: float) -> NetLines:
         """The lines of a net, each with as few spans as its chains have at most."""
-        turns = _Turns(chains, reach)
+        turns, self.within = _Turns(chains, reach), _tolerances(net, chains, self.distance)
         links = _links(net, quads, turns)
         todo, found = _rows(net.chains, links), list[ChainLine]()
         while todo:
@@ -55,11 +62,14 @@ class LineFits:
         points = {tuple(row): [net.chains[k].points for k, _ in row] for row in rows}
         new = [row for row, now in points.items() if not _same(self.known.get(row), now)]
         samples = [_samples(row, chains) for row in new]
-        for row, (_, at), curve in zip(
-            new, samples, curves_through([Q for Q, _ in samples], self.tolerance), strict=True
-        ):
+        curves = curves_through([Q for Q, _ in samples], [self._tolerance(row) for row in new])
+        for row, (_, at), curve in zip(new, samples, curves, strict=True):
             self.known[row] = points[row], ChainLine(list(row), curve, at)
         return [self.known[row][1] for row in points]
+
+    def _tolerance(self, row: Iterable[tuple[int, bool]]) -> float:
+        """Millimetres that a line of some chains may be off them."""
+        return min(self.within[k] for k, _ in row)
 
     def _good(self, net: ChainNet, chains: Mapping[int, SampledChain], lines: list[ChainLine]) -> list[bool]:
         """Whether each is one chain, or near enough to all of its chains with fewer spans than these have alone."""
@@ -76,7 +86,7 @@ class LineFits:
     def _near(self, net: ChainNet, line: ChainLine) -> bool:
         """Whether a line of several chains is within the tolerance, and none of them ends close to a break of it."""
         nodes, breaks = line.at[1:-1], line.curve.breaks
-        if not len(nodes) or line.curve.off > self.tolerance or len(set(ends_of(net, line))) == 1:
+        if not len(nodes) or line.curve.off > self._tolerance(line.steps) or len(set(ends_of(net, line))) == 1:
             return False
         return len(breaks) == 2 or bool(np.abs(breaks[:, None] - nodes).min() >= APART * np.diff(breaks).min())
 
@@ -86,6 +96,23 @@ class LineFits:
         for line, curve in zip(new, curves, strict=True):
             self.pulled[id(line)] = line, replace(line, curve=curve)
         return [self.pulled[id(line)][1] for line in lines]
+
+
+def _tolerances(net: ChainNet, chains: Mapping[int, SampledChain], distance: float) -> dict[int, float]:
+    """By chain, millimetres that its curve may be off it: a share of the distance that is allowed and of what the mesh
+    does not know of its outline, but so little of a narrow opening that its sides do not cross."""
+    found = {k: FLAT * distance + OF_CHORD * chain.chord for k, chain in chains.items()}
+    after = {int(chain.points[0]): k for k, chain in net.chains.items() if chain.right == VOID}
+    while after:
+        start, k = after.popitem()
+        loop = [k]
+        while (k := after.pop(int(net.chains[k].points[-1]), -1)) >= 0:
+            loop.append(k)
+        if int(net.chains[loop[-1]].points[-1]) != start:
+            continue  # a node of two outlines
+        width = mean_width(np.concatenate([chains[k].middle[:-1] for k in loop]))
+        found |= {k: min(found[k], OF_LOOP * width) for k in loop}
+    return found
 
 
 def _same(known: tuple[list[Ints], ChainLine] | None, points: list[Ints]) -> bool:

@@ -63,6 +63,11 @@ class NetModel:
     trimmed: dict[int, list[Loop]] = field(default_factory=dict)
     compact: frozenset[int] = frozenset()
 
+    def outline(self, loops: Iterable[Loop]) -> bytes:
+        """The poles along loops of edges: equal where the curves are, whatever the edges' numbers."""
+        steps = [step for loop in loops for step in loop]
+        return b"".join(self.edges[e].poles[:: 1 if ahead else -1].tobytes() for e, ahead in steps)
+
 
 def net_model(
     lines: NetLines,

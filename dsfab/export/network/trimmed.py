@@ -4,6 +4,7 @@ from dataclasses import dataclass
 from itertools import product
 
 import numpy as np
+from scipy.linalg import lstsq
 from scipy.special import comb
 
 from dsfab.arrays import Bools, Floats
@@ -136,7 +137,7 @@ def _heights(uv: Floats, z: Floats, weight: Floats, degree: int) -> tuple[Floats
     A = np.einsum("ka,kb->kab", _powers(uv[:, 0], degree), _powers(uv[:, 1], degree)).reshape(len(uv), -1)
     stiff = SMOOTH * _differences(degree + 1)
     rows, right = np.concatenate([weight[:, None] * A, stiff]), np.append(weight * z, np.zeros(len(stiff)))
-    poles = np.linalg.lstsq(rows, right, rcond=None)[0]
+    poles = lstsq(rows, right, lapack_driver="gelsy", check_finite=False)[0]  # in half the time of numpy's
     off = np.abs(A @ poles - z)
     return poles.reshape(degree + 1, -1), float(off[weight > 1].max()), float(off[weight == 1].max(initial=0.0))
 
