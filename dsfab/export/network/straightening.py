@@ -1,6 +1,6 @@
 """Chains between two regions of material, straightened: nothing is seen of them but an edge between two patches.
 
-They come from the mesh, or from stripes below others, and wander. An outline is left as it is.
+They come from the mesh, or from stripes below others, and wander. An outline is left as it is, and so is a crease.
 """
 
 from dataclasses import replace
@@ -24,6 +24,9 @@ def straightened(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
     """The net with its inner chains on the simplest curves near them; thickness in millimetres."""
     P = np.asarray(net.weights @ lifting.skins.points)
     inner = [k for k, chain in net.chains.items() if chain.right != VOID and len(chain.points) > 2]
+    if inner and len(lifting.sides.creases):
+        crease = lifting.sides.on_creases(net.weights)
+        inner = [k for k in inner if not crease[net.chains[k].points].all()]
     if not inner:
         return net
     fits = splines_through([spread(P[net.chains[k].points]) for k in inner], [SIDEWAYS * thickness] * len(inner))
