@@ -5,8 +5,8 @@ planar -> planar, tighter -> by members, where these are few -> smooth, where it
 by members -> smooth, however long it takes -> faceted, where it is asked for by name
 
 That is `auto`, by members only where the stripes are known. `quick` is the same without the smooth one that takes
-however long, and by members only where the sheet has creases: a smooth file rounds them off. The next way is tried when
-one is refused: for the shape, by the budget, before anything is written, or for what OCCT finds in the file.
+however long, and by members only where an open sheet has creases: a smooth file rounds them off. The next way is tried
+when one is refused: for the shape, by the budget, before anything is written, or for what OCCT finds in the file.
 """
 
 from collections.abc import Iterator, Sequence
@@ -93,8 +93,11 @@ def attempts(part: Part) -> Iterator[Part | BudgetError]:
 
 
 def _creased(part: Part) -> bool:
-    """Whether a part's sheet was cut from a surface with creases."""
-    return part.curved is not None and bool(crease_edges(Surface(part.curved().V, part.curved().F)).any())
+    """Whether a part's sheet was cut from an open surface with creases: those of a closed one, a figure, are many."""
+    if part.curved is None:
+        return False
+    surface = Surface(part.curved().V, part.curved().F)
+    return bool(surface.edges.boundary.any() and crease_edges(surface).any())
 
 
 def _striped(part: Part) -> bool:
