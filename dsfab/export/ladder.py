@@ -4,9 +4,9 @@ planar -> planar, tighter -> by members, where these are few -> smooth, where it
                                                          -> smooth, however long it takes -> simplified further
 by members -> smooth, however long it takes -> faceted, where it is asked for by name
 
-That is `auto`, by members only where the stripes are known; `quick` is the same without members and the smooth one that
-takes however long. The next way is tried when one is refused: for the shape, by the budget, before anything is written,
-or for what OCCT finds in the file, one cut of it among that.
+That is `auto`, by members only where the stripes are known. `quick` is the same without the smooth one that takes
+however long, and by members only where an open sheet has creases: a smooth file rounds them off. The next way is tried
+when one is refused: for the shape, by the budget, before anything is written, or for what OCCT finds in the file.
 """
 
 from collections.abc import Iterator, Sequence
@@ -19,6 +19,7 @@ from dsfab.export import tessellated
 from dsfab.export.budget import BudgetError, none_within
 from dsfab.export.folds import flat_facets, folded_sheet
 from dsfab.export.network.build import NotByMembersError, member_file
+from dsfab.export.network.creases import crease_edges
 from dsfab.export.part import Part, without_collapsed
 from dsfab.export.plate import NotFlatError, outlines_of
 from dsfab.export.sampled_use import smooth_use
@@ -26,6 +27,7 @@ from dsfab.export.simplify import simplified_part, usual_tolerance
 from dsfab.export.smooth.build import smooth_file
 from dsfab.export.step_text import DIGITS, FACETED_DIGITS
 from dsfab.limits import FURTHER, OUTLINE
+from dsfab.surface import Surface
 from dsfab.surface.topology import edge_table, half_edges
 
 ROUTES = ("auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated")
@@ -74,7 +76,7 @@ def attempts(part: Part) -> Iterator[Part | BudgetError]:
             if planar.tolerance:
                 yield replace(planar, tolerance=TIGHTER * planar.tolerance)
     curved, quick = chosen and part.curved is not None and not flat, part.step == "quick"
-    if curved and not quick and _striped(part):
+    if curved and (not quick or _creased(part)) and _striped(part):
         yield replace(part, step="members", hurry=1)
     if part.step == "smooth" or curved:
         yield replace(part, step="smooth", hurry=(LONGER if quick else 1) if curved else 0, cut=curved and not quick)
@@ -88,6 +90,14 @@ def attempts(part: Part) -> Iterator[Part | BudgetError]:
             yield faceted
     if chosen:
         yield from _last(faceted, curved and part.step == "auto", part.step == "quick")
+
+
+def _creased(part: Part) -> bool:
+    """Whether a part's sheet was cut from an open surface with creases: those of a closed one, a figure, are many."""
+    if part.curved is None:
+        return False
+    surface = Surface(part.curved().V, part.curved().F)
+    return bool(surface.edges.boundary.any() and crease_edges(surface).any())
 
 
 def _striped(part: Part) -> bool:

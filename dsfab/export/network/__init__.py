@@ -1,6 +1,7 @@
 """STEP of curved sheets by members: untrimmed four-sided patches on shared curves, and ruled walls.
 
 lifting     : points of the smooth skins over points of the mesh.
+creases     : where patches have to end; sides : what is different on both sides of one.
 graph       : the sheet's regions, and the chains of edges between them.
 fillets     : round corners of openings taken into the members beside them.
 joining     : chains of an outline that are one.

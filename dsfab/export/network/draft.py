@@ -126,7 +126,8 @@ def _sheets(striped: StripedSheet) -> Iterator[StripedSheet]:
 def _net(sheet: StripedSheet, lifting: Lifting, plan: SmoothPlan) -> ChainNet:
     """The net of a piece; it has about a wall for each chain of its outline, and at least two faces for each region."""
     t, skins = plan.limits.thickness, lifting.skins
-    net = net_of(sheet, plan.surface.V, skins.normals, t / MM_PER_M)
+    creased = lifting.sides.along if len(lifting.sides.creases) else None
+    net = net_of(sheet, plan.surface.V, skins.normals, t / MM_PER_M, creased)
     net = without_fillets(net, lifting)
     P, N = (np.asarray(net.weights @ x) for x in (skins.points, skins.normals))
     net = joined_outlines(without_lenses(net, P, LENS * t), P, N)

@@ -5,7 +5,7 @@ o----------o------o          A node (o) is where chains meet, where what is on e
 o----------o------o          them backwards; a chain of the outline has its material on the left.
 """
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
 
 import numpy as np
@@ -64,11 +64,18 @@ class ChainNet:
         return (int(points[0]), int(points[-1])) if ahead else (int(points[-1]), int(points[0]))
 
 
-def net_of(sheet: StripedSheet, V: Floats, N: Floats, thickness: float) -> ChainNet:
+Creased = Callable[[csr_array, Ints, Ints], Bools]
+"""Whether lines between points with weights lie on a crease: see `Sides.along`."""
+
+
+def net_of(sheet: StripedSheet, V: Floats, N: Floats, thickness: float, creased: Creased | None = None) -> ChainNet:
     """The net of a sheet on an uncut surface with vertices V and normals N (n, 3); both lengths in one unit."""
     P, normals = (np.asarray(sheet.weights @ x) for x in (V, N))
     edges = edge_table(sheet.F)
-    region, loose = _regions(sheet, P, edges, thickness)
+    start, end = half_edges(sheet.F)
+    h = edges.pairs[:, 0]
+    apart = creased(sheet.weights, start[h], end[h]) if creased else np.zeros(len(h), dtype=bool)
+    region, loose = _regions(sheet, P, edges, thickness, apart)
     return _Walk(sheet, P, normals, edges, region).net(loose)
 
 
@@ -81,10 +88,15 @@ def turns(before: Floats, after: Floats, N: Floats) -> Floats:
     return np.asarray(np.einsum("ki,ki->k", one, two) / np.maximum(length, 1e-300))
 
 
-def _regions(sheet: StripedSheet, P: Floats, edges: EdgeTable, thickness: float) -> tuple[Ints, frozenset[int]]:
-    """(m,) the region of each cell, connected and of one label; and those that are loose."""
+def _regions(
+    sheet: StripedSheet, P: Floats, edges: EdgeTable, thickness: float, apart: Bools
+) -> tuple[Ints, frozenset[int]]:
+    """(m,) the region of each cell, connected and of one label; and those that are loose.
+
+    apart : (i,) pairs of neighbours with a crease between them.
+    """
     f, g = edges.pairs.T // 3
-    same = (sheet.label[f] == sheet.label[g]) & (sheet.loose[f] == sheet.loose[g])
+    same = (sheet.label[f] == sheet.label[g]) & (sheet.loose[f] == sheet.loose[g]) & ~apart
     count, region = connected(len(sheet.F), f[same], g[same])
     a, b, c = (P[sheet.F[:, i]] for i in range(3))
     area = np.bincount(region, np.linalg.norm(np.cross(b - a, c - a), axis=1) / 2, count)

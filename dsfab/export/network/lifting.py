@@ -1,8 +1,8 @@
 """Points of both smooth skins over points of the mesh.
 
 A triangle knows no curvature; its corners and their normals do. Half of what Phong tessellation [Boubekeur, Alexa 2008]
-adds to a point reproduces every quadratic, spheres and cylinders to the third order, without a parametrisation. At
-creases it would leave the mesh by more than a solid may.
+adds to a point reproduces every quadratic, spheres and cylinders to the third order, without a parametrisation. Creases
+have normals on each side; at shorter ones it would leave the mesh by more than a solid may.
 """
 
 from dataclasses import dataclass
@@ -13,6 +13,7 @@ import numpy as np
 from scipy.sparse import csr_array
 
 from dsfab.arrays import Floats
+from dsfab.export.network.sides import Sides
 from dsfab.export.smooth.dense import Dense, dense
 from dsfab.export.smooth.source import Curved
 from dsfab.surface import Surface
@@ -36,16 +37,25 @@ class Lifting:
 
     def points(self, weights: csr_array) -> Floats:
         """(k, 6) millimetres on the outer and on the inner skin, over points with barycentric weights (k, n)."""
-        V, N = self.skins.points, self.skins.normals
+        if not len(self.sides.creases):
+            return self._points(weights)
+        one, two = self.sides.rows(weights)
+        return np.asarray((self._points(one) + self._points(two)) / 2)
+
+    def _points(self, weights: csr_array) -> Floats:
+        """The same, over weights (k, s) on the columns of `sides`."""
+        V, N = self.skins.points[self.sides.vertex], self.sides.normals
         P, n = np.asarray(weights @ V), np.asarray(weights @ N)
         along = np.einsum("ni,ni->n", V, N)
         outer = (N[:, :, None] * N[:, None, :]).reshape(-1, 9)
         pull = weights @ (along[:, None] * N)
-        half = MM_PER_M * np.asarray(weights @ self.skins.half)[:, None]
+        half = MM_PER_M * np.asarray(weights @ self.sides.half)[:, None]
         lift = (pull - np.einsum("kij,kj->ki", (weights @ outer).reshape(-1, 3, 3), P)) / 2
         lift *= np.minimum(2 * MOST * half / np.maximum(np.linalg.norm(lift, axis=1, keepdims=True), 1e-300), 1)
         n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-300)
         D = half * n
+        if len(self.sides.creases):
+            D = D + MM_PER_M * np.asarray(weights @ self.sides.mitre)
         middle = P + lift + self.skins.shift * D
         return np.concatenate([middle + D, middle - D], axis=1)
 
@@ -71,6 +81,11 @@ class Lifting:
         share /= share.sum(axis=1, keepdims=True)
         rows = np.arange(0, 3 * len(points) + 1, 3)
         return csr_array((share.ravel(), corners.ravel(), rows), shape=(len(points), len(V)))
+
+    @cached_property
+    def sides(self) -> Sides:
+        """Of its creases."""
+        return Sides.of(self.skins)
 
     @cached_property
     def _tree(self) -> igl.AABB:

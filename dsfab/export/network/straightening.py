@@ -1,6 +1,6 @@
 """Chains between two regions of material, straightened: nothing is seen of them but an edge between two patches.
 
-They come from the mesh, or from stripes below others, and wander. An outline is left as it is.
+They come from the mesh, or from stripes below others, and wander. An outline is left as it is, and so is a crease.
 
 ----------------.       Where a stripe ends below another, a chain runs out and back (a hairpin). No four-sided patches
    one region    )      fit around such a tip: what is inside and what is beside become one region, and a face of a few
@@ -48,6 +48,9 @@ def straightened(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
     """The net without hairpins, its inner chains on the simplest curves near them; thickness in millimetres."""
     P = np.asarray(net.weights @ lifting.skins.points)
     inner = [k for k, chain in net.chains.items() if chain.right != VOID and len(chain.points) > 2]
+    if inner and len(lifting.sides.creases):
+        crease = lifting.sides.on_creases(net.weights)
+        inner = [k for k in inner if not crease[net.chains[k].points].all()]
     fits = splines_through([spread(P[net.chains[k].points]) for k in inner], [SIDEWAYS * thickness] * len(inner))
     curves = {k: curve for k, (curve, _) in zip(inner, fits, strict=True)}
     N = np.asarray(net.weights @ lifting.skins.normals)

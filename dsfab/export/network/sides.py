@@ -1,0 +1,190 @@
+r"""The sides of a surface's creases: each has normals of its own, and both skins are mitred where they meet.
+
+         /\           A vertex on a crease has a *side* for each fan of faces between creases. A point over a face
+side 0  /  \  side 1  takes the sides of that face's corners; one on a crease is the mean of both.
+"""
+
+from dataclasses import dataclass
+
+import igl
+import numpy as np
+from scipy.sparse import csr_array
+
+from dsfab.arrays import Bools, Floats, Ints
+from dsfab.export.network.creases import crease_edges
+from dsfab.export.smooth.dense import Dense
+from dsfab.surface import Surface, connected, half_edges
+
+NOTHING = 1e-9
+"""A barycentric weight that is none."""
+
+LONGEST = 3.0
+"""Times half the thickness that a mitre may be long: sharper creases are blunt."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sides:
+    """The vertices of a surface as (s,) columns: the n vertices, then each side of those that are on creases.
+
+    creases : (k, 2) edges, the smaller vertex first, in order.    vertex : (s,) of each column.
+    corner  : (m, 3) the column of each face's corners.    normals : (s, 3) of what is on one side.
+    half    : (s,) see `Dense`.
+    mitre   : (s, 3) metres, what half the thickness along a normal lacks for both sides to meet.
+    """
+
+    surface: Surface
+    creases: Ints
+    vertex: Ints
+    corner: Ints
+    normals: Floats
+    half: Floats
+    mitre: Floats
+
+    @classmethod
+    def of(cls, skins: Dense) -> "Sides":
+        """Those of a surface with its skins."""
+        surface, crease = skins.surface, crease_edges(skins.surface)
+        corner = _corner_sides(surface, crease)
+        vertex = np.arange(surface.n)
+        more = corner >= surface.n
+        if not more.any():
+            none = np.zeros((surface.n, 3))
+            return cls(surface, surface.edges.ends[crease], vertex, corner, skins.normals, skins.half, none)
+        sides = np.zeros(int(corner.max()) + 1 - surface.n, dtype=np.int64)
+        sides[corner[more] - surface.n] = surface.F[more]
+        vertex = np.concatenate([vertex, sides])
+        N = np.zeros((len(vertex), 3))
+        angle = np.asarray(igl.internal_angles(surface.V, surface.F))
+        np.add.at(N, corner, angle[..., None] * surface.normals[:, None])
+        N[: surface.n] = skins.normals
+        N /= np.maximum(np.linalg.norm(N, axis=1, keepdims=True), 1e-300)
+        half = skins.half[vertex]
+        mitre = np.zeros_like(N)
+        mitre[surface.n :] = _mitres(sides, N[surface.n :], half[surface.n :])
+        return cls(surface, surface.edges.ends[crease], vertex, corner, N, half, mitre)
+
+    def rows(self, weights: csr_array) -> tuple[csr_array, csr_array]:
+        """Barycentric weights (k, n) on columns (k, s), twice: seen from both sides of a crease that a point is on."""
+        split = np.zeros(self.surface.n, dtype=bool)
+        split[self.vertex[self.surface.n :]] = True
+        weights = csr_array(weights)
+        row = np.repeat(np.arange(weights.shape[0]), np.diff(weights.indptr))
+        real = np.abs(weights.data) > NOTHING
+        special = np.unique(row[split[weights.indices] & real])
+        columns = np.tile(weights.indices, (2, 1)).astype(np.int64)
+        mine = np.isin(row, special) & real
+        faces = self._faces(weights.indices[mine].astype(np.int64), row[mine], len(weights.indptr) - 1)
+        for i in range(2):
+            face = faces[row, i]
+            known = face >= 0
+            for c in range(3):
+                same = known & (self.surface.F[face, c] == weights.indices)
+                columns[i, same] = self.corner[face[same], c]
+        shape = (weights.shape[0], len(self.vertex))
+        one, two = (csr_array((weights.data, c, weights.indptr), shape=shape) for c in columns)
+        return one, two
+
+    def _faces(self, vertices: Ints, row: Ints, count: int) -> Ints:
+        """(count, 2) faces that the vertices of rows are of, the same twice but on edges; -1 where there is none."""
+        found = np.full((count, 2), -1)
+        order = np.lexsort([vertices, row])
+        vertices, row = vertices[order], row[order]
+        rows, first, many = np.unique(row, return_index=True, return_counts=True)
+        F, edges, n = np.sort(self.surface.F, axis=1), self.surface.edges, self.surface.n
+        for size in (1, 2, 3):
+            r, at = rows[many == size], first[many == size]
+            key = _keys(np.stack([vertices[at + i] for i in range(size)], axis=1), n)
+            if size == 1:
+                face = np.zeros(n, dtype=np.int64)
+                face[self.surface.F] = np.arange(self.surface.m)[:, None]
+                found[r] = face[key][:, None]
+            elif size == 2:
+                e = _looked_up(_keys(edges.ends, n), key)
+                there = e >= 0
+                found[r[there], 0] = edges.order[edges.start[e[there]]] // 3
+                found[r[there], 1] = edges.order[edges.start[e[there] + 1] - 1] // 3
+            else:
+                found[r] = _looked_up(_keys(F, n), key)[:, None]
+        return found
+
+    def on_creases(self, weights: csr_array) -> Bools:
+        """(k,) whether points with barycentric weights (k, n) lie on a crease."""
+        low, high = ends_of_rows(weights)
+        n, split = self.surface.n, self.vertex[self.surface.n :]
+        on = _looked_up(_keys(self.creases, n), low * n + high) >= 0
+        return np.asarray((low >= 0) & (on | ((low == high) & np.isin(low, split))))
+
+    def along(self, weights: csr_array, one: Ints, two: Ints) -> Bools:
+        """(e,) whether the lines from points `one` to points `two` (e,), rows of weights, lie on a crease."""
+        low, high = ends_of_rows(weights)
+        n, known = self.surface.n, (low[one] >= 0) & (low[two] >= 0)
+        a, b = np.minimum(low[one], low[two]), np.maximum(high[one], high[two])
+        among = [(x[y] == a) | (x[y] == b) for x in (low, high) for y in (one, two)]
+        return np.asarray(known & np.all(among, axis=0) & (_looked_up(_keys(self.creases, n), a * n + b) >= 0))
+
+
+def ends_of_rows(weights: csr_array) -> tuple[Ints, Ints]:
+    """(k,) the smallest and the largest vertex of each row of weights; -1 where it has more than two."""
+    row = np.repeat(np.arange(weights.shape[0]), np.diff(weights.indptr))
+    real = np.abs(weights.data) > NOTHING
+    row, vertex = row[real], weights.indices[real].astype(np.int64)
+    low = np.full(weights.shape[0], np.iinfo(np.int64).max)
+    high = np.full(weights.shape[0], -1)
+    np.minimum.at(low, row, vertex)
+    np.maximum.at(high, row, vertex)
+    few = (np.bincount(row, minlength=weights.shape[0]) <= 2) & (high >= 0)
+    return np.where(few, low, -1), np.where(few, high, -1)
+
+
+def _corner_sides(surface: Surface, crease: Bools) -> Ints:
+    """(m, 3) the column of each corner: its vertex, or from n on a number of a side."""
+    F, edges = surface.F, surface.edges
+    start, end = half_edges(F)
+    smooth = edges.pairs[~crease[edges.of.ravel()[edges.pairs[:, 0]]]]
+    number = np.arange(F.size)
+    after = 3 * (number // 3) + (number + 1) % 3
+    links = []
+    for h, g in (smooth.T, smooth[:, ::-1].T):
+        same = start[h] == end[g]  # where neighbours agree which side is outside
+        links.append((h, np.where(same, after[g], g)))
+    i, j = (np.concatenate(x) for x in zip(*links, strict=True))
+    _, fan = connected(F.size, i, j)
+    pair = np.unique(np.stack([F.ravel(), fan], axis=1), axis=0)
+    fans = np.bincount(pair[:, 0], minlength=surface.n)
+    on = np.zeros(surface.n, dtype=bool)
+    on[edges.ends[crease]] = True
+    several = (fans > 1) & on
+    corner = F.ravel().copy()
+    of = several[corner]
+    _, side = np.unique(fan[of], return_inverse=True)
+    corner[of] = surface.n + side
+    return np.asarray(corner.reshape(F.shape))
+
+
+def _mitres(vertex: Ints, N: Floats, half: Floats) -> Floats:
+    """(s, 3) for sides of vertices with normals N (s, 3): from half the thickness along these to what has it on all
+    sides."""
+    found = np.zeros_like(N)
+    for v in np.unique(vertex):
+        mine = vertex == v
+        D = np.linalg.pinv(N[mine], rcond=0.05) @ half[mine]
+        D *= min(1.0, LONGEST * float(half[mine].max()) / max(float(np.linalg.norm(D)), 1e-300))
+        found[mine] = D - half[mine, None] * N[mine]
+    return found
+
+
+def _keys(vertices: Ints, n: int) -> Ints:
+    """(k,) one number for each row of vertices, in ascending order in it."""
+    key = vertices[:, 0].astype(np.int64)
+    for column in vertices.T[1:]:
+        key = key * n + column
+    return np.asarray(key)
+
+
+def _looked_up(known: Ints, wanted: Ints) -> Ints:
+    """(k,) where each wanted number is among those known; -1 where it is not."""
+    if not len(known):
+        return np.full(len(wanted), -1)
+    order = np.argsort(known, kind="stable")
+    at = order[np.clip(np.searchsorted(known, wanted, sorter=order), 0, len(known) - 1)]
+    return np.where(known[at] == wanted, at, -1)
