@@ -18,8 +18,9 @@ from dsfab.errors import PresetError, SurfaceError
 from dsfab.pipeline.measures import cut_error, used_symmetry
 from dsfab.preset_file import load_preset
 from dsfab.proposal import decisions, preset_for, propose
-from dsfab.proposal.feet import feet, stems
+from dsfab.proposal.feet import feet
 from dsfab.proposal.sizes import is_figure, sizes
+from dsfab.proposal.stems import stems
 from dsfab.proposal.vertical import likely_up
 from dsfab.slicing.features import features, kept_cells
 from dsfab.surface import Boundary, Box, Snow, Surface, files, mend, read_surface, upright

@@ -12,10 +12,11 @@ import numpy as np
 from dsfab.materials import material_named
 from dsfab.preset import Preset
 from dsfab.preset_file import preset_from
-from dsfab.proposal.feet import Foot, feet, stems
+from dsfab.proposal.feet import Foot, feet
 from dsfab.proposal.marks import drawn_feet, drawn_marks, mark_decisions
 from dsfab.proposal.reading import Decision, GivenMesh, mesh_in_file, mesh_in_memory, vertical_axis
 from dsfab.proposal.sizes import Sizes, is_figure, sizes
+from dsfab.proposal.stems import stems
 from dsfab.proposal.text import SHARE, SNOW, proposal_text
 from dsfab.surface import Marks, RawMesh, Surface
 from dsfab.wording import length

@@ -20,8 +20,6 @@ LOW = 0.35
 """Share of the height over the lowest foot in which others may begin."""
 SHORTEST = 1 / 25
 """Share of the span that a foot is long at least."""
-STEM = 1 / 20
-"""Share of the span that a stem under the lowest part of a hanging sheet reaches to each side."""
 RIM = "upper rim"
 """What a loop of boundary is called that a sheet hangs from."""
 STEP = 1 / 200
@@ -61,7 +59,7 @@ def feet(surface: Surface, span: float) -> tuple[Foot, ...]:
     """
     height = float(np.ptp(surface.V[:, 2]))
     if is_nearly_closed(surface):
-        return _named(surface, _soles(surface, height), span)
+        return _named(surface, soles(surface, height), span)
     if height < FLAT * surface.size:
         outline = surface.V[surface.loops[0]]
         return (Foot("edge", outline, closed_length(outline), loop=0),)
@@ -76,20 +74,6 @@ def feet(surface: Surface, span: float) -> tuple[Foot, ...]:
             line = _resampled(surface.V[loop], STEP * span)
             found += _stretches(k, line, height, highest, span)
     return _named(surface, found, span)
-
-
-def stems(surface: Surface, stands: Sequence[Foot], span: float) -> tuple[Foot, ...]:
-    """What a sheet that hangs from an upper rim, as a funnel or a bowl, might stand on instead: its lowest parts."""
-    if not stands or not all(foot.name.startswith(RIM) for foot in stands):
-        return ()
-    x, y = surface.V[:, 0], surface.V[:, 1]
-    found = []
-    for sole in _soles(surface, float(np.ptp(surface.V[:, 2]))):
-        (left, front), (right, back) = sole.points[:, :2].min(axis=0), sole.points[:, :2].max(axis=0)
-        reach = max(STEM * span, 2 * surface.mean_edge)
-        near = (x >= left - reach) & (x <= right + reach) & (y >= front - reach) & (y <= back + reach)
-        found.append(Foot("stem", surface.V[near], 0.0))
-    return tuple(found)
 
 
 def _hangs(surface: Surface, loop: int) -> bool:
@@ -136,8 +120,8 @@ def _stands(surface: Surface, loop: Ints, ground: float) -> bool:
     return bool(rises) and float(np.mean(rises)) > 0
 
 
-def _soles(surface: Surface, height: float) -> list[Foot]:
-    """The parts of a closed surface on the ground; specks beside larger ones are none."""
+def soles(surface: Surface, height: float) -> list[Foot]:
+    """The lowest parts of a surface; those of a closed one are on the ground. Specks beside larger parts are none."""
     z = surface.V[:, 2]
     low = z <= z.min() + SOLE * height
     ends = surface.edges.ends[low[surface.edges.ends].all(axis=1)]

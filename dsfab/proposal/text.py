@@ -6,10 +6,11 @@ from typing import Any
 
 import numpy as np
 
-from dsfab.proposal.feet import Foot, stems
+from dsfab.proposal.feet import Foot
 from dsfab.proposal.marks import TABLES, mark_tables
 from dsfab.proposal.reading import GivenMesh
 from dsfab.proposal.sizes import Sizes, is_figure
+from dsfab.proposal.stems import stems
 from dsfab.surface import Boundary, Marks, Surface
 from dsfab.wording import length
 
