@@ -74,6 +74,20 @@ def test_the_ridge_alone_is_a_crease():
         assert not crease_edges(SHAPES[name]()).any(), name
 
 
+def test_creases_go_on_to_where_they_meet():
+    """Four of them, in the middle of an umbrella of four shells: faces there have two. They fade towards its edges."""
+    x, y = np.meshgrid(np.linspace(-6, 6, 21), np.linspace(-6, 6, 21), indexing="ij")
+    a, b = np.abs(x) / 6, np.abs(y) / 6
+    i = np.arange(21 * 21).reshape(21, 21)[:-1, :-1].ravel()
+    F = np.concatenate([np.stack([i, i + 21, i + 22], axis=1), np.stack([i, i + 22, i + 1], axis=1)])
+    umbrella = Surface(np.stack([x, y, 2.2 * (a + b - a * b)], axis=2).reshape(-1, 3), F)
+    ends = umbrella.V[umbrella.edges.ends[crease_edges(umbrella)]]
+    on_axis = (np.abs(ends[..., :2]) < 1e-9).all(axis=1).any(axis=1)
+    assert on_axis.all()
+    assert (np.linalg.norm(ends[..., :2], axis=2) < 1e-9).sum() == 4
+    assert 3 < np.linalg.norm(ends[..., :2], axis=2).max() < 6
+
+
 def test_points_on_a_crease_are_seen_from_both_sides_and_others_from_theirs():
     given = pointed_vault()
     sides = Sides.of(lifting_of(given).skins)
