@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
+from dsfab.errors import ExportError
 from dsfab.export import StepOptions, write
 from dsfab.export.network.creases import crease_edges
 from dsfab.export.network.graph import net_of
@@ -136,3 +137,17 @@ def test_a_pointed_vault_is_by_members_where_smooth_rounds_its_ridge(tmp_path):
     assert said[0].endswith("; a half-space cut valid")
     members, smooth = (float(re.search(r"at most ([\d.]+) mm", line)[1]) for line in said)
     assert members < smooth / 4
+
+
+@pytest.mark.parametrize("way", ["quick", "auto"])
+def test_where_no_sheet_is_known_other_ways_are_tried(way, tmp_path):
+    """As of a sheet that crosses itself: what says so ended all ways, facets too."""
+
+    def crosses():
+        raise ExportError("the sheet crosses itself, and its parts are fused there")
+
+    _, solid, _ = draft_of(pointed_vault(4), striped(pointed_vault(4)))
+    said = list[str]()
+    write(solid, tmp_path / "a.step", step=StepOptions(way, curved=crosses), note=said.append)
+    assert (tmp_path / "a.step").stat().st_size > 0
+    assert "crosses itself" in " ".join(said)

@@ -25,6 +25,7 @@ from dsfab.export.plate import NotFlatError, outlines_of
 from dsfab.export.sampled_use import smooth_use
 from dsfab.export.simplify import simplified_part, usual_tolerance
 from dsfab.export.smooth.build import smooth_file
+from dsfab.export.smooth.source import Curved
 from dsfab.export.step_text import DIGITS, FACETED_DIGITS
 from dsfab.limits import FURTHER, OUTLINE
 from dsfab.surface import Surface
@@ -76,7 +77,7 @@ def attempts(part: Part) -> Iterator[Part | BudgetError]:
             if planar.tolerance:
                 yield replace(planar, tolerance=TIGHTER * planar.tolerance)
     curved, quick = chosen and part.curved is not None and not flat, part.step == "quick"
-    if curved and (not quick or _creased(part)) and _striped(part):
+    if curved and _worth_members(part):
         yield replace(part, step="members", hurry=1)
     if part.step == "smooth" or curved:
         yield replace(part, step="smooth", hurry=(LONGER if quick else 1) if curved else 0, cut=curved and not quick)
@@ -92,17 +93,28 @@ def attempts(part: Part) -> Iterator[Part | BudgetError]:
         yield from _last(faceted, curved and part.step == "auto", part.step == "quick")
 
 
-def _creased(part: Part) -> bool:
-    """Whether a part's sheet was cut from an open surface with creases: those of a closed one, a figure, are many."""
-    if part.curved is None:
+def _worth_members(part: Part) -> bool:
+    """Whether a part is tried by members unasked: the stripes of its sheet are known, and for `quick` it was cut from
+    an open surface with creases; those of a closed one, a figure, are many."""
+    curved = _curved(part)
+    if curved is None or curved.striped is None:
         return False
-    surface = Surface(part.curved().V, part.curved().F)
-    return bool(surface.edges.boundary.any() and crease_edges(surface).any())
+    surface = Surface(curved.V, curved.F)
+    return part.step == "auto" or bool(surface.edges.boundary.any() and crease_edges(surface).any())
 
 
 def _striped(part: Part) -> bool:
     """Whether the stripes of a part's sheet are known."""
-    return part.curved is not None and part.curved().striped is not None
+    curved = _curved(part)
+    return curved is not None and curved.striped is not None
+
+
+def _curved(part: Part) -> Curved | None:
+    """The sheet of a part; None where there is none that smooth STEP can take: the smooth way says why."""
+    try:
+        return part.curved() if part.curved else None
+    except ExportError:
+        return None
 
 
 def _last(part: Part, curved: bool, quick: bool) -> Iterator[Part | BudgetError]:
