@@ -53,7 +53,7 @@ from dsfab.surface.remesh import SizeField, change_sizes, remeshed
 from dsfab.surface.repair import is_scan, repaired_scan
 from dsfab.surface.shapes import FIGURES, SHAPES
 from dsfab.surface.supports import Support
-from dsfab.surface.topology import EdgeTable, connected, edge_table, half_edges, next_half_edge, pieces
+from dsfab.surface.topology import EdgeTable, connected, corner_fans, edge_table, half_edges, next_half_edge, pieces
 
 __all__ = [
     "CREASE",
@@ -118,6 +118,7 @@ __all__ = [
     "change_sizes",
     "coincident",
     "connected",
+    "corner_fans",
     "describe",
     "edge_table",
     "edges_of",

@@ -171,18 +171,19 @@ def pinches(F: Ints, edges: EdgeTable, n: int) -> Ints:
     return np.flatnonzero(np.bincount(vertex_of_fan, minlength=n) > 1)
 
 
-def corner_fans(F: Ints, edges: EdgeTable, also: Ints | None = None) -> Ints:
+def corner_fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bools | None = None) -> Ints:
     """(m, 3) the faces on new vertices, one for each fan of faces: parts that touch in a point come apart, and so do
-    faces on an edge of more than two, but for the pairs (k, 2) of half-edges in `also`."""
-    return _fans(F, edges, also)[1].reshape(-1, 3)
+    faces on an edge of more than two, but for the pairs (k, 2) of half-edges in `also`, and at edges `apart` (e,)."""
+    return _fans(F, edges, also, apart)[1].reshape(-1, 3)
 
 
-def _fans(F: Ints, edges: EdgeTable, also: Ints | None = None) -> tuple[int, Ints]:
+def _fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bools | None = None) -> tuple[int, Ints]:
     """Number of edge-connected fans of faces around vertices, and the fan of each corner (3 m,).
 
     Corner `h` is the one that half-edge h leaves from; the corners at both ends of every shared edge are glued.
     """
-    h0, h1 = (edges.pairs if also is None else np.concatenate([edges.pairs, also])).T
+    pairs = edges.pairs if apart is None else edges.pairs[~apart[edges.count == 2]]
+    h0, h1 = (pairs if also is None else np.concatenate([pairs, also])).T
     a, _ = half_edges(F)
     same_way = a[h0] == a[h1]
     at_a = np.where(same_way, h1, next_half_edge(h1))

@@ -6,14 +6,13 @@ side 0  /  \  side 1  takes the sides of that face's corners; one on a crease is
 
 from dataclasses import dataclass
 
-import igl
 import numpy as np
 from scipy.sparse import csr_array
 
-from dsfab.arrays import Bools, Floats, Ints
+from dsfab.arrays import Bools, Floats, Ints, face_angles
 from dsfab.export.network.creases import crease_edges
 from dsfab.export.smooth.dense import Dense
-from dsfab.surface import Surface, connected, half_edges
+from dsfab.surface import Surface, corner_fans
 
 NOTHING = 1e-9
 """A barycentric weight that is none."""
@@ -44,24 +43,22 @@ class Sides:
     def of(cls, skins: Dense) -> "Sides":
         """Those of a surface with its skins."""
         surface, crease = skins.surface, crease_edges(skins.surface)
+        vertex, creases = np.arange(surface.n), surface.edges.ends[crease]
+        if not len(creases):
+            return cls(surface, creases, vertex, surface.F, skins.normals, skins.half, np.zeros((surface.n, 3)))
         corner = _corner_sides(surface, crease)
-        vertex = np.arange(surface.n)
         more = corner >= surface.n
-        if not more.any():
-            none = np.zeros((surface.n, 3))
-            return cls(surface, surface.edges.ends[crease], vertex, corner, skins.normals, skins.half, none)
         sides = np.zeros(int(corner.max()) + 1 - surface.n, dtype=np.int64)
         sides[corner[more] - surface.n] = surface.F[more]
         vertex = np.concatenate([vertex, sides])
         N = np.zeros((len(vertex), 3))
-        angle = np.asarray(igl.internal_angles(surface.V, surface.F))
-        np.add.at(N, corner, angle[..., None] * surface.normals[:, None])
+        np.add.at(N, corner, face_angles(surface.V, surface.F)[..., None] * surface.normals[:, None])
         N[: surface.n] = skins.normals
         N /= np.maximum(np.linalg.norm(N, axis=1, keepdims=True), 1e-300)
         half = skins.half[vertex]
         mitre = np.zeros_like(N)
         mitre[surface.n :] = _mitres(sides, N[surface.n :], half[surface.n :])
-        return cls(surface, surface.edges.ends[crease], vertex, corner, N, half, mitre)
+        return cls(surface, creases, vertex, corner, N, half, mitre)
 
     def rows(self, weights: csr_array) -> tuple[csr_array, csr_array]:
         """Barycentric weights (k, n) on columns (k, s), twice: seen from both sides of a crease that a point is on."""
@@ -139,16 +136,7 @@ def ends_of_rows(weights: csr_array) -> tuple[Ints, Ints]:
 def _corner_sides(surface: Surface, crease: Bools) -> Ints:
     """(m, 3) the column of each corner: its vertex, or from n on a number of a side."""
     F, edges = surface.F, surface.edges
-    start, end = half_edges(F)
-    smooth = edges.pairs[~crease[edges.of.ravel()[edges.pairs[:, 0]]]]
-    number = np.arange(F.size)
-    after = 3 * (number // 3) + (number + 1) % 3
-    links = []
-    for h, g in (smooth.T, smooth[:, ::-1].T):
-        same = start[h] == end[g]  # where neighbours agree which side is outside
-        links.append((h, np.where(same, after[g], g)))
-    i, j = (np.concatenate(x) for x in zip(*links, strict=True))
-    _, fan = connected(F.size, i, j)
+    fan = corner_fans(F, edges, apart=crease).ravel()
     pair = np.unique(np.stack([F.ravel(), fan], axis=1), axis=0)
     fans = np.bincount(pair[:, 0], minlength=surface.n)
     on = np.zeros(surface.n, dtype=bool)

@@ -5,7 +5,7 @@ import numpy as np
 from dsfab.arrays import Bools, Floats, Ints, face_angles, lengths
 from dsfab.surface.creases import feature_edges
 from dsfab.surface.mesh import Surface
-from dsfab.surface.topology import connected, next_half_edge
+from dsfab.surface.topology import corner_fans
 
 CORNERS = ((0, 1), (1, 2), (2, 0))
 """The half-edges of a face, by its corners."""
@@ -61,10 +61,8 @@ def _controls(P: Floats, normals: Floats, straight: Bools) -> Floats:
 def _corner_normals(surface: Surface, features: Bools) -> Floats:
     """(m, 3 corners, 3) unit normals: the mean of the faces around a vertex up to the next features (e,), weighted by
     their angles there."""
-    edges, F = surface.edges, surface.F
-    h0, h1 = edges.pairs[~features[edges.count == 2]].T
-    i, j = np.concatenate([h0, next_half_edge(h0)]), np.concatenate([next_half_edge(h1), h1])
-    count, fan = connected(3 * surface.m, i, j)
-    weighted = (face_angles(surface.V, F)[:, :, None] * surface.normals[:, None]).reshape(-1, 3)
+    fan = corner_fans(surface.F, surface.edges, apart=features).ravel()
+    count = int(fan.max()) + 1
+    weighted = (face_angles(surface.V, surface.F)[:, :, None] * surface.normals[:, None]).reshape(-1, 3)
     total: Floats = np.stack([np.bincount(fan, x, minlength=count).astype(np.float64) for x in weighted.T], axis=1)
     return np.asarray((total / lengths(total)[:, None])[fan].reshape(-1, 3, 3))
