@@ -19,6 +19,7 @@ from dsfab.pipeline.measures import cut_error, used_symmetry
 from dsfab.preset_file import load_preset
 from dsfab.proposal import decisions, preset_for, propose
 from dsfab.proposal.feet import feet
+from dsfab.proposal.reading import preset_name
 from dsfab.proposal.sizes import is_figure, sizes
 from dsfab.proposal.stems import stems
 from dsfab.proposal.vertical import likely_up
@@ -448,3 +449,44 @@ def test_what_is_proposed_for_a_dome_is_as_symmetric_as_the_dome():
     made = sliced(dsfab.preset_for(Surface(np.stack([x, y, 2.4 * (1 - (x**2 + y**2) / 100)], axis=1), square.F)))
     assert used_symmetry(made).order >= 4
     assert cut_error(made.surface, made.slicing.cells, used_symmetry(made)) < 0.0025
+
+
+@pytest.mark.parametrize(
+    ("width", "length", "ends", "thick", "told"),
+    [(3.0, 30.0, True, 0.08, "span of 29.4 m"), (8.0, 10.0, False, 0.04, "span of 8 m")],
+    ids=["a bridge on its short ends", "a vault on its long sides"],
+)
+def test_what_spans_far_more_than_its_shorter_side_is_thicker(width, length, ends, thick, told):
+    """A bridge of 3 m x 30 m was 15 mm thick, 1/200 of the 'span' of 3 m, and buckled under 1.6 times its load."""
+    flat = grid(40, 8, length, width)
+    x, y = (flat.V - flat.V.mean(axis=0))[:, :2].T
+    low = np.abs(x) / length if ends else np.abs(y) / width
+    found = propose(Surface(np.stack([x, y, length / 15 * (1 - 4 * low**2)], axis=1), flat.F), material="S235")
+    assert len(found.stands) == 2
+    assert found.size.thickness == thick
+    assert any(told in line for line in found.lines)
+
+
+@pytest.mark.parametrize(("unit", "doubt"), [(1.0, None), (1e6, "far larger than"), (1e-3, "far smaller than")])
+def test_a_size_that_nothing_is_built_in_is_doubted(tmp_path, unit, doubt):
+    found = propose(obj(tmp_path / "roof.obj", dome(edge=0.8), unit))
+    text = next(one.choice for one in found.decisions if one.topic == "unit")
+    assert (doubt is None) == ("is that the file's unit?" not in text)
+    assert (doubt or "10 m x") in text
+    assert unit < 1e6 or "10 km x" in text
+
+
+@pytest.mark.parametrize(
+    ("file", "name"),
+    [("Tribüne Dach – Entwurf 3", "Tribuene_Dach_Entwurf_3"), ("Café Žižkov", "Cafe_Zizkov"), ("屋根", "mesh")],
+)
+def test_names_of_files_keep_their_letters(file, name):
+    """An umlaut was '_', and every file of the design had it."""
+    assert preset_name(f"{file}.obj") == name
+
+
+def test_the_command_that_new_prints_can_be_pasted(capsys, tmp_path):
+    mesh = obj(tmp_path / "my roof.obj", dome(edge=1.2))
+    assert main(["new", str(mesh), "-o", str(tmp_path / "my roof.toml")]) == 0
+    command = capsys.readouterr().out.splitlines()[-1].partition("build it: ")[2]
+    assert shlex.split(command) == ["dsfab", "build", str(tmp_path / "my roof.toml")]

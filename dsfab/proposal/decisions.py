@@ -112,7 +112,8 @@ def propose(
         given = mesh_in_memory(mesh, unit, axis)
     size = sizes(given.surface, name)
     marks = drawn_marks(given)
-    return Proposal(given, size, drawn_feet(marks) or feet(given.surface, size.span), marks)
+    stands = drawn_feet(marks) or feet(given.surface, size.span)
+    return Proposal(given, size.on(given.surface, [foot.points for foot in stands]), stands, marks)
 
 
 def takes_snow(surface: Surface) -> bool:
@@ -140,10 +141,10 @@ def _decisions(proposal: Proposal) -> Iterator[Decision]:
     snow = f" and snow of {SNOW / 1000:g} kPa on the plan, a placeholder for your local code"
     yield Decision("carries", "its own weight" + (snow if proposal.snow else ""), "surface.load")
     figure = is_figure(surface)
-    over = "" if figure else f", 1/{size.ratio} of the span of {length(size.span)}"
+    over = "" if figure else f", 1/{size.ratio} of the span of {length(size.bridged or size.span)}"
     made = f"{size.material}, {length(size.thickness)} thick{over}"
     yield Decision("made of", made, "statics.material, statics.thickness")
-    across = "" if figure else f", about {round(size.span / size.spacing)} across the span"
+    across = "" if figure else f", about {round(size.span / size.spacing)} across"
     members = f"members every {length(size.spacing)}{across}, along the stress"
     yield Decision("pattern", members, "pattern.major.spacing, pattern.minor.spacing")
     rim = f", a rim of {length(size.rim)} along free edges" if surface.loops else ""
