@@ -74,6 +74,24 @@ def test_what_ends_in_level_rings_stands_on_one(shape):
     assert likely_up(shape) == "z"
 
 
+def bench():
+    """A seat of 1.8 m with a front and a back, bent from one sheet."""
+    flat = grid(12, 14, 1.8, 1.4)
+    x, s = (flat.V - flat.V.min(axis=0))[:, :2].T
+    depth = np.interp(s, [0, 0.45, 0.9, 1.4], [0.0, 0.1, 0.45, 0.56])
+    return Surface(np.stack([x, depth, np.interp(s, [0, 0.45, 0.9, 1.4], [0.0, 0.45, 0.44, 0.9])], axis=1), flat.F)
+
+
+def test_files_that_have_z_up_are_turned_only_for_plain_reasons():
+    """A bench in an STL, and a facade in a 3MF, were laid on their backs."""
+    assert likely_up(bench()) == "y"
+    assert likely_up(bench(), ".stl") == "z"
+    roof = dome(edge=0.8)
+    lying = Surface(upright(roof.V, "-y"), roof.F)
+    assert likely_up(lying, ".stl") == likely_up(lying, ".obj") == "y"
+    assert likely_up(lying, ".3MF") == "z"
+
+
 def test_a_bowl_is_no_dome_on_its_side():
     bowl = dome(rise=6.0, edge=0.8)
     assert likely_up(Surface(bowl.V * [1, 1, -1], bowl.F[:, ::-1])) == "z"
@@ -465,6 +483,16 @@ def test_what_spans_far_more_than_its_shorter_side_is_thicker(width, length, end
     assert len(found.stands) == 2
     assert found.size.thickness == thick
     assert any(told in line for line in found.lines)
+
+
+def test_a_wall_is_no_span_of_its_own_thickness():
+    """A facade of 3 m x 4 m in waves of .3 m was 1.7 mm thick, 1/200 of 'the span of 339 mm'."""
+    flat = grid(20, 16, 4.0, 3.0)
+    z, x = (flat.V - flat.V.min(axis=0))[:, :2].T
+    wall = Surface(np.stack([x, 0.15 * np.sin(2 * np.pi * x / 3), z], axis=1), flat.F)
+    assert sizes(wall, "S235").span == 3.0
+    assert sizes(wall, "S235").thickness == 0.015
+    assert sizes(barrel_vault(edge=1.0)).span == pytest.approx(np.ptp(barrel_vault(edge=1.0).V[:, :2], axis=0).min())
 
 
 @pytest.mark.parametrize(("unit", "doubt"), [(1.0, None), (1e6, "far larger than"), (1e-3, "far smaller than")])

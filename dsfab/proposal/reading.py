@@ -91,7 +91,7 @@ def mesh_in_file(
     for remark in found.record.repaired[len(better.record.repaired) :]:
         decisions.append(Decision("file", f"repaired: {remark}"))
     decisions += [Decision("sheets", remark) for remark in twin_remarks(surface.V, surface.F)]
-    surface, up, turned = _turned(surface, up)
+    surface, up, turned = _turned(surface, up, path.suffix)
     if up != "z":
         keys["up"] = up
     return GivenMesh(surface, preset_name(path), keys, (*decisions, turned), found.record.repaired)
@@ -122,9 +122,9 @@ def mesh_in_memory(mesh: Any, unit: str | None, up: Up | None) -> GivenMesh:
     return GivenMesh(surface, "roof", {"mesh": surface}, (*decisions, turned))
 
 
-def _turned(surface: Surface, up: Up | None) -> tuple[Surface, Up, Decision]:
-    """The surface with z up, its file's vertical axis, and how that was found."""
-    guess = likely_up(surface) if up is None else up
+def _turned(surface: Surface, up: Up | None, suffix: str = "") -> tuple[Surface, Up, Decision]:
+    """The surface with z up, the vertical axis of its file of that suffix, and how that was found."""
+    guess = likely_up(surface, suffix) if up is None else up
     turned = surface if guess == "z" else Surface(upright(surface.V, guess), surface.F)
     other = "y" if guess == "z" else "z"
     change = f"surface.up, or --up {other}"

@@ -25,6 +25,8 @@ STEEL = ("S235", "S275", "S355", "S460", "aluminium 6082")
 LONG = 1.8
 """Spans of more than this many times the shorter side of the plan decide how thick a sheet is, in place of that side: a
 square on its corners spans its diagonal, 1.41 sides."""
+WALL = 0.25
+"""A plan narrower than this share of the shorter side of what stands on it is a wall's: its width is nothing's span."""
 THICKEST = 1 / 5
 """Of the spacing, that a long span makes a sheet thick at most: members are hardly wider than half of that."""
 FIGURE = 4.0
@@ -43,7 +45,7 @@ SHARPEST = 15.0
 class Sizes:
     """Lengths in metres. edge is 0 where the mesh is good as it is; coarse: whether its own edges are much longer.
 
-    span    : the shorter side of the plan.
+    span    : the shorter side of the plan: see `shorter_side`.
     bridged : how far it spans between what it stands on, where that is far longer.
     """
 
@@ -93,7 +95,7 @@ class Sizes:
 def sizes(surface: Surface, material: str | None = None) -> Sizes:
     """The sizes for a surface with z up; the material is GL24h, or PLA for a model, where none is named."""
     figure = is_figure(surface)
-    span = float(np.sort(np.ptp(surface.V, axis=0)[:2])[0]) or surface.size
+    span = shorter_side(surface)
     square = float(np.sqrt(surface.area))
     spacing = two_digits(max(square / MEMBERS_AROUND if figure else span / MEMBERS, square / np.sqrt(CELLS)))
     material = material or ("PLA" if surface.size < MODEL else "GL24h")
@@ -102,6 +104,12 @@ def sizes(surface: Surface, material: str | None = None) -> Sizes:
     edge = two_digits(np.clip(even, spacing / FINEST, spacing / COARSEST))
     coarse = edge < SHOWN_FACETS * surface.mean_edge
     return Sizes(span, spacing, 0.0 if _is_good(surface, edge) else edge, _stock(thick), material, coarse)
+
+
+def shorter_side(surface: Surface) -> float:
+    """The shorter side of its plan, metres; of a wall, which has hardly one, that of its face."""
+    across, face = float(np.ptp(surface.V, axis=0)[:2].min()), float(np.sort(np.ptp(surface.V, axis=0))[1])
+    return face if across < WALL * face else across
 
 
 def slenderness(material: str) -> int:
