@@ -495,6 +495,19 @@ def test_a_wall_is_no_span_of_its_own_thickness():
     assert sizes(barrel_vault(edge=1.0)).span == pytest.approx(np.ptp(barrel_vault(edge=1.0).V[:, :2], axis=0).min())
 
 
+def test_pieces_that_stand_on_nothing_are_told_at_once():
+    """A dormer beside its vault: `dsfab new` was silent, and `dsfab build` refused it."""
+    vault = barrel_vault(edge=1.0)
+    lid = grid(4, 4, 2.0, 2.0)
+    over = np.vstack([vault.V, lid.V - lid.V.mean(axis=0) + [0, 0, vault.V[:, 2].max() + 1]])
+    found = propose(Surface(over, np.vstack([vault.F, lid.F + vault.n])))
+    told = [one.choice for one in found.decisions if one.topic == "pieces"]
+    assert len(told) == 1
+    assert told[0].startswith("1 of 2 pieces stands on nothing")
+    assert f"it is around (0, 0, {vault.V[:, 2].max() + 1:g}) m" in told[0]
+    assert not any(one.topic == "pieces" for one in propose(vault).decisions)
+
+
 @pytest.mark.parametrize(("unit", "doubt"), [(1.0, None), (1e6, "far larger than"), (1e-3, "far smaller than")])
 def test_a_size_that_nothing_is_built_in_is_doubted(tmp_path, unit, doubt):
     found = propose(obj(tmp_path / "roof.obj", dome(edge=0.8), unit))
