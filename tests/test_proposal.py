@@ -495,7 +495,7 @@ def test_a_wall_is_no_span_of_its_own_thickness():
     assert sizes(barrel_vault(edge=1.0)).span == pytest.approx(np.ptp(barrel_vault(edge=1.0).V[:, :2], axis=0).min())
 
 
-def test_pieces_that_stand_on_nothing_are_told_at_once():
+def test_pieces_that_stand_on_nothing_are_told_at_once(capsys, tmp_path):
     """A dormer beside its vault: `dsfab new` was silent, and `dsfab build` refused it."""
     vault = barrel_vault(edge=1.0)
     lid = grid(4, 4, 2.0, 2.0)
@@ -506,6 +506,8 @@ def test_pieces_that_stand_on_nothing_are_told_at_once():
     assert told[0].startswith("1 of 2 pieces stands on nothing")
     assert f"it is around (0, 0, {vault.V[:, 2].max() + 1:g}) m" in told[0]
     assert not any(one.topic == "pieces" for one in propose(vault).decisions)
+    assert main(["inspect", str(obj(tmp_path / "two.obj", found.given.surface))]) == 1
+    assert "refuses it: 1 of 2 pieces stands on nothing" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(("unit", "doubt"), [(1.0, None), (1e6, "far larger than"), (1e-3, "far smaller than")])

@@ -170,7 +170,7 @@ def _unheld(surface: Surface, stands: tuple[Foot, ...]) -> Iterator[Decision]:
     x, y, z = (np.round(surface.areas[first] @ surface.centroids[first] / surface.areas[first].sum(), 2) + 0.0).tolist()
     stand = f"{len(free)} of {count} pieces {'stand' if len(free) > 1 else 'stands'} on nothing"
     which = f"{'the first' if len(free) > 1 else 'it'} is around ({x:g}, {y:g}, {z:g}) m"
-    yield Decision("pieces", f"{stand}, and build refuses that: join them in the file, or support each; {which}")
+    yield Decision("pieces", f"{stand}, which cannot be built: join them in the file, or support each; {which}")
 
 
 def _mesh(surface: Surface, size: Sizes) -> Decision:
