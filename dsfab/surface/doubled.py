@@ -72,7 +72,7 @@ def twins(V: Floats, F: Ints) -> tuple[Twins, ...]:
     piece, part = pieces(F, edges)[1], _parts(V, F, edges)
     area = lengths(area_vectors(V, F)) / 2
     is_open = np.bincount(piece, edges.boundary[edges.of].any(axis=1)) > 0
-    of_part, of_piece = np.bincount(part, area), np.bincount(piece, area)
+    of_part, of_piece = (np.bincount(group, area).astype(np.float64) for group in (part, piece))
     found: list[Twins] = []
     for a, b in _candidates(V, F, part, of_part):
         one, two = np.flatnonzero(part == a), np.flatnonzero(part == b)
