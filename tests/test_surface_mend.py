@@ -274,7 +274,21 @@ def test_a_sheet_that_is_in_a_file_twice_is_told():
     assert "for the sheet is there twice, dropped" in mesh.repairs[-1]
 
 
-@pytest.mark.parametrize("surface", [ROOF, plate(edge=0.2), HYPAR], ids=["dome", "plate", "hypar"])
+def folded():
+    """A roof of 8 m x 6 m with four folds of 84 degrees."""
+    flat = grid(24, 12, 8.0, 6.0)
+    at = (flat.V[:, 0] - flat.V[:, 0].min()) / 8 * 2
+    return Surface(np.column_stack([flat.V[:, :2], 1.8 * np.abs(2 * (at % 1) - 1)]), flat.F)
+
+
+def test_of_many_copies_the_first_stays():
+    V = np.vstack([ROOF.V - [0, 0, 1e-3 * k] for k in range(3)])
+    mesh = mended(V, np.vstack([ROOF.F + k * ROOF.n for k in range(3)]))
+    assert_array_equal(mesh.V, ROOF.V)
+    assert len(mesh.repairs) == 2
+
+
+@pytest.mark.parametrize("surface", [ROOF, plate(edge=0.2), HYPAR, folded()], ids=["dome", "plate", "hypar", "folded"])
 def test_a_slab_becomes_the_sheet_in_its_middle(surface):
     """Its two faces and its sides were taken for a closed figure, which stood on its lowest parts."""
     thick = 0.03 * np.sqrt(surface.area)

@@ -73,7 +73,7 @@ class Sizes:
         if is_figure(surface) or not feet:
             return self
         way, _ = cKDTree(np.concatenate(feet)[:, :2]).query(surface.V[:, :2])
-        span = 2 * float(way.max())
+        span = 2 * float(np.max(way))
         if span <= LONG * self.span:
             return self
         between = float(np.sqrt(self.span * span))

@@ -1,7 +1,7 @@
 """Sheets that are there twice: copies of one surface, and the two faces of a slab where its middle is meant."""
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -15,7 +15,7 @@ COPY = 1 / 500
 NEAR = 0.08
 """The same up to which two sheets, one over all of the other, are told, and two faces of a closed piece are a slab."""
 FOLD = 60.0
-"""Degrees between neighbouring faces from which the sides of a slab part its two faces."""
+"""Degrees between neighbouring faces from which the sides of a slab part its two faces; folds of these may, too."""
 ALIKE = 0.8
 """Share of the larger one's area that the smaller of two such faces has at least."""
 COVER = 0.7
@@ -25,7 +25,7 @@ EVEN = 2.5
 is as thick along the vertical is thinner on its slopes, and a cushion ends in an edge."""
 MOST = 0.1
 """Share of the area at either end of the distances that does not count: sides are near both faces."""
-LARGE = 0.05
+LARGE = 0.01
 """Share of all area under which a part is not looked at."""
 
 
@@ -51,44 +51,55 @@ class Twins:
                   they fold little, else the one that comes first in the file.
     gap         : the median distance between them, in the mesh's unit.
     kind        : copy, a second time the same sheet; slab, the two faces of a solid; apart, two sheets.
-    piece       : (p,) all faces of the piece that a slab is; those of both where it is none.
+    piece       : (p,) all faces of the piece that a slab is.
     """
 
     keep: Ints
     other: Ints
     gap: float
     kind: str
-    piece: Ints
+    piece: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
 
 def twins(V: Floats, F: Ints) -> tuple[Twins, ...]:
-    """The parts of the mesh V (n, 3), F (m, 3), any unit, that lie one over all of the other.
-
-    Parts are what edges with a fold under `FOLD` join. Each is in one pair at most.
-    """
+    """The parts of the mesh V (n, 3), F (m, 3), any unit, that lie one over all of the other."""
     if not len(F):
         return ()
     edges = edge_table(F)
     piece, part = pieces(F, edges)[1], _parts(V, F, edges)
     area = lengths(area_vectors(V, F)) / 2
-    is_open = np.bincount(piece, edges.boundary[edges.of].any(axis=1)) > 0
-    of_part, of_piece = (np.bincount(group, area).astype(np.float64) for group in (part, piece))
-    found: list[Twins] = []
-    for a, b in _candidates(V, F, part, of_part):
+    pairs = list(_candidates(V, F, part, np.bincount(part, area).astype(np.float64)))
+    found, gone = list(_slabs(V, F, piece, part, pairs)), np.zeros(len(F), dtype=bool)
+    for pair in found:
+        gone[pair.piece] = True
+    for a, b in pairs:
         one, two = np.flatnonzero(part == a), np.flatnonzero(part == b)
-        if any(np.isin([one[0], two[0]], pair.piece).any() for pair in found):
+        if piece[one[0]] == piece[two[0]] or gone[one[0]] or gone[two[0]]:
             continue
-        p, same = piece[one[0]], piece[one[0]] == piece[two[0]]
-        if same and (is_open[p] or of_part[a] + of_part[b] < COVER * of_piece[p]):
-            continue
-        gap = _gap(V, F[one], F[two], float(np.sqrt(of_part[a])), same)
-        if gap is None:
-            continue
-        kind = "slab" if same else "copy" if gap <= COPY * np.sqrt(of_part[a]) else "apart"
-        if same and of_part[a] > of_part[b]:
-            one, two = two, one
-        found.append(Twins(one, two, gap, kind, np.flatnonzero(np.isin(piece, (p, piece[two[0]])))))
+        side = float(np.sqrt(area[one].sum()))
+        gap = _gap(V, F[one], F[two], side)
+        if gap is not None:
+            found.append(Twins(one, two, gap, "copy" if gap <= COPY * side else "apart"))
+            gone[two] = gap <= COPY * side
     return tuple(found)
+
+
+def _slabs(V: Floats, F: Ints, piece: Ints, part: Ints, pairs: list[tuple[int, int]]) -> Iterator[Twins]:
+    """The closed pieces that are two faces and sides: what is left without parts that have none beside them is two."""
+    area, paired = lengths(area_vectors(V, F)) / 2, np.isin(part, np.unique(pairs))
+    for p in np.unique(piece[paired]):
+        mine, faces = np.flatnonzero(piece == p), np.flatnonzero((piece == p) & paired)
+        names, which = np.unique(part[faces], return_inverse=True)
+        count = len(names)
+        if count > 2:  # folded faces; of two, sides that fold little hang on one and touch the other
+            count, which = pieces(F[faces], edge_table(F[faces]))
+        if count != 2 or edge_table(F[mine]).boundary.any() or area[faces].sum() < COVER * area[mine].sum():
+            continue
+        one, two = sorted((faces[which == 0], faces[which == 1]), key=lambda those: float(area[those].sum()))
+        side = float(np.sqrt(area[two].sum()))
+        gap = _gap(V, F[one], F[two], side, even=True) if area[one].sum() >= ALIKE * side**2 else None
+        if gap is not None:
+            yield Twins(one, two, gap, "slab", mine)
 
 
 def _parts(V: Floats, F: Ints, edges: EdgeTable) -> Ints:
@@ -118,13 +129,13 @@ def _candidates(V: Floats, F: Ints, part: Ints, area: Floats) -> Iterator[tuple[
                 yield int(a), int(b)
 
 
-def _gap(V: Floats, one: Ints, two: Ints, side: float, slab: bool) -> float | None:
-    """The median distance of two parts (k, 3), (l, 3) where each lies over all of the other; a slab's is even."""
+def _gap(V: Floats, one: Ints, two: Ints, side: float, even: bool = False) -> float | None:
+    """The median distance of two parts (k, 3), (l, 3) where each lies over all of the other; even: about the same."""
     ways = ((one, two), (two, one))
     gaps = np.concatenate([nearest(V[a].mean(axis=1), V, np.ascontiguousarray(b)).distance for a, b in ways])
     area = np.concatenate([lengths(area_vectors(V, a)) for a, _ in ways])
     least, middle, most = weighted_quantiles(gaps, area, (MOST, 0.5, 1 - MOST))
-    if most > NEAR * side or (slab and not (most <= EVEN * middle and middle <= EVEN * least)):
+    if most > NEAR * side or (even and not (most <= EVEN * middle and middle <= EVEN * least)):
         return None
     return None if middle <= COPY * side < most else float(middle)
 

@@ -123,4 +123,4 @@ def _carried(design: "Design", load: "LoadCase", answer: "Equilibrium") -> str:
 
 
 def _size(vector: list[float]) -> float:
-    return sum(x * x for x in vector) ** 0.5
+    return float(sum(x * x for x in vector) ** 0.5)
