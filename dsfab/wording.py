@@ -45,7 +45,9 @@ def mass(kilograms: float) -> str:
 
 
 def length(metres: float) -> str:
-    """'0.31 mm', '2.4 m'."""
+    """'0.31 mm', '2.4 m', '8 km'."""
+    if abs(metres) >= 999.5:
+        return f"{metres / 1000:.3g} km"
     return f"{1000 * metres:.3g} mm" if abs(metres) < 1 else f"{metres:.3g} m"
 
 

@@ -309,7 +309,7 @@ def test_units_that_are_swapped_are_refused_or_told():
         run(Preset(surface=(1000 * mm.V, mm.F), statics={"thickness": 0.06}, **given))
     made = Design.of(Preset(surface=(1000 * mm.V, mm.F), statics={"thickness": 60.0}, **given))
     _ = made.statics
-    assert "the surface is 1.74e+04 m large: check its unit" in [note.text for note in made.notes]
+    assert "the surface is 17.4 km large: check its unit" in [note.text for note in made.notes]
 
 
 def test_the_editor_opens_a_preset_on_a_mesh_and_its_command_names_both(tmp_path):

@@ -1,11 +1,13 @@
 """Flat drawings: what is written is there, as another reader and our own check find."""
 
+import re
+
 import ezdxf
 import numpy as np
 import pytest
 
 from dsfab.errors import ExportError
-from dsfab.export import FlatCircle, FlatDrawing, FlatLine, check_flat_dxf, flat_dxf
+from dsfab.export import FlatCircle, FlatDrawing, FlatLine, check_flat_dxf, flat_dxf, flat_svg
 
 DRAWING = FlatDrawing(
     "Blatt 1, Öffnung\u2028CIRCLE",
@@ -40,3 +42,12 @@ def test_a_file_that_is_not_the_drawing_is_refused(tmp_path, old, new):
     path.write_bytes(content.replace(old, new, 1))
     with pytest.raises(ExportError, match="reads back different"):
         check_flat_dxf(DRAWING, path)
+
+
+def test_engraved_names_can_be_read_on_a_large_sheet():
+    """Of a sheet of 5 m lines are 5 mm wide, so that all of it is seen: letters of 8 mm were blots."""
+    large = FlatDrawing("nest", tuple(FlatLine(one.layer, 5 * one.points, one.closed) for one in DRAWING.lines))
+    text = flat_svg(large).decode()
+    widths = dict(re.findall(r'id="(\w+)" style="[^"]*stroke-width: ([0-9.]+)', text))
+    assert widths == {"CUT": "5.000", "ENGRAVE": "0.800"}
+    assert re.findall(r'id="ENGRAVE" style="[^"]*stroke-width: ([0-9.]+)', flat_svg(large, 2e-4).decode()) == ["0.200"]

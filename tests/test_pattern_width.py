@@ -29,6 +29,7 @@ from dsfab.pipeline.share_correction import corrected
 from dsfab.preset import Width
 from dsfab.preset_file import overridden
 from dsfab.slicing import cut
+from dsfab.wording import length
 from tests.designs import sliced
 from tests.presets import DOME_MODES, GLOBE_MODES, on_modes
 from tests.zoo import ZOO, grid, jittered, zoo
@@ -409,7 +410,7 @@ def test_a_share_below_keep_and_rim_is_refused(coarse):
 def test_a_solved_member_width_is_the_one_that_gives_the_share(coarse):
     solved = with_width(coarse["globe"], "globe", rule="constant", solid_fraction=0.4)
     member = solved.pattern.factor * np.sqrt(solved.surface.area) / 100
-    assert f"members are {member:.3g} m wide" in " ".join(note.text for note in solved.notes)
+    assert f"members are {length(member)} wide" in " ".join(note.text for note in solved.notes)
     again = with_width(coarse["globe"], "globe", rule="constant", member=member)
     assert kept_share(again) == pytest.approx(kept_share(solved), abs=1e-9)
 

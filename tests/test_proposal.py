@@ -19,6 +19,7 @@ from dsfab.pipeline.measures import cut_error, used_symmetry
 from dsfab.preset_file import load_preset
 from dsfab.proposal import decisions, preset_for, propose
 from dsfab.proposal.feet import feet
+from dsfab.proposal.reading import preset_name
 from dsfab.proposal.sizes import is_figure, sizes
 from dsfab.proposal.stems import stems
 from dsfab.proposal.vertical import likely_up
@@ -71,6 +72,24 @@ def test_the_vertical_axis_of_roofs_is_found(shape, way):
 )
 def test_what_ends_in_level_rings_stands_on_one(shape):
     assert likely_up(shape) == "z"
+
+
+def bench():
+    """A seat of 1.8 m with a front and a back, bent from one sheet."""
+    flat = grid(12, 14, 1.8, 1.4)
+    x, s = (flat.V - flat.V.min(axis=0))[:, :2].T
+    depth = np.interp(s, [0, 0.45, 0.9, 1.4], [0.0, 0.1, 0.45, 0.56])
+    return Surface(np.stack([x, depth, np.interp(s, [0, 0.45, 0.9, 1.4], [0.0, 0.45, 0.44, 0.9])], axis=1), flat.F)
+
+
+def test_files_that_have_z_up_are_turned_only_for_plain_reasons():
+    """A bench in an STL, and a facade in a 3MF, were laid on their backs."""
+    assert likely_up(bench()) == "y"
+    assert likely_up(bench(), ".stl") == "z"
+    roof = dome(edge=0.8)
+    lying = Surface(upright(roof.V, "-y"), roof.F)
+    assert likely_up(lying, ".stl") == likely_up(lying, ".obj") == "y"
+    assert likely_up(lying, ".3MF") == "z"
 
 
 def test_a_bowl_is_no_dome_on_its_side():
@@ -448,3 +467,69 @@ def test_what_is_proposed_for_a_dome_is_as_symmetric_as_the_dome():
     made = sliced(dsfab.preset_for(Surface(np.stack([x, y, 2.4 * (1 - (x**2 + y**2) / 100)], axis=1), square.F)))
     assert used_symmetry(made).order >= 4
     assert cut_error(made.surface, made.slicing.cells, used_symmetry(made)) < 0.0025
+
+
+@pytest.mark.parametrize(
+    ("width", "length", "ends", "thick", "told"),
+    [(3.0, 30.0, True, 0.045, "span of 29.4 m"), (8.0, 10.0, False, 0.04, "span of 8 m")],
+    ids=["a bridge on its short ends", "a vault on its long sides"],
+)
+def test_what_spans_far_more_than_its_shorter_side_is_thicker(width, length, ends, thick, told):
+    """A bridge of 3 m x 30 m was 15 mm thick, 1/200 of the 'span' of 3 m, and buckled under 1.6 times its load."""
+    flat = grid(40, 8, length, width)
+    x, y = (flat.V - flat.V.mean(axis=0))[:, :2].T
+    low = np.abs(x) / length if ends else np.abs(y) / width
+    found = propose(Surface(np.stack([x, y, length / 15 * (1 - 4 * low**2)], axis=1), flat.F), material="S235")
+    assert len(found.stands) == 2
+    assert found.size.thickness == thick
+    assert any(told in line for line in found.lines)
+
+
+def test_a_wall_is_no_span_of_its_own_thickness():
+    """A facade of 3 m x 4 m in waves of .3 m was 1.7 mm thick, 1/200 of 'the span of 339 mm'."""
+    flat = grid(20, 16, 4.0, 3.0)
+    z, x = (flat.V - flat.V.min(axis=0))[:, :2].T
+    wall = Surface(np.stack([x, 0.15 * np.sin(2 * np.pi * x / 3), z], axis=1), flat.F)
+    assert sizes(wall, "S235").span == 3.0
+    assert sizes(wall, "S235").thickness == 0.015
+    assert sizes(barrel_vault(edge=1.0)).span == pytest.approx(np.ptp(barrel_vault(edge=1.0).V[:, :2], axis=0).min())
+
+
+def test_pieces_that_stand_on_nothing_are_told_at_once(capsys, tmp_path):
+    """A dormer beside its vault: `dsfab new` was silent, and `dsfab build` refused it."""
+    vault = barrel_vault(edge=1.0)
+    lid = grid(4, 4, 2.0, 2.0)
+    over = np.vstack([vault.V, lid.V - lid.V.mean(axis=0) + [0, 0, vault.V[:, 2].max() + 1]])
+    found = propose(Surface(over, np.vstack([vault.F, lid.F + vault.n])))
+    told = [one.choice for one in found.decisions if one.topic == "pieces"]
+    assert len(told) == 1
+    assert told[0].startswith("1 of 2 pieces stands on nothing")
+    assert f"it is around (0, 0, {vault.V[:, 2].max() + 1:g}) m" in told[0]
+    assert not any(one.topic == "pieces" for one in propose(vault).decisions)
+    assert main(["inspect", str(obj(tmp_path / "two.obj", found.given.surface))]) == 1
+    assert "refuses it: 1 of 2 pieces stands on nothing" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("unit", "doubt"), [(1.0, None), (1e6, "far larger than"), (1e-3, "far smaller than")])
+def test_a_size_that_nothing_is_built_in_is_doubted(tmp_path, unit, doubt):
+    found = propose(obj(tmp_path / "roof.obj", dome(edge=0.8), unit))
+    text = next(one.choice for one in found.decisions if one.topic == "unit")
+    assert (doubt is None) == ("is that the file's unit?" not in text)
+    assert (doubt or "10 m x") in text
+    assert unit < 1e6 or "10 km x" in text
+
+
+@pytest.mark.parametrize(
+    ("file", "name"),
+    [("Tribüne Dach – Entwurf 3", "Tribuene_Dach_Entwurf_3"), ("Café Žižkov", "Cafe_Zizkov"), ("屋根", "mesh")],
+)
+def test_names_of_files_keep_their_letters(file, name):
+    """An umlaut was '_', and every file of the design had it."""
+    assert preset_name(f"{file}.obj") == name
+
+
+def test_the_command_that_new_prints_can_be_pasted(capsys, tmp_path):
+    mesh = obj(tmp_path / "my roof.obj", dome(edge=1.2))
+    assert main(["new", str(mesh), "-o", str(tmp_path / "my roof.toml")]) == 0
+    command = capsys.readouterr().out.splitlines()[-1].partition("build it: ")[2]
+    assert shlex.split(command) == ["dsfab", "build", str(tmp_path / "my roof.toml")]

@@ -212,7 +212,7 @@ def test_needles_are_counted_and_the_worst_is_shown(tmp_path, monkeypatch):
 
 def test_a_thick_sheet_is_told(tmp_path):
     plate = grid(10, 10, 2.0, 2.0)
-    assert "is 2.83 m large and the sheet 0.3 m thick" in drafted(
+    assert "is 2.83 m large and the sheet 300 mm thick" in drafted(
         plate, tmp_path / "thick.obj", **{"statics.thickness": 0.3}
     )
     assert "thick" not in drafted(plate, tmp_path / "thin.obj", **{"statics.thickness": 0.27})

@@ -241,7 +241,7 @@ def test_a_design_has_its_fillets_in_sheet_and_solid():
     assert design.solid.volume > sharp.solid.volume
     assert design.solid.genus == sharp.solid.genus
     assert design.solid.repairs.pairs == 0
-    assert any("corners of openings were rounded with 0.03 m" in note for note in said + [str(design.notes)])
+    assert any("corners of openings were rounded with 30 mm" in note for note in said + [str(design.notes)])
 
 
 @pytest.mark.parametrize("name", sorted(ZOO))
@@ -275,12 +275,12 @@ def test_nothing_is_filled_along_a_fold():
 @pytest.mark.parametrize(
     ("radius", "told"),
     [
-        (0.03, r"\d+ corners of openings were rounded with 0.03 m, or less for want of room"),
+        (0.03, r"\d+ corners of openings were rounded with 30 mm, or less for want of room"),
         (
             3.0,
-            r"\d+ corners of openings were rounded, half of them with less than 0\.\d+ m for want of room: 3 m .*",
+            r"\d+ corners of openings were rounded, half of them with less than \d+ mm for want of room: 3 m .*",
         ),
-        (3000.0, r"no corner of an opening was rounded: none has room for a radius of 3e\+03 m \(pattern.fillet\)"),
+        (3000.0, r"no corner of an opening was rounded: none has room for a radius of 3 km \(pattern.fillet\)"),
     ],
 )
 def test_what_became_of_the_radius_is_told(radius, told):

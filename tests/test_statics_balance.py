@@ -109,3 +109,4 @@ def test_a_design_tells_its_balance():
     _, line = case_lines(design)
     assert line.startswith(f"loads sum to {force(np.linalg.norm(told['load_N']))}; supports carry ")
     assert line.count(" kN") == 1 + len(supports)
+    assert line.endswith(", their thrust included")

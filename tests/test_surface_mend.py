@@ -9,7 +9,8 @@ from scipy.spatial import cKDTree
 
 from dsfab.errors import SurfaceError
 from dsfab.preset_file import load_preset
-from dsfab.surface import Ball, Box, Nearest, Side, Surface, mended, read_surface
+from dsfab.surface import Ball, Box, Nearest, Side, Surface, mended, nearest, read_surface, twin_remarks
+from dsfab.surface.doubled import single_sheets
 from dsfab.surface.mend import WELD
 from dsfab.surface.places import merged
 from dsfab.surface.shapes import dome, plate, sphere
@@ -18,6 +19,8 @@ from tests.own_meshes import figure, gyroid, voronoi_shell
 from tests.zoo import grid
 
 ROOF = dome(edge=0.9)
+PLATE = plate(edge=0.3)
+HYPAR = Surface(PLATE.V + np.outer(PLATE.V[:, 0] * PLATE.V[:, 1] / PLATE.size, [0, 0, 1]), PLATE.F)
 
 
 def area(V, F):
@@ -239,3 +242,92 @@ def test_a_preset_of_shares_holds_for_another_mesh(tmp_path):
         surface = preset.surface.build()
         assert preset.surface.support[0].at.vertices(surface).sum() == len(ROOF.loops[0])
         assert preset.surface.load[0].at.vertices(surface).any()
+
+
+def slab(surface, thick):
+    """The closed solid of a surface (n vertices) and of it `thick` metres beneath, along the vertices' normals."""
+    normals = np.zeros((surface.n, 3))
+    for corner in surface.F.T:
+        np.add.at(normals, corner, surface.normals * surface.areas[:, None])
+    normals /= np.linalg.norm(normals, axis=1)[:, None]
+    n, F = surface.n, surface.F
+    start = np.concatenate(list(surface.loops))
+    end = np.concatenate([np.roll(loop, -1) for loop in surface.loops])
+    sides = [np.stack([end, start, start + n], 1), np.stack([end, start + n, end + n], 1)]
+    return np.vstack([surface.V, surface.V - thick * normals]), np.vstack([F, F[:, ::-1] + n, *sides])
+
+
+@pytest.mark.parametrize("size", [1.0, 1e3])
+def test_a_second_copy_of_a_sheet_goes(size):
+    """Front and back as CAD programs export them, 2 mm apart: each was built, on eight feet."""
+    V = np.vstack([ROOF.V, ROOF.V - [0, 0, 2e-3]]) * size
+    mesh = mended(V, np.vstack([ROOF.F, ROOF.F[:, ::-1] + ROOF.n]), 1 / size)
+    assert len(mesh.F) == ROOF.m
+    assert_array_equal(mesh.V, ROOF.V * size)
+    assert mesh.repairs[0].startswith("a second copy of the sheet, 1.")
+    assert mesh.repairs[0].endswith("mm from the first, dropped")
+
+
+def test_a_sheet_that_is_in_a_file_twice_is_told():
+    mesh = mended(np.vstack([ROOF.V, ROOF.V]), np.vstack([ROOF.F, ROOF.F + ROOF.n]))
+    assert len(mesh.F) == ROOF.m
+    assert "for the sheet is there twice, dropped" in mesh.repairs[-1]
+
+
+def folded():
+    """A roof of 8 m x 6 m with four folds of 84 degrees."""
+    flat = grid(24, 12, 8.0, 6.0)
+    at = (flat.V[:, 0] - flat.V[:, 0].min()) / 8 * 2
+    return Surface(np.column_stack([flat.V[:, :2], 1.8 * np.abs(2 * (at % 1) - 1)]), flat.F)
+
+
+def test_of_many_copies_the_first_stays():
+    V = np.vstack([ROOF.V - [0, 0, 1e-3 * k] for k in range(3)])
+    mesh = mended(V, np.vstack([ROOF.F + k * ROOF.n for k in range(3)]))
+    assert_array_equal(mesh.V, ROOF.V)
+    assert len(mesh.repairs) == 2
+
+
+@pytest.mark.parametrize("surface", [ROOF, plate(edge=0.2), HYPAR, folded()], ids=["dome", "plate", "hypar", "folded"])
+def test_a_slab_becomes_the_sheet_in_its_middle(surface):
+    """Its two faces and its sides were taken for a closed figure, which stood on its lowest parts."""
+    thick = 0.03 * np.sqrt(surface.area)
+    V, F = slab(surface, thick)
+    mesh = mended(V, F)
+    middle = Surface(mesh.V, mesh.F)
+    assert middle.m == surface.m
+    assert len(middle.loops) == 1
+    off = nearest(mesh.V, surface.V, surface.F).distance
+    assert np.median(off) == pytest.approx(thick / 2, rel=0.05)
+    assert off.max() < 0.8 * thick
+    assert "thick, made the sheet halfway between its two faces" in mesh.repairs[0]
+
+
+def cushion():
+    """Two sheets of one edge, .25 m apart in the middle of 4 m: an air cushion."""
+    surface = grid(24, 24, 4.0, 4.0)
+    x, y = (surface.V[:, :2] - surface.V[:, :2].min(axis=0)).T / np.ptp(surface.V[:, :2], axis=0)[:, None]
+    rise = 0.5 * surface.size / 4 * x * (1 - x) * 4 * y * (1 - y)
+    V = np.vstack([surface.V + np.outer(rise, [0, 0, 1]), surface.V - np.outer(rise, [0, 0, 1])])
+    return V, np.vstack([surface.F, surface.F[:, ::-1] + surface.n])
+
+
+def two_roofs():
+    return np.vstack([ROOF.V, ROOF.V + [0, 0, 0.4]]), np.vstack([ROOF.F, ROOF.F + ROOF.n])
+
+
+@pytest.mark.parametrize(
+    "mesh",
+    [cushion(), two_roofs(), slab(plate(edge=0.2), 0.4), (sphere(edge=0.5).V, sphere(edge=0.5).F)],
+    ids=["cushion", "two roofs", "box", "sphere"],
+)
+def test_what_is_no_copy_and_no_slab_stays(mesh):
+    assert single_sheets(*mesh, 1.0)[2] == ()
+
+
+def test_sheets_over_each_other_are_told_and_stay():
+    assert [text.partition(";")[0] for text in twin_remarks(*two_roofs())] == [
+        "two sheets lie 294 mm apart, one over all of the other, and both are built"
+    ]
+    assert list(twin_remarks(ROOF.V, ROOF.F)) == []
+    assert "surface.mend = true" in next(twin_remarks(*slab(ROOF, 0.2)))

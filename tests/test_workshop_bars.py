@@ -329,6 +329,7 @@ def test_auto_takes_bars_where_strips_cannot_be_bent_and_says_by_how_much(vault)
     assert long.name == "strips"
     assert "but bars are longer than the stock (B" in long.reason
     assert "but bars are no way either" in near.reason
+    assert "take workshop.route" not in near.reason  # strips are the route that was taken
     assert "upright planks are no way: planks 100 mm deep of boards 80 mm thick" in near.reason
 
 

@@ -1,6 +1,7 @@
 """`dsfab build`: a preset to a folder of files."""
 
 import json
+import shlex
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -128,7 +129,9 @@ def _refuse(why: str, preset: "Preset", folder: Path | None, reporter: Reporter)
     if folder is None:
         raise ExportError(why)
     quick = preset.export.step == "quick"
-    longer = f"; dsfab export {folder} --to step --step auto tries more ways, for minutes" if quick else ""
+    longer = (
+        f"; dsfab export {shlex.quote(str(folder))} --to step --step auto tries more ways, for minutes" if quick else ""
+    )
     reporter.say(f"export      left out: {why}{longer}")
 
 

@@ -155,9 +155,13 @@ def _verdict(path: Path, source: Source, raw: "RawMesh") -> tuple[bool, str]:
         proposal = propose(path, source.unit, source.up, None, source.max_triangles, raw)
     except SurfaceError as error:
         return False, "refuses it: " + str(error).removeprefix(f"{path}: ")
+    told = {one.topic: one.choice for one in proposal.decisions}
+    if "pieces" in told:
+        return False, "refuses it: " + told["pieces"]
     mended = [one.choice for one in proposal.decisions if one.topic == "mended"]
     turned = [text for text in proposal.given.repaired if "turned over" in text]
-    return True, "; ".join(["takes it", *(f"it mends: {text}" for text in mended), *turned])
+    sheets = [one.choice for one in proposal.decisions if one.topic == "sheets"]
+    return True, "; ".join(["takes it", *(f"it mends: {text}" for text in mended), *turned, *sheets])
 
 
 def _lines(facts: "MeshFacts") -> list[tuple[str, str]]:

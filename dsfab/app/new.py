@@ -1,6 +1,7 @@
 """`dsfab new`: a mesh of the user's own to a commented preset."""
 
 import os
+import shlex
 from pathlib import Path
 from typing import Annotated
 
@@ -48,7 +49,7 @@ def new(
         path.write_text(text, encoding="utf-8")
     for line in proposal.lines:
         out(line)
-    out(f"written to {target}; build it: dsfab build {target}")
+    out(f"written to {target}; build it: dsfab build {shlex.quote(str(target))}")
     return 0
 
 

@@ -1,5 +1,6 @@
 """`dsfab sweep`: thousands of designs of one preset in one folder, which may be stopped and continued at any time."""
 
+import shlex
 from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -205,12 +206,12 @@ def _run(values: dict[str, Any], title: str, folder: Path | None, work: Work, qu
             if plan.search is not None and not stopped and (lost := best_loss(found)):
                 out(lost)
             out(summary(found))
-        missing = missing_runs(found)
+        missing, quoted = missing_runs(found), shlex.quote(str(folder))
     if stopped:
-        line.say(f"dsfab: stopped; what is done is kept, `dsfab sweep {folder}` goes on. {missing}".rstrip())
+        line.say(f"dsfab: stopped; what is done is kept, `dsfab sweep {quoted}` goes on. {missing}".rstrip())
         return STOPPED
     if missing:
-        line.say(f"dsfab: {missing}; `dsfab sweep {folder}` tries again")
+        line.say(f"dsfab: {missing}; `dsfab sweep {quoted}` tries again")
     return MISSING if missing else DONE
 
 

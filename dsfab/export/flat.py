@@ -35,6 +35,8 @@ STROKES = {
 """The same for SVG."""
 HAIR = 0.001
 """Width of a line over the longer side of an SVG drawing."""
+ENGRAVED = 0.8
+"""Millimetres that engraved lines are wide at most there: names 8 mm high ran together on a sheet of some metres."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -177,7 +179,8 @@ def _svg(drawing: FlatDrawing, thin: float) -> Iterator[str]:
         f"<title>{escape(one_line(drawing.title))}</title>\n<desc>Full size, millimetres; dsfab {__version__}</desc>\n"
     )
     for name in drawing.layers:
-        style = f"fill: none; stroke: {STROKES[name]}; stroke-width: {hair:.3f}; stroke-linejoin: round"
+        width = min(hair, ENGRAVED) if name == "ENGRAVE" else hair
+        style = f"fill: none; stroke: {STROKES[name]}; stroke-width: {width:.3f}; stroke-linejoin: round"
         yield f'<g inkscape:groupmode="layer" inkscape:label={quoteattr(name)} id="{name}" style="{style}">\n'
         yield from _svg_layer(drawing, name, shift)
         yield "</g>\n"

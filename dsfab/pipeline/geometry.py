@@ -28,7 +28,7 @@ from dsfab.slicing.features import kept_cells
 from dsfab.slicing.improve import improved
 from dsfab.surface import LoadCase, Surface, pieces
 from dsfab.thickening import Base, OffsetLayer, Solid, apart, offsets, thicken, with_extras
-from dsfab.wording import force
+from dsfab.wording import force, length
 
 ROOM = 0.5
 """The user is told of the median radius of corners where it is less than this share of what was asked."""
@@ -81,20 +81,19 @@ def _note_finishing(preset: Preset, done: Finished, smallest: Smallest, stubs: i
         told = f"members that met past their last crossings were cut off or straightened at {_places(stubs)}"
         log.note("slicing", told)
     if done.filled:
-        than = f"{smallest.opening:.3g} m" + (", or far smaller than most," * (preset.slicing.min_opening is None))
+        than = length(smallest.opening) + (", or far smaller than most," * (preset.slicing.min_opening is None))
         log.note("slicing", f"{done.filled} openings smaller than {than} were filled")
     if done.merged:
         log.note(
             "slicing", f"{_slits(done.merged)} narrower than the members beside: filled, so that these are one there"
         )
     if done.bridged:
-        log.note("slicing", f"{_bridges(done.bridged)} where openings are narrower than {smallest.neck:.3g} m")
+        log.note("slicing", f"{_bridges(done.bridged)} where openings are narrower than {length(smallest.neck)}")
     if done.spikes:
         log.note("slicing", f"{_spikes(done.spikes)} cut off that stuck out into openings")
     if done.widened:
-        log.note(
-            "slicing", f"members were widened to {preset.slicing.min_member or 0:.3g} m at {_places(done.widened)}"
-        )
+        least = length(preset.slicing.min_member or 0)
+        log.note("slicing", f"members were widened to {least} at {_places(done.widened)}")
     if radius := preset.pattern.fillet:
         log.note("slicing", _rounded(radius, done.rounded))
 
@@ -136,13 +135,12 @@ def _spikes(count: int) -> str:
 def _rounded(radius: float, found: Floats) -> str:
     """What became of the corners of openings for a radius that was asked for."""
     if not len(found):
-        return f"no corner of an opening was rounded: none has room for a radius of {radius:.3g} m (pattern.fillet)"
+        return f"no corner of an opening was rounded: none has room for a radius of {length(radius)} (pattern.fillet)"
     told = f"{len(found)} corners of openings were rounded"
     if np.median(found) < ROOM * radius:
-        return (
-            f"{told}, half of them with less than {np.median(found):.2g} m for want of room: {radius:.3g} m was asked"
-        )
-    return f"{told} with {radius:.3g} m, or less for want of room"
+        half = length(float(np.median(found)))
+        return f"{told}, half of them with less than {half} for want of room: {length(radius)} was asked"
+    return f"{told} with {length(radius)}, or less for want of room"
 
 
 def _pieces(surface: Surface, sheet: Sheet, load: LoadCase) -> tuple[tuple[Piece, ...], Ints]:

@@ -35,6 +35,7 @@ from dsfab.preset import FAMILIES, Preset
 from dsfab.results import Choice, DiffusionResult, EvenStripes, PatternResult, StressedSurface
 from dsfab.slicing import PolygonMesh, cut_polygons
 from dsfab.surface import Surface
+from dsfab.wording import length
 
 EXACT = 1e-9
 """Shares that differ by less are the same share, added up in another order."""
@@ -370,7 +371,7 @@ def _solved(preset: Preset, widths: Widths, factor: float, share: float) -> str:
     """What the widths became for the wanted share of material, and the share that they have where that is another."""
     ask = preset.pattern
     if widths.rule == "constant":
-        became = f"members are {factor * widths.member:.3g} m wide"
+        became = f"members are {length(factor * widths.member)} wide"
     elif widths.rule == "plain":
         drawn = [family.stripes.widened(factor).threshold for family in ask.drawn]
         became = f"the thresholds became {' and '.join(f'{one:.3f}' for one in drawn)}"

@@ -17,6 +17,7 @@ from dsfab.preset_surface import MeshSurface
 from dsfab.results import CaseResult, StaticsResult
 from dsfab.statics import Answers, needles_told
 from dsfab.surface import Surface
+from dsfab.wording import length
 
 
 def note_statics(surface: Surface, cases: Mapping[str, CaseResult], log: Log) -> None:
@@ -45,13 +46,13 @@ def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
     """Swapped units show in the ratio of size and thickness: refuse what no sheet has, and mention what few have."""
     thickness = preset.statics.thickness
     slenderness = surface.size / thickness
-    told = f"the surface is {surface.size:.3g} m large and the sheet {thickness:.3g} m thick"
+    told = f"the surface is {length(surface.size)} large and the sheet {length(thickness)} thick"
     if not PLAUSIBLE[0] < slenderness < PLAUSIBLE[1]:
         held = isinstance(preset.surface, MeshSurface)  # it has no surface.unit
         unit = 'the unit, dsfab.Surface.of(mesh, "mm") for millimetres,' if held else "surface.unit (mm, m, in ...)"
         raise SurfaceError(f"{told}: that is no sheet; check {unit} and statics.thickness (metres)")
     if not USUAL_SIZE[0] < surface.size < USUAL_SIZE[1]:
-        log.note("statics", f"the surface is {surface.size:.3g} m large: check its unit")
+        log.note("statics", f"the surface is {length(surface.size)} large: check its unit")
     if not USUAL[0] < slenderness < USUAL[1]:
         log.note(
             "statics", f"{told}: thin-sheet statics hold for ratios of about 20 to 2000; check units and thickness"

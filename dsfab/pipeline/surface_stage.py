@@ -9,7 +9,7 @@ from dsfab.pipeline.structure import statics_step
 from dsfab.preset import Preset
 from dsfab.preset_surface import FileSurface, OwnSurface
 from dsfab.results import StaticsResult
-from dsfab.surface import SizeField, Surface, change_sizes, coincident, pieces
+from dsfab.surface import SizeField, Surface, change_sizes, coincident, pieces, twin_remarks
 
 
 def surface_step(preset: Preset, log: Log) -> Surface:
@@ -23,6 +23,8 @@ def surface_step(preset: Preset, log: Log) -> Surface:
         doubled = coincident(surface.V)
         merge = f", unless its {doubled} vertices that lie where another one does are merged" if doubled else ""
         log.note("surface", f"the surface has {count} separate pieces; each needs its own supports{merge}")
+    for remark in twin_remarks(surface.V, surface.F):
+        log.note("surface", remark)
     return surface
 
 

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from dsfab.materials import material_named
 from dsfab.preset import Preset
@@ -112,7 +113,8 @@ def propose(
         given = mesh_in_memory(mesh, unit, axis)
     size = sizes(given.surface, name)
     marks = drawn_marks(given)
-    return Proposal(given, size, drawn_feet(marks) or feet(given.surface, size.span), marks)
+    stands = drawn_feet(marks) or feet(given.surface, size.span)
+    return Proposal(given, size.on(given.surface, [foot.points for foot in stands]), stands, marks)
 
 
 def takes_snow(surface: Surface) -> bool:
@@ -137,19 +139,38 @@ def _decisions(proposal: Proposal) -> Iterator[Decision]:
     else:
         yield Decision("stands on", where + free, "surface.support")
     yield from mark_decisions(proposal.marks)
+    yield from _unheld(surface, stands)
     snow = f" and snow of {SNOW / 1000:g} kPa on the plan, a placeholder for your local code"
     yield Decision("carries", "its own weight" + (snow if proposal.snow else ""), "surface.load")
     figure = is_figure(surface)
-    over = "" if figure else f", 1/{size.ratio} of the span of {length(size.span)}"
+    over = "" if figure else f", 1/{size.ratio} of the span of {length(size.bridged or size.span)}"
     made = f"{size.material}, {length(size.thickness)} thick{over}"
     yield Decision("made of", made, "statics.material, statics.thickness")
-    across = "" if figure else f", about {round(size.span / size.spacing)} across the span"
+    across = "" if figure else f", about {round(size.span / size.spacing)} across"
     members = f"members every {length(size.spacing)}{across}, along the stress"
     yield Decision("pattern", members, "pattern.major.spacing, pattern.minor.spacing")
     rim = f", a rim of {length(size.rim)} along free edges" if surface.loops else ""
     widths = f"even, {SHARE:.0%} of the surface is material{rim}"
     yield Decision("widths", widths, "pattern.width.solid_fraction, pattern.rim")
     yield Decision("files", "STL, 3MF, and STEP where it is soon made", "export.formats, export.step")
+
+
+def _unheld(surface: Surface, stands: tuple[Foot, ...]) -> Iterator[Decision]:
+    """What is told of pieces that no foot is on; `dsfab build` refuses such a surface."""
+    count, piece = surface.pieces
+    if count == 1 or not stands:
+        return
+    of = np.empty(surface.n, dtype=np.int64)
+    of[surface.F] = piece[:, None]
+    _, vertex = cKDTree(surface.V).query(np.concatenate([foot.points for foot in stands]))
+    free = np.setdiff1d(np.arange(count), of[vertex])
+    if not len(free):
+        return
+    first = piece == free[0]
+    x, y, z = (np.round(surface.areas[first] @ surface.centroids[first] / surface.areas[first].sum(), 2) + 0.0).tolist()
+    stand = f"{len(free)} of {count} pieces {'stand' if len(free) > 1 else 'stands'} on nothing"
+    which = f"{'the first' if len(free) > 1 else 'it'} is around ({x:g}, {y:g}, {z:g}) m"
+    yield Decision("pieces", f"{stand}, which cannot be built: join them in the file, or support each; {which}")
 
 
 def _mesh(surface: Surface, size: Sizes) -> Decision:

@@ -1,6 +1,7 @@
 """A mesh of the user's as a surface in metres with z up, and what was decided on the way."""
 
 import re
+import unicodedata
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
@@ -21,10 +22,17 @@ from dsfab.surface import (
     raw_mesh,
     repaired_scan,
     surface_of_file,
+    twin_remarks,
     unit_guess,
     upright,
 )
 from dsfab.wording import length
+
+UMLAUTS = str.maketrans(
+    {"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss", "ø": "oe", "æ": "ae"}
+)
+SMALLEST, LARGEST = 0.02, 1000.0
+"""Metres that a surface's box is long at least and at most, or its unit is doubted."""
 
 
 @dataclass(frozen=True)
@@ -69,11 +77,11 @@ def mesh_in_file(
     if max_triangles is not None:
         keys["max_triangles"] = max_triangles
     scan = is_scan(raw.V, raw.F)
-    better = mended_raw(raw, scan)
+    better = mended_raw(raw, scan, unit)
     mends = better.record.repaired[len(raw.record.repaired) :]
     found = surface_of_file(path, better, unit)
     surface = found.surface
-    decisions = [Decision("unit", f"{unit}: it is {_box(surface)}", "surface.unit, or --unit cm")]
+    decisions = [Decision("unit", f"{unit}: it is {_box(surface)}{_doubt(surface)}", "surface.unit, or --unit cm")]
     for remark in raw.record.remarks:
         decisions.append(Decision("file", remark))
     if mends:
@@ -82,15 +90,18 @@ def mesh_in_file(
         decisions.append(Decision("mended", ("as a raw scan: " if scan else "") + "; ".join(mends), f"surface.{key}"))
     for remark in found.record.repaired[len(better.record.repaired) :]:
         decisions.append(Decision("file", f"repaired: {remark}"))
-    surface, up, turned = _turned(surface, up)
+    decisions += [Decision("sheets", remark) for remark in twin_remarks(surface.V, surface.F)]
+    surface, up, turned = _turned(surface, up, path.suffix)
     if up != "z":
         keys["up"] = up
     return GivenMesh(surface, preset_name(path), keys, (*decisions, turned), found.record.repaired)
 
 
 def preset_name(mesh: str | Path) -> str:
-    """What a preset for a mesh file is called."""
-    return re.sub(r"[^A-Za-z0-9_.-]+", "_", Path(mesh).stem).strip("_.-") or "mesh"
+    """What a preset for a mesh file is called: letters without their marks, umlauts as two."""
+    plain = unicodedata.normalize("NFC", Path(mesh).stem).translate(UMLAUTS)
+    plain = "".join(letter for letter in unicodedata.normalize("NFKD", plain) if not unicodedata.combining(letter))
+    return re.sub(r"[^A-Za-z0-9_.-]+", "_", plain).strip("_.-") or "mesh"
 
 
 def mesh_in_memory(mesh: Any, unit: str | None, up: Up | None) -> GivenMesh:
@@ -111,9 +122,9 @@ def mesh_in_memory(mesh: Any, unit: str | None, up: Up | None) -> GivenMesh:
     return GivenMesh(surface, "roof", {"mesh": surface}, (*decisions, turned))
 
 
-def _turned(surface: Surface, up: Up | None) -> tuple[Surface, Up, Decision]:
-    """The surface with z up, its file's vertical axis, and how that was found."""
-    guess = likely_up(surface) if up is None else up
+def _turned(surface: Surface, up: Up | None, suffix: str = "") -> tuple[Surface, Up, Decision]:
+    """The surface with z up, the vertical axis of its file of that suffix, and how that was found."""
+    guess = likely_up(surface, suffix) if up is None else up
     turned = surface if guess == "z" else Surface(upright(surface.V, guess), surface.F)
     other = "y" if guess == "z" else "z"
     change = f"surface.up, or --up {other}"
@@ -126,6 +137,13 @@ def _turned(surface: Surface, up: Up | None) -> tuple[Surface, Up, Decision]:
     stands = np.ptp(turned.V[:, 2]) == high and high > 1.5 * low
     told = f"z; it stands upright, {length(high)} high: if it should lie, another axis is up" if stands else "z"
     return turned, guess, Decision("up", told, change)
+
+
+def _doubt(surface: Surface) -> str:
+    """What is to be said of a size that nothing is built in: mostly the unit is another, or the file scaled twice."""
+    if SMALLEST <= surface.size <= LARGEST:
+        return ""
+    return f" (far {'larger' if surface.size > LARGEST else 'smaller'} than what is built; is that the file's unit?)"
 
 
 def _box(surface: Surface) -> str:

@@ -1,10 +1,12 @@
 """What is sensible for a surface of that size: spacing of members, edges of its mesh, thickness, widths."""
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.spatial import cKDTree
 
-from dsfab.arrays import face_angles
+from dsfab.arrays import Floats, face_angles
 from dsfab.surface import Surface
 
 MEMBERS = 16
@@ -20,6 +22,13 @@ TRIANGLES = 6500
 SLENDER = {"steel": 200, "timber": 100}
 """Span over thickness, by what a sheet is made of."""
 STEEL = ("S235", "S275", "S355", "S460", "aluminium 6082")
+LONG = 1.8
+"""Spans of more than this many times the shorter side of the plan decide how thick a sheet is, in place of that side: a
+square on its corners spans its diagonal, 1.41 sides."""
+WALL = 0.25
+"""A plan narrower than this share of the shorter side of what stands on it is a wall's: its width is nothing's span."""
+THICKEST = 1 / 5
+"""Of the spacing, that a long span makes a sheet thick at most: members are hardly wider than half of that."""
 FIGURE = 4.0
 """A surface whose boundary, squared, is shorter than this many times its area is a figure and spans nothing."""
 MODEL = 3.0
@@ -34,7 +43,11 @@ SHARPEST = 15.0
 
 @dataclass(frozen=True)
 class Sizes:
-    """Lengths in metres. edge is 0 where the mesh is good as it is; coarse: whether its own edges are much longer."""
+    """Lengths in metres. edge is 0 where the mesh is good as it is; coarse: whether its own edges are much longer.
+
+    span    : the shorter side of the plan: see `shorter_side`.
+    bridged : how far it spans between what it stands on, where that is far longer.
+    """
 
     span: float
     spacing: float
@@ -42,11 +55,30 @@ class Sizes:
     thickness: float
     material: str
     coarse: bool
+    bridged: float = 0.0
 
     @property
     def ratio(self) -> int:
-        """Span over thickness of that material."""
-        return SLENDER["steel" if self.material in STEEL else "timber"]
+        """Span over thickness."""
+        return round(self.bridged / self.thickness) if self.bridged else slenderness(self.material)
+
+    def on(self, surface: Surface, feet: Sequence[Floats]) -> "Sizes":
+        """The same for a surface on feet (k, 3): thicker where it spans far more than the shorter side of its plan.
+
+        Its span is twice the way in plan from its furthest vertex to the feet, as far as a cantilever of that length,
+        and it is as thick as the geometric mean of span and side asks for. Measured on uncut sheets of steel, how many
+        times their load makes them buckle: a footbridge of 3 m x 30 m, 1.6 if it is as thick as its side asks for (15
+        mm), 8.5 at 40 mm, 11.6 at 80 mm, for it weighs more; a roof of 12 m x 24 m, 13 at 60 mm, 56 at 130 mm.
+        """
+        if is_figure(surface) or not feet:
+            return self
+        way, _ = cKDTree(np.concatenate(feet)[:, :2]).query(surface.V[:, :2])
+        span = 2 * float(np.max(way))
+        if span <= LONG * self.span:
+            return self
+        between = float(np.sqrt(self.span * span))
+        thick = max(self.thickness, _stock(min(between / slenderness(self.material), THICKEST * self.spacing)))
+        return replace(self, thickness=thick, bridged=span)
 
     @property
     def rim(self) -> float:
@@ -67,15 +99,26 @@ class Sizes:
 def sizes(surface: Surface, material: str | None = None) -> Sizes:
     """The sizes for a surface with z up; the material is GL24h, or PLA for a model, where none is named."""
     figure = is_figure(surface)
-    span = float(np.sort(np.ptp(surface.V, axis=0)[:2])[0]) or surface.size
+    span = shorter_side(surface)
     square = float(np.sqrt(surface.area))
     spacing = two_digits(max(square / MEMBERS_AROUND if figure else span / MEMBERS, square / np.sqrt(CELLS)))
     material = material or ("PLA" if surface.size < MODEL else "GL24h")
-    thick = spacing / 8 if figure else span / SLENDER["steel" if material in STEEL else "timber"]
+    thick = spacing / 8 if figure else span / slenderness(material)
     even = square / np.sqrt(np.sqrt(3) / 4 * TRIANGLES)
     edge = two_digits(np.clip(even, spacing / FINEST, spacing / COARSEST))
     coarse = edge < SHOWN_FACETS * surface.mean_edge
     return Sizes(span, spacing, 0.0 if _is_good(surface, edge) else edge, _stock(thick), material, coarse)
+
+
+def shorter_side(surface: Surface) -> float:
+    """The shorter side of its plan, metres; of a wall, which has hardly one, that of its face."""
+    across, face = float(np.ptp(surface.V, axis=0)[:2].min()), float(np.sort(np.ptp(surface.V, axis=0))[1])
+    return face if across < WALL * face else across
+
+
+def slenderness(material: str) -> int:
+    """Span over thickness, by what a sheet is made of."""
+    return SLENDER["steel" if material in STEEL else "timber"]
 
 
 def is_figure(surface: Surface) -> bool:

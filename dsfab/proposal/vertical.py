@@ -8,6 +8,10 @@ from dsfab.surface import Surface, Up, upright
 
 CLEAR = 0.1
 """By this much y has to look better than z before it is taken for the vertical axis."""
+CLEAR_IN = {".3mf": np.inf, ".3dm": np.inf, ".dxf": np.inf, ".glb": np.inf, ".gltf": np.inf}
+CLEAR_IN |= dict.fromkeys((".stl", ".step", ".stp", ".brep"), 0.5)
+"""The same for files whose format or program says which axis is up (glTF's is z once it is read), and for those of
+which most have z up: a bench and a facade were laid on their backs."""
 SLICE = 0.05
 """Share of the height in which boundary counts as the bottom or the top."""
 SOLE = 0.03
@@ -19,8 +23,10 @@ RINGS = 0.8
 are doors and windows."""
 
 
-def likely_up(surface: Surface) -> Up:
+def likely_up(surface: Surface, suffix: str = "") -> Up:
     """z; or y, or -y, where the surface plainly stands better that way up, as files of Blender and web tools may.
+
+    suffix : of its file, with the dot; files of some formats have z up: see `CLEAR_IN`.
 
     An open surface is judged by how much of it a plan shows, by how much more of its boundary lies at its bottom than
     at its top, and by how well it stands; a closed one by how well it stands alone. What ends in level rings, as a
@@ -31,7 +37,7 @@ def likely_up(surface: Surface) -> Up:
     others: tuple[Up, Up] = ("y", "-y")
     score = {axis: _standing(surface, axis) for axis in others}
     best = max(others, key=lambda axis: score[axis])
-    return best if score[best] > _standing(surface, "z") + CLEAR else "z"
+    return best if score[best] > _standing(surface, "z") + CLEAR_IN.get(suffix.lower(), CLEAR) else "z"
 
 
 def _ends_in_level_rings(surface: Surface) -> bool:

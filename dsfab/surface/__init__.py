@@ -6,6 +6,7 @@ from dsfab.surface.climate import Snow, Wind
 from dsfab.surface.corner_field import CornerField
 from dsfab.surface.creases import CREASE
 from dsfab.surface.divided import DividedField
+from dsfab.surface.doubled import twin_remarks
 from dsfab.surface.drawing_files import Marks, marks_on_layers
 from dsfab.surface.en1990 import (
     OF_LOADS,
@@ -159,6 +160,7 @@ __all__ = [
     "surface_of_file",
     "together",
     "total_area",
+    "twin_remarks",
     "unit_guess",
     "upright",
     "with_regions",

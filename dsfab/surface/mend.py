@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints, area_vectors, closed_length, complement, lengths
+from dsfab.surface.doubled import single_sheets
 from dsfab.surface.places import merged
 from dsfab.surface.stitching import joined_at_points, stitched
 from dsfab.surface.topology import boundary_loops, duplicate_faces, edge_table, flips_to_orient, pieces
@@ -43,15 +44,19 @@ Fault = tuple[Callable[[Floats, Ints], Ints], str]
 """What chooses the faces that stay, and how the others are told."""
 
 
-def mended(V: Floats, F: Ints) -> MendedMesh:
+def mended(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
     """The mesh V (n, 3), any unit, F (m, 3) without what no architect means.
+
+    metres : of that unit, for what is told.
 
     Vertices closer than `WELD` of the largest side become one, faces without area or with an earlier face's corners go,
     and so do the later ones of three and more on an edge, pieces under `CRUMB` of the area, and pinholes with outlines
     under `PINHOLE` of the side. Seams of patches that were divided apart are stitched, and parts that touch in a
-    point are joined there: see `dsfab.surface.stitching`. What is left is as it was; vertices without a face go.
+    point are joined there: see `dsfab.surface.stitching`. Copies of a sheet go, and a slab becomes the sheet in its
+    middle: see `dsfab.surface.doubled`. What is left is as it was; vertices without a face go.
     """
-    mesh = _without(stitched_mesh(_without(sound_faces(V, F), _TOO_MANY)), _TOO_SMALL)
+    mesh = single_sheet(sound_faces(V, F), metres)
+    mesh = _without(stitched_mesh(_without(mesh, _TOO_MANY)), _TOO_SMALL)
     mesh = _joined(mesh) if len(mesh.F) else mesh
     return _compact(_without_pinholes(mesh) if len(mesh.F) else mesh)
 
@@ -61,7 +66,16 @@ def sound_faces(V: Floats, F: Ints) -> MendedMesh:
     corners that are no numbers, and those that repeat others."""
     finite: Bools = np.asarray(np.isfinite(V).all(axis=1))
     mesh = MendedMesh(V, F).with_faces(np.flatnonzero(finite[F].all(axis=1)), "with corners that are no numbers")
-    return _compact(_without(_welded(_compact(mesh)), _UNSOUND))
+    mesh = _without(_welded(_compact(mesh)), _UNSOUND)
+    once = _unrepeated(mesh.V, mesh.F)
+    twice = 2 * len(once) <= len(mesh.F)
+    return _compact(mesh.with_faces(once, "that repeat others, for the sheet is there twice," if twice else _REPEATED))
+
+
+def single_sheet(mesh: MendedMesh, metres: float) -> MendedMesh:
+    """The mesh with one sheet where two copies or the two faces of a slab were; `metres` of its unit, for the words."""
+    V, F, told = single_sheets(mesh.V, mesh.F, metres)
+    return _compact(MendedMesh(V, F, (*mesh.repairs, *told))) if told else mesh
 
 
 def _without(mesh: MendedMesh, faults: tuple[Fault, ...]) -> MendedMesh:
@@ -137,7 +151,8 @@ def _in_large_pieces(V: Floats, F: Ints) -> Ints:
     return np.flatnonzero(of_piece[piece] >= CRUMB * area.sum())
 
 
-_UNSOUND: tuple[Fault, ...] = ((_with_area, "without area"), (_unrepeated, "that repeat others"))
+_UNSOUND: tuple[Fault, ...] = ((_with_area, "without area"),)
+_REPEATED = "that repeat others"
 _TOO_MANY: tuple[Fault, ...] = ((_on_edges_of_two, "on edges that have two others"),)
 _TOO_SMALL: tuple[Fault, ...] = ((_in_large_pieces, "in crumbs"),)
 

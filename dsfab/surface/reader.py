@@ -80,12 +80,14 @@ def surface_in_file(
 ) -> SurfaceInFile:
     """The surface in a file together with what was read, repaired and dropped; see `read_surface`."""
     raw = raw_mesh(path, max_triangles)
-    return surface_of_file(path, mended_raw(raw, repair) if mend or repair else raw, unit, up)
+    return surface_of_file(path, mended_raw(raw, repair, unit) if mend or repair else raw, unit, up)
 
 
-def mended_raw(raw: RawMesh, scan: bool = False) -> RawMesh:
-    """What was read from a file with its small faults mended, or repaired as a scan, which its record tells."""
-    better = repaired_scan(raw.V, raw.F) if scan else mended(raw.V, raw.F)
+def mended_raw(raw: RawMesh, scan: bool = False, unit: str | None = None) -> RawMesh:
+    """What was read from a file, in its unit where none is given, with its small faults mended, or repaired as a scan,
+    which its record tells."""
+    metres = metres_per(unit) if unit else raw.metres
+    better = (repaired_scan if scan else mended)(raw.V, raw.F, metres)
     if not better.repairs:
         return raw
     return replace(raw, V=better.V, F=better.F, record=raw.record.also(better.repairs))
@@ -135,7 +137,8 @@ def _check_manifold(F: Ints, edges: EdgeTable) -> None:
     twice = duplicate_faces(F)
     if len(twice):
         raise SurfaceError(
-            f"{len(twice)} of {len(F)} faces repeat an earlier face (first: {first(twice)}); remove them"
+            f"{len(twice)} of {len(F)} faces repeat an earlier face (first: {first(twice)}); remove them, "
+            "or let surface.mend = true do it"
         )
     crowded = np.flatnonzero(edges.count > 2)
     if len(crowded):

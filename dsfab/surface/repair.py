@@ -6,7 +6,7 @@ import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints, area_vectors, closed_length, lengths
 from dsfab.surface.hole_filling import hole_triangles
-from dsfab.surface.mend import MendedMesh, counted, sound_faces, stitched_mesh
+from dsfab.surface.mend import MendedMesh, counted, single_sheet, sound_faces, stitched_mesh
 from dsfab.surface.topology import (
     EdgeTable,
     boundary_loops,
@@ -43,14 +43,16 @@ def is_scan(V: Floats, F: Ints) -> bool:
     return sum(closed_length(V[loop]) < HOLE * side for loop in boundary_loops(F, edges)) >= SEVERAL
 
 
-def repaired_scan(V: Floats, F: Ints) -> MendedMesh:
+def repaired_scan(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
     """The mesh V (n, 3), any unit, F (m, 3) of a scan as a sheet, each repair told with its number.
+
+    metres : of V's unit, for what is told.
 
     Beyond `mended`: of an edge with three faces and more the two that go on most smoothly keep it, and the others get
     vertices of their own; so do parts that touch in a point. Faces are turned so that neighbours face the same side.
     Pieces under `SPECK` of the largest go. Holes whose outline is under `HOLE` of the largest side are filled.
     """
-    mesh = sound_faces(V, F)
+    mesh = single_sheet(sound_faces(V, F), metres)
     for step in (stitched_mesh, _split, _turned, _without_specks, _filled):
         mesh = step(mesh) if len(mesh.F) else mesh
     return mesh

@@ -139,7 +139,8 @@ def _possible_bars(design: Design, graph: MemberGraph, up: Floats) -> tuple[BarP
     try:
         bars = planned_bars(design, graph, up)
     except PatternError as error:
-        return None, f"bars are no way either: {error}"
+        why = str(error).partition("; ")[0]  # after that, ways out that name other routes, among them the one taken
+        return None, f"bars are no way either: {why}"
     if bars.loose:
         return None, f"{len(bars.loose)} bars would be too short for bolts"
     long = longest_unfit(bars.parts, design.preset.workshop)

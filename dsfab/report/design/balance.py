@@ -10,6 +10,9 @@ if TYPE_CHECKING:
     from dsfab.statics import Equilibrium
     from dsfab.surface import LoadCase
 
+THRUST = 1.02
+"""Reactions whose sizes add up to more than this many times the loads' are not upright alone, which is told."""
+
 
 def equilibrium_facts(design: "Design", load: "LoadCase", answer: "Equilibrium") -> dict[str, Any]:
     """Compliance, largest displacement, residuals, and the sums of loads and reactions, of one equilibrium."""
@@ -111,7 +114,13 @@ def _carried(design: "Design", load: "LoadCase", answer: "Equilibrium") -> str:
     sums = balance(design, load, answer)
 
     def told(vector: list[float]) -> str:
-        return force(sum(x * x for x in vector) ** 0.5)
+        return force(_size(vector))
 
     parts = ", ".join(told(part["reaction_N"]) for part in sums["supports"])
-    return f"loads sum to {told(sums['load_N'])}; supports carry {parts}"
+    apart = sum(_size(part["reaction_N"]) for part in sums["supports"])
+    thrust = ", their thrust included" if apart > THRUST * _size(sums["load_N"]) else ""
+    return f"loads sum to {told(sums['load_N'])}; supports carry {parts}{thrust}"
+
+
+def _size(vector: list[float]) -> float:
+    return float(sum(x * x for x in vector) ** 0.5)
