@@ -23,7 +23,10 @@ from tests import designs  # noqa: E402
 LONGEST = (
     *("test_docs.py", "test_members.py", "test_targets.py", "test_pipeline_method.py", "test_docs_pictures.py"),
     *("test_study_sweep.py", "test_study_even.py", "test_thickening_zoo.py", "test_study_sweep_folder.py"),
-    *("test_app_cli.py", "test_paper_presets.py", "test_workshop_unrolling.py"),
+    *("test_app_cli.py", "test_paper_presets.py", "test_workshop_unrolling.py", "test_slicing_fillet.py"),
+    *("test_fabrication.py", "test_pattern_width.py", "test_pattern_regions.py", "test_pattern_steering.py"),
+    *("test_app_compliance.py", "test_app_reproduce.py", "test_app_explore.py", "test_app_editor_stripes.py"),
+    *("test_pipeline.py", "test_study_calculix.py", "test_study_alternatives.py", "test_pattern_keep.py"),
 )
 """test_frame.py and test_proposal.py find designs that test_members.py has made: they come long after it."""
 

@@ -29,7 +29,7 @@ from dsfab.study.variations import (
 )
 from tests.presets import DOME_MODES
 
-COARSE = ["--set", "surface.edge=0.9", "--size", "160x120"]
+COARSE = ["--set", "surface.edge=0.9", "--set", "pattern.keep=0", "--size", "160x120"]
 
 
 def run(capsys: pytest.CaptureFixture[str], *arguments: str) -> tuple[int, str, str]:
@@ -117,7 +117,7 @@ def test_a_contact_sheet_and_a_page_with_every_combination(
     assert words[:3] == ["dsfab", "build", DOME_MODES]
     changes = dict(parse_override(words[i + 1]) for i, word in enumerate(words) if word == "--set")
     assert changes == {
-        "surface.edge": 0.9, "pattern.major.frequency": 8, "diffusion.r": 1, "pattern.major.mode": 1,
+        "surface.edge": 0.9, "pattern.keep": 0, "pattern.major.frequency": 8, "diffusion.r": 1, "pattern.major.mode": 1,
     }  # fmt: skip
     assert load_preset(DOME_MODES, changes).pattern.major.frequency == 8
 

@@ -39,7 +39,7 @@ from tests.presets import DOME_MODES
 from tests.zoo import grid, sphere
 
 TWO = ("hanging_bar", "sphere")
-ROUGH = ("--coarser", "6", "--workers", "1")
+ROUGH = ("--coarser", "8", "--workers", "1")
 
 
 @pytest.fixture(autouse=True, scope="module")
@@ -108,7 +108,7 @@ def test_the_page_shows_every_step_of_every_figure_and_opens_offline(folder):
     assert "http" not in page.text
     assert "url(" not in page.text
     assert all(image["alt"] for image in page.images)
-    assert "6 times coarser" in page.text
+    assert "8 times coarser" in page.text
     for words in (
         "Towards the Michell truss",
         "The effect of the anisotropy r",
@@ -139,7 +139,7 @@ def test_every_figure_is_there_three_ways_with_what_was_measured_and_the_command
     assert [row[0] for row in measured] == ["The paper to the letter", "The preset", "dsfab's stripes"]
     assert all(row[1].endswith("%") and float(row[6]) >= 0 for row in measured)
     assert (measured[0][4] == "not carried") == (measured[0][3] == "0%")
-    command = f"<code>dsfab reproduce {name} --coarser 6</code>"
+    command = f"<code>dsfab reproduce {name} --coarser 8</code>"
     assert f"Measured, again by {command}" in page.text
     assert page.text.count(f"Again by {command}") == 2  # of each of these figures the paper draws two comparisons
     assert f"<code>dsfab build {name} --set surface.edge=" in page.text

@@ -24,7 +24,7 @@ from dsfab.study.sweeps.worker import Outcome
 from tests.presets import DOME_MODES
 from tests.test_study_sweep_folder import Hands, deadly
 
-COARSE = ("--set", "surface.edge=1.2", "--set", "pattern.keep=0.5", "--set", "pattern.width={}")
+COARSE = ("--set", "surface.edge=1.2", "--set", "pattern.keep=0", "--set", "pattern.width={}")
 PHASES = ("--vary", "pattern.major.phase=0.0:0.6:4")
 CHEAP = ("--metric", "kept_share,pieces", "--keep", "nothing")
 
@@ -74,7 +74,7 @@ def test_a_sweep_file_and_the_command_line_say_the_same(here, capsys):
     Path("mine.toml").write_text(
         f"preset = '{DOME_MODES}'\n"
         'metrics = ["kept_share", "pieces"]\nkeep = []\n'
-        "[set]\nsurface.edge = 1.2\npattern.keep = 0.5\n"
+        "[set]\nsurface.edge = 1.2\npattern.keep = 0\n"
         '"pattern.width" = {}\n[vary]\npattern.major.phase = { from = 0.0, to = 0.6, count = 4 }\n'
     )
     assert run(capsys, "mine.toml", "-o", "one", "-q")[0] == 0
@@ -155,7 +155,7 @@ def test_designs_of_one_surface_are_drawn_at_one_place():
 
     drawer, masks = SheetDrawer((160, 120), "top"), []
     for share in (0.3, 0.6):
-        changes = {"surface.edge": 1.2, "pattern.keep": 0.5, "pattern.width": {"solid_fraction": share}}
+        changes = {"surface.edge": 1.2, "pattern.keep": 0, "pattern.width": {"solid_fraction": share}}
         image = Image.open(io.BytesIO(drawer(Design.of(load_preset(DOME_MODES, changes)))))
         masks.append(np.asarray(image.convert("L")) < 200)
     edges = [[(mask.any(axis=a).argmax(), mask.any(axis=a)[::-1].argmax()) for a in (0, 1)] for mask in masks]

@@ -43,7 +43,7 @@ def torus(nu: int = 24, nv: int = 12) -> Solid:
 
 @pytest.fixture
 def quick_step(monkeypatch):
-    """Inspect STEP files in this process: a new one takes seconds to import build123d, each time."""
+    """Inspect STEP files in this process: a new one takes a second to load OCCT, each time."""
     monkeypatch.setattr(step, "inspection", lambda part, path: step_check.step_facts(path))
 
 

@@ -12,6 +12,7 @@ from dsfab.export.network.creases import crease_edges
 from dsfab.export.network.graph import net_of
 from dsfab.export.network.sides import Sides
 from dsfab.surface import SHAPES, Surface
+from tests.test_export import quick_step  # noqa: F401
 from tests.test_export_network import T, draft_of, lifting_of, striped
 
 RADIUS, STEEP = 2.0, np.deg2rad(60.0)
@@ -140,7 +141,7 @@ def test_a_pointed_vault_is_by_members_where_smooth_rounds_its_ridge(tmp_path):
 
 
 @pytest.mark.parametrize("way", ["quick", "auto"])
-def test_where_no_sheet_is_known_other_ways_are_tried(way, tmp_path):
+def test_where_no_sheet_is_known_other_ways_are_tried(way, tmp_path, here, quick_step):  # noqa: F811
     """As of a sheet that crosses itself: what says so ended all ways, facets too."""
 
     def crosses():

@@ -124,7 +124,7 @@ def test_a_refusal_says_what_every_way_would_cost_and_reads_nothing_back(tmp_pat
         write(solid, tmp_path / "a.step", step=StepOptions(faces=10))
     said = str(caught.value)
     assert said.startswith("every STEP file of 'a' would be more than step_faces = 10: ")
-    assert re.search(r"faceted 1,152 faces \(0\.\d+ MB, about 4\.2 s to write and check\)", said)
+    assert re.search(r"faceted 1,152 faces \(0\.\d+ MB, about 2\.7 s to write and check\)", said)
     assert re.search(r"simplified within 8\.3 mm \d+ faces \(0\.\d+ MB, about", said)
     for words in ("STL or 3MF", "coarsen the mesh", "step_tolerance", "or raise step_faces"):
         assert words in said

@@ -299,7 +299,7 @@ def test_an_edge_with_four_triangles_is_refused(tmp_path):
         (r"SI_UNIT\(\.MILLI\.,", "SI_UNIT($,", "volume 3e+15 mm3 instead of 3e+06 mm3"),
         (r"(CLOSED_SHELL\('',\()#\d+,", r"\1", "0 solids instead of 1"),
         (r"MANIFOLD_SOLID_BREP", "MANIFOLD_SOLID_BRAP", "0 solids instead of 1"),
-        (r"\(200\.,0\.,0\.\)", "(-50.,300.,0.)", "build123d finds the STEP solid of 'box' invalid"),
+        (r"\(200\.,0\.,0\.\)", "(-50.,300.,0.)", "OCCT finds the STEP solid of 'box' invalid"),
         (
             r"CARTESIAN_POINT\('',\(200\.,0\.,0\.\)\)",
             "CARTESIAN_POINT('',(240.,0.,0.))",
@@ -326,7 +326,7 @@ def test_a_spoilt_file_is_not_kept(tmp_path, monkeypatch, here, pattern, by, sai
 @pytest.mark.parametrize(
     ("finding", "said"),
     [
-        ({"valid": False}, "build123d finds the STEP solid of 'box' invalid"),
+        ({"valid": False}, "OCCT finds the STEP solid of 'box' invalid"),
         ({"solids": 2}, "2 solids instead of 1"),
         ({"faces": 7}, "7 faces instead of 6"),
         ({"tessellates": False}, "no triangles of a face of the STEP solid of 'box'"),
@@ -353,7 +353,7 @@ def test_a_check_that_does_not_end_is_said_and_nothing_is_kept(tmp_path, monkeyp
 @pytest.mark.slow
 def test_a_check_that_fails_gives_its_reason(tmp_path):
     part = part_of(box(), "box", 10)
-    with pytest.raises(ExportError, match=r"build123d could not read the STEP file of 'box' \(.*missing.step"):
+    with pytest.raises(ExportError, match=r"OCCT could not read the STEP file of 'box' \(.*missing.step"):
         step.inspection(part, tmp_path / "missing.step")
 
 

@@ -275,7 +275,7 @@ def test_guides_are_compared_with_their_images():
     assert same(curve((0.0, 1.0), (2.0, 1.0)), small) == [False, False]
 
 
-SMALL = {"surface.edge": 0.5, "pattern.method": "stripes", "pattern.major.spacing": 1.4, "pattern.minor.spacing": 1.1}
+SMALL = {"surface.edge": 0.7, "pattern.method": "stripes", "pattern.major.spacing": 1.4, "pattern.minor.spacing": 1.1}
 
 
 @cache

@@ -23,10 +23,10 @@ from tests.presets import (
 )
 
 SMALL = {
-    "dome": {"surface.edge": 0.5, "pattern.width": {}},
-    "globe": {"surface.edge": 0.1},
-    "barrel_vault": {"surface.edge": 0.4},
-    "cantilever": {"surface.edge": 0.05},
+    "dome": {"surface.edge": 0.7, "pattern.width": {}},
+    "globe": {"surface.edge": 0.13},
+    "barrel_vault": {"surface.edge": 0.55},
+    "cantilever": {"surface.edge": 0.07},
     "tower": {"surface.edge": 0.9},
 }
 """The shipped shapes on coarse meshes, for tests of laws rather than of numbers."""

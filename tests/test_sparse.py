@@ -298,6 +298,17 @@ def test_pivots_are_read_unless_the_matrix_is_known_to_be_definite():
     assert_allclose(K @ SuperLU(K, points, node, definite=True)(b), b, atol=1e-8)
 
 
+def test_a_small_factor_gives_no_memory_back(monkeypatch):
+    """It takes longer than the factor; after a large one it is done."""
+    asked = []
+    monkeypatch.setattr(memory, "_malloc_trim", lambda: asked.append)
+    require("PARDISO")
+    Pardiso(system(grid(2, 2, 1.0, 1.0))[0])
+    assert asked == []
+    memory.give_back(2 * memory.LITTLE)
+    assert asked == [0]
+
+
 def test_memory_that_pardiso_does_not_give_back_is_no_traceback():
     """As after Ctrl-C between its phases."""
     wrapper = pytest.importorskip("pypardiso.pardiso_wrapper", reason="the optional solver is not installed")

@@ -14,7 +14,7 @@ from tests.presets import DOME_MODES
 
 COARSE_KEYS = {"surface.edge": 1.2, "pattern.keep": 0.5}
 COARSE = dsfab.load_preset(DOME_MODES, COARSE_KEYS)
-PRESET = dsfab.load_preset(DOME_MODES, {"surface.edge": 0.8, "pattern.keep": 0.5})
+PRESET = COARSE
 
 
 def test_a_sweep_is_every_combination_in_the_order_given():
@@ -31,7 +31,7 @@ def test_a_swept_design_is_the_one_that_is_built_alone():
     vary = {"pattern.minor.threshold": [0.0, 0.5], "diffusion.gamma": [1.0, 5.0]}
     runs = dsfab.sweep(PRESET, vary, keep=lambda changes, design: kept.update({tuple(changes.values()): design}))
     for run in runs:
-        alone = dsfab.run(dsfab.load_preset(DOME_MODES, {"surface.edge": 0.8, "pattern.keep": 0.5, **run.changes}))
+        alone = dsfab.run(dsfab.load_preset(DOME_MODES, {"surface.edge": 1.2, "pattern.keep": 0.5, **run.changes}))
         assert run.metrics == {name: METRICS[name](alone) for name in BASIC}
         assert (kept[tuple(run.changes.values())].solid.V == alone.solid.V).all()
 
@@ -154,13 +154,13 @@ def test_the_sheets_mass_is_nearly_that_of_the_solid(whole):
 
 def test_what_a_later_section_does_not_change_is_made_once():
     thinner = Design.of(
-        dsfab.load_preset(DOME_MODES, {"surface.edge": 0.8, "pattern.keep": 0.5, "export.step_faces": 9})
+        dsfab.load_preset(DOME_MODES, {"surface.edge": 1.2, "pattern.keep": 0.5, "export.step_faces": 9})
     )
     solid = thinner.solid
     after = Design.of(thinner.preset, thinner)
     assert after.solid is solid
     assert Design.of(PRESET, after).slicing is thinner.slicing
-    other = dsfab.load_preset(DOME_MODES, {"surface.edge": 0.8, "pattern.keep": 0.5, "slicing.snap": 0.1})
+    other = dsfab.load_preset(DOME_MODES, {"surface.edge": 1.2, "pattern.keep": 0.5, "slicing.snap": 0.1})
     assert "slicing" not in vars(Design.of(other, after))
 
 

@@ -33,7 +33,7 @@ PHASES = [0.0, 0.2, 0.4, 0.6]
 
 def plan(**changes) -> Plan:
     """A sweep whose runs take a few hundredths of a second each."""
-    coarse = {"surface.edge": 1.2, "pattern.keep": 0.5, "pattern.width": {}}
+    coarse = {"surface.edge": 1.2, "pattern.keep": 0, "pattern.width": {}}
     values = {
         "preset": DOME_MODES,
         "set": coarse,

@@ -7,6 +7,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial import cKDTree
 
+from dsfab.arrays import from_segments
 from dsfab.errors import SurfaceError
 from dsfab.preset_file import load_preset
 from dsfab.surface import Ball, Box, Nearest, Side, Surface, mended, nearest, read_surface, twin_remarks
@@ -14,6 +15,7 @@ from dsfab.surface.doubled import single_sheets
 from dsfab.surface.mend import WELD
 from dsfab.surface.places import merged
 from dsfab.surface.shapes import dome, plate, sphere
+from dsfab.surface.stitching import SAG, _near
 from dsfab.surface.topology import boundary_loops, edge_table, manifold_faults, pieces, pinches
 from tests.own_meshes import figure, gyroid, voronoi_shell
 from tests.zoo import grid
@@ -331,3 +333,36 @@ def test_sheets_over_each_other_are_told_and_stay():
     ]
     assert list(twin_remarks(ROOF.V, ROOF.F)) == []
     assert "surface.mend = true" in next(twin_remarks(*slab(ROOF, 0.2)))
+
+
+def comb(spikes: int) -> tuple[np.ndarray, np.ndarray]:
+    """Corners of a comb 1 m wide with spikes about 1 m long, and the ends of its edges, one closed loop."""
+    x = np.arange(2 * spikes) / (2 * spikes)
+    y = np.where(np.arange(2 * spikes) % 2, 1 + 0.2 * np.sin(np.arange(2 * spikes)), 0.0)
+    V = np.stack([np.append(x, [1.0, 0.0]), np.append(y, [-0.5, -0.5]), np.zeros(2 * spikes + 2)], axis=1)
+    i = np.arange(len(V))
+    return V, np.stack([i, np.roll(i, -1)], axis=1)
+
+
+@pytest.mark.parametrize("open_", [False, True])
+def test_what_lies_on_long_edges_in_a_crowd_is_found(open_):
+    """As each vertex asked about each edge: within a length of closed loops, within a share of edges of other lines."""
+    V, ends = comb(40)
+    ends = ends[:-1] if open_ else ends
+    edge, vertex = _near(V, ends, 0.03)
+    found = set(zip(edge.tolist(), vertex.tolist(), strict=True))
+    a, b = V[ends].transpose(1, 0, 2)
+    far = from_segments(V[:, None], a, b)
+    share = np.einsum("vei,ei->ve", V[:, None] - a, b - a) / (np.linalg.norm(b - a, axis=1) ** 2)
+    most = np.maximum(SAG * np.linalg.norm(b - a, axis=1), 0.03) if open_ else 0.03
+    on = (far <= most) & (share > 0) & (share < 1)
+    on[ends.T, np.arange(len(ends))] = False
+    assert on.any()
+    assert {(int(e), int(v)) for v, e in np.argwhere(on)} <= found
+
+
+def test_a_comb_of_spikes_asks_about_few_vertices_an_edge():
+    """Of 2 000 spikes nearly all corners are nearer to the middle of each edge than its ends are."""
+    V, ends = comb(2000)
+    edge, _ = _near(V, ends, 1e-5)
+    assert len(edge) < 50 * len(ends)

@@ -6,12 +6,15 @@ import trimesh
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
 
 from dsfab.errors import SurfaceError
 from dsfab.surface import Surface, nearest, signed_volume, signed_volumes, total_area
 from dsfab.surface.shapes import dome, plate, sphere, torus
 from dsfab.surface.topology import (
     boundary_loops,
+    connected,
     duplicate_faces,
     edge_table,
     euler_characteristic,
@@ -248,3 +251,17 @@ def test_a_small_tetrahedron_far_out_keeps_its_digits():
     F = np.array([[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]])
     assert signed_volume(V, F) == pytest.approx(1e-9, rel=1e-8)
     assert total_area(V, F) == pytest.approx(9e-6, rel=1e-8)
+
+
+@pytest.mark.parametrize("count", [0, 1, 2, 30, 3000])
+@pytest.mark.parametrize("share", [0.0, 0.3, 0.6, 2.0])
+def test_parts_are_those_that_scipy_finds_in_the_same_order(count, share):
+    rng = np.random.default_rng(count)
+    links = rng.integers(0, max(count, 1), (2, int(share * count)))
+    long = rng.permutation(count)[: count // 2]  # and a path through half of the things
+    i, j = np.concatenate([links, [long[:-1], long[1:]]], axis=1)
+    graph = coo_array((np.ones(len(i)), (i, j)), shape=(count, count))
+    parts, label = connected_components(graph, directed=False)
+    found = connected(count, i, j)
+    assert found[0] == parts
+    assert_array_equal(found[1], label)

@@ -121,10 +121,13 @@ def _previewed(presets: Sequence[str], as_json: bool) -> int:
 
 
 def _edges(name: str, source: Source, wanted: tuple[int, ...]) -> list[tuple[str, ...]]:
-    """The overrides that give a shape about these numbers of vertices: they grow with 1 / edge^2."""
+    """The overrides that give a shape about these numbers of vertices: they grow with 1 / edge^2.
+
+    The preset is read in any case: a mistake in the last of several is told before the first one is timed.
+    """
+    surface = source.read(name).surface
     if not wanted:
         return [()]
-    surface = source.read(name).surface
     edge = getattr(surface, "edge", None)
     if not edge:
         raise DsfabError(

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from dsfab.errors import ExportError
 from dsfab.export.part import Part
 
-START = 3.0
-"""Seconds that reading back takes at least: a process that imports build123d."""
+START = 1.5
+"""Seconds that reading back takes at least: a process that loads OCCT."""
 
 
 @dataclass(frozen=True)

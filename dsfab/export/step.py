@@ -8,7 +8,7 @@ faceted : any solid, as planar faces that coplanar triangles were joined to; sim
 tessellated : its triangles, for viewers (`dsfab.export.tessellated`).
 
 `auto` takes the first of these that the solid allows and that stands the check, but for tessellated, within a budget
-(`dsfab.export.ladder`). The text is written directly and read back through build123d. Building the same topology in
+(`dsfab.export.ladder`). The text is written directly and read back through OCCT. Building the same topology in
 OCCT first gives larger files (with a curve on the surface for each edge) and is 30 to 300 times slower to write.
 Reading back, in a process of its own, is nearly all of the time; measured for `faceted` with OCCT 8 on a busy machine
 of two cores:
@@ -115,7 +115,7 @@ def _within_size(part: Part, faces: int, expected: float, chunks: Iterator[bytes
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read back with build123d: as many solids and faces, all valid, with the part's volume.
+    """Read back with OCCT: as many solids and faces, all valid, with the part's volume.
 
     Smooth pieces were read back and measured before, one by one; if all are smooth, what is on the disk must be that
     file.
@@ -139,12 +139,12 @@ def check(part: Part, path: Path) -> ReadBack:
         raise differs(part, "faces", faces, found["faces"])
     if not found["valid"]:
         raise ExportError(
-            f"build123d finds the STEP solid of {part.name!r} invalid: look for parts that touch or cross; "
+            f"OCCT finds the STEP solid of {part.name!r} invalid: look for parts that touch or cross; "
             "write STL or 3MF instead"
         )
     if not found["tessellates"]:
         raise ExportError(
-            f"build123d makes no triangles of a face of the STEP solid of {part.name!r}; write step = 'faceted'"
+            f"OCCT makes no triangles of a face of the STEP solid of {part.name!r}; write step = 'faceted'"
         )
     off = found["volume"] / part.volume - 1
     return ReadBack(faces, "faces", off if part.step == "smooth" else check_measure(part, found["volume"]))
@@ -162,6 +162,6 @@ def inspection(part: Part, path: Path) -> dict[str, Any]:
         ) from error
     except ProgramError as error:
         raise ExportError(
-            f"build123d could not read the STEP file of {part.name!r} ({error}); write STL or 3MF instead"
+            f"OCCT could not read the STEP file of {part.name!r} ({error}); write STL or 3MF instead"
         ) from error
     return answer

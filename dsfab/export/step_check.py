@@ -1,4 +1,4 @@
-"""What build123d (OCCT) finds in a STEP or BREP file: a program of its own, because the check of a shape may not end.
+"""What OCCT finds in a STEP or BREP file: a program of its own, because the check of a shape may not end.
 
     python -P step_check.py FILE
 
@@ -10,77 +10,123 @@ It imports nothing from dsfab, so that it is a second opinion, and can be starte
 
 import json
 import sys
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
 
 def step_facts(path: Path) -> dict[str, Any]:
     """Number of solids and faces, OCCT's validity check, and the volume of all solids together."""
-    from build123d import import_brep, import_step
-    from OCP.Message import Message
+    from OCP.BRepCheck import BRepCheck_Analyzer
+    from OCP.TopAbs import TopAbs_ShapeEnum
 
-    Message.DefaultMessenger_s().ChangePrinters().Clear()
-    if path.suffix != ".brep" and b"TESSELLATED_SHAPE_REPRESENTATION" in path.read_bytes():
-        return _triangles(path)
-    if path.suffix != ".brep" and b"WIREFRAME_SHAPE_REPRESENTATION" in path.read_bytes():
-        return _lines(path)
-    shape = import_brep(path) if path.suffix == ".brep" else import_step(path)
-    solids = shape.solids()
+    shape = read(path)
+    text = b"" if path.suffix == ".brep" else path.read_bytes()
+    if b"TESSELLATED_SHAPE_REPRESENTATION" in text:
+        return _triangles(shape)
+    if b"WIREFRAME_SHAPE_REPRESENTATION" in text:
+        return _lines(shape)
+    solids, faces = (_parts(shape, kind) for kind in (TopAbs_ShapeEnum.TopAbs_SOLID, TopAbs_ShapeEnum.TopAbs_FACE))
     return {
         "solids": len(solids),
-        "faces": len(shape.faces()),
-        "valid": bool(solids) and all(solid.is_valid for solid in solids),
-        "tessellates": _tessellates(shape),
-        "volume": sum(_volume(solid.wrapped) for solid in solids),
+        "faces": len(faces),
+        "valid": bool(solids) and all(BRepCheck_Analyzer(solid).IsValid() for solid in solids),
+        "tessellates": _tessellates(shape, faces),
+        "volume": sum(_volume(solid) for solid in solids),
     }
 
 
-def _lines(path: Path) -> dict[str, Any]:
+def read(path: Path) -> Any:
+    """The shape in a file, millimetres; raises ValueError where OCCT finds none."""
+    from OCP.BRep import BRep_Builder
+    from OCP.BRepTools import BRepTools
+    from OCP.Message import Message
+    from OCP.STEPControl import STEPControl_Reader
+    from OCP.TopoDS import TopoDS_Shape
+
+    Message.DefaultMessenger_s().ChangePrinters().Clear()
+    if path.suffix == ".brep":
+        shape = TopoDS_Shape()
+        BRepTools.Read_s(shape, str(path), BRep_Builder())
+    else:
+        reader = STEPControl_Reader()
+        reader.ReadFile(str(path))
+        reader.TransferRoots()
+        shape = reader.OneShape()
+    if shape.IsNull():
+        raise ValueError(f"OCCT finds no shape in {path.name}")
+    return shape
+
+
+def _parts(shape: Any, kind: Any) -> list[Any]:
+    """Its solids, faces or edges."""
+    from OCP.TopExp import TopExp_Explorer
+
+    parts, found = [], TopExp_Explorer(shape, kind)
+    while found.More():
+        parts.append(found.Current())
+        found.Next()
+    return parts
+
+
+def _lines(shape: Any) -> dict[str, Any]:
     """Number of curves in a file of lines, a composite one counted once, and their length together."""
-    from build123d import Compound, import_step
+    from OCP.BRepAdaptor import BRepAdaptor_Curve
+    from OCP.GCPnts import GCPnts_AbscissaPoint
+    from OCP.TopAbs import TopAbs_ShapeEnum
+    from OCP.TopoDS import TopoDS
 
-    found = import_step(path)
-    curves = list(Compound.cast(found.wrapped))
-    while len(curves) == 1 and isinstance(curves[0], Compound):
-        curves = list(curves[0])
-    return {"lines": len(curves), "length": sum(edge.length for edge in found.edges())}
+    curves = [shape]
+    while len(curves) == 1 and curves[0].ShapeType() == TopAbs_ShapeEnum.TopAbs_COMPOUND:
+        curves = list(_children(curves[0]))
+    edges = (BRepAdaptor_Curve(TopoDS.Edge(edge)) for edge in _parts(shape, TopAbs_ShapeEnum.TopAbs_EDGE))
+    return {"lines": len(curves), "length": sum(GCPnts_AbscissaPoint.Length_s(edge) for edge in edges)}
 
 
-def _triangles(path: Path) -> dict[str, Any]:
+def _children(shape: Any) -> Iterator[Any]:
+    from OCP.TopoDS import TopoDS_Iterator
+
+    found = TopoDS_Iterator(shape)
+    while found.More():
+        yield found.Value()
+        found.Next()
+
+
+def _triangles(shape: Any) -> dict[str, Any]:
     """Number of triangles in a file of tessellated geometry, and the volume inside them."""
     from OCP.BRep import BRep_Tool
-    from OCP.STEPControl import STEPControl_Reader
     from OCP.TopAbs import TopAbs_ShapeEnum
-    from OCP.TopExp import TopExp_Explorer
     from OCP.TopLoc import TopLoc_Location
     from OCP.TopoDS import TopoDS
 
-    reader = STEPControl_Reader()
-    reader.ReadFile(str(path))
-    reader.TransferRoots()
     count, volume = 0, 0.0
-    faces = TopExp_Explorer(reader.OneShape(), TopAbs_ShapeEnum.TopAbs_FACE)
-    while faces.More():
-        mesh = BRep_Tool.Triangulation_s(TopoDS.Face(faces.Current()), TopLoc_Location())
+    for face in _parts(shape, TopAbs_ShapeEnum.TopAbs_FACE):
+        mesh = BRep_Tool.Triangulation_s(TopoDS.Face(face), TopLoc_Location())
         for i in range(1, mesh.NbTriangles() + 1):
             a, b, c = (mesh.Node(k).XYZ() for k in mesh.Triangle(i).Get())
             volume += a.Dot(b.Crossed(c)) / 6
         count += mesh.NbTriangles()
-        faces.Next()
     return {"triangles": count, "volume": volume}
 
 
-def _tessellates(shape: Any) -> bool:
+def _tessellates(shape: Any, faces: list[Any]) -> bool:
     """Whether every face becomes triangles: a few valid curved ones do not. Planar faces alone are not asked."""
+    from OCP.Bnd import Bnd_Box
     from OCP.BRep import BRep_Tool
+    from OCP.BRepAdaptor import BRepAdaptor_Surface
+    from OCP.BRepBndLib import BRepBndLib
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
+    from OCP.GeomAbs import GeomAbs_SurfaceType
     from OCP.TopLoc import TopLoc_Location
+    from OCP.TopoDS import TopoDS
 
-    faces = shape.faces()
-    if all(face.geom_type.name == "PLANE" for face in faces):
+    faces = [TopoDS.Face(face) for face in faces]
+    if all(BRepAdaptor_Surface(face).GetType() == GeomAbs_SurfaceType.GeomAbs_Plane for face in faces):
         return True
-    BRepMesh_IncrementalMesh(shape.wrapped, 1e-3 * shape.bounding_box().diagonal, False, 0.5, True)
-    return all(BRep_Tool.Triangulation_s(face.wrapped, TopLoc_Location()) is not None for face in faces)
+    box = Bnd_Box()
+    BRepBndLib.AddOptimal_s(shape, box)
+    BRepMesh_IncrementalMesh(shape, 1e-3 * box.SquareExtent() ** 0.5, False, 0.5, True)
+    return all(BRep_Tool.Triangulation_s(face, TopLoc_Location()) is not None for face in faces)
 
 
 def _volume(shape: Any) -> float:

@@ -17,6 +17,9 @@ from dsfab.results import Attempt, EvenStripes, PatternResult, StressedSurface
 from dsfab.sparse import give_back
 from dsfab.surface import Surface
 
+SOLVED = 4e3
+"""Bytes for each face that the solvers of the stages before leave."""
+
 
 class Before(NamedTuple):
     """Evenly spaced stripes of an earlier design, on the same surface under the same stress."""
@@ -62,7 +65,7 @@ def pattern_stage(preset: Preset, given: StressedSurface, log: Log, chosen: Chos
     log.seconds.setdefault("pattern", 0.0)
     drawn = way.drawn or pattern_step(way.preset, given, log, way.choice, way.grading, way.even)
     asked = None if way.preset is preset else way.preset.pattern
-    give_back()  # what the solvers held: whoever draws needs memory of another shape
+    give_back(SOLVED * given.surface.m)  # what the solvers held: whoever draws needs memory of another shape
     return replace(drawn, asked=asked, attempts=chosen.attempts)
 
 

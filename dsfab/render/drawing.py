@@ -56,7 +56,7 @@ def rendered(
     if stage.level is not None:
         level = (stage.level - float(stage.centre @ stage.view.floor)) / stage.radius - 0.002
     brightness, share = light.shaded(scene, stage.view, pixels, all_lamps, stage.view.floor, level)
-    give_back()  # what the lamps saw
+    give_back(all_lamps.quality.bytes)  # what the lamps saw
     canvas = (_clear_floor if clear else _floor)(share, palette, width, height)
     pixel = 2 * stage.view.slope / height * float(np.linalg.norm(stage.view.eye - stage.centre)) / stage.radius
     lines = edges(pixels, 2.5 * pixel)

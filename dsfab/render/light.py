@@ -53,6 +53,11 @@ class LightQuality:
     blur: tuple[float, float] = (0.004, 0.028)
     finer: int = 2
 
+    @property
+    def bytes(self) -> int:
+        """What all lamps see, at four bytes a pixel."""
+        return 4 * (self.sun * self.sharp**2 + (self.sky + self.below) * self.coarse**2)
+
     def fitting(self, height: int) -> "LightQuality":
         """The same for a picture of this many rows: what lamps see need not be finer than what the eye sees."""
         sharp, coarse = max(320, 2 * height), max(256, round(1.3 * height))

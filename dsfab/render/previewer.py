@@ -42,6 +42,9 @@ from dsfab.sparse import give_back
 NOMINAL = (1600, 1200)
 """Pixels of a picture when nothing else is asked for."""
 
+PER_PIXEL = 16.0
+"""Bytes that drawing a pixel leaves."""
+
 COLOURED = ("major", "minor", "kept")
 """Names of what the colours of families tell apart."""
 
@@ -219,7 +222,7 @@ class Previewer:
         view = self._view(size, words)
         stage = replace(self._stage, view=view)
         image = rendered(self._scene, stage, self._palette, size, quality, self._clear)
-        give_back()  # a hundred megabytes of pictures on the way to this one
+        give_back(PER_PIXEL * size[0] * size[1] * quality.finer**2)  # of pictures on the way to this one
         alone = len(stage.bodies) == 1  # then nothing is seen if there is no material, and that costs no frame
         if self._scene.empty if alone else not self.mask(size, words).any():
             raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")

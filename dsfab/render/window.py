@@ -58,11 +58,12 @@ class Window:
 
     def rest(self) -> None:
         """Give the pictures back that the graphics side holds, six of the last size, until the next one is drawn."""
+        width, height = self.window.GetSize()
         self.window.SetSize(64, 64)
         self._renderer.DrawOff()
         self.window.Render()
         self._renderer.DrawOn()
-        give_back()
+        give_back(6 * 4 * width * height)
 
     def draw(self) -> None:
         """Draw what there is."""

@@ -55,10 +55,18 @@ def require_memory(needed: int) -> None:
         raise FactorMemoryError.of(needed, free)
 
 
-def give_back() -> None:
+LITTLE = 20e6
+"""Bytes that are not worth being given back: looking for them takes up to 20 ms in a process that has run for long,
+which is as long as all the rest of a factor of a thousand unknowns."""
+
+
+def give_back(held: float) -> None:
     """Hand memory that was freed to the system: glibc keeps what small blocks above it hold, 60 MB after a factor of
-    90,000 unknowns was prepared and 170 MB after it was freed. Does nothing elsewhere; takes 10 ms for 100 MB."""
-    if trim := _malloc_trim():
+    90,000 unknowns was prepared and 170 MB after it was freed. Does nothing elsewhere; takes 10 ms for 100 MB.
+
+    held : about how many bytes were freed; nothing is done for `LITTLE` or less.
+    """
+    if held > LITTLE and (trim := _malloc_trim()):
         trim(0)
 
 

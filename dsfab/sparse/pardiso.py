@@ -37,6 +37,9 @@ ALONE = 12_000
 """Unknowns up to which one thread does it: with two, solves of 10 000 took twice the time on the clock and three times
 that of the processor, and factorisations as long. The answer is then the same on any number of cores."""
 
+PREPARED = 700.0
+"""Bytes for each unknown that making the matrix and its analysis leave."""
+
 OUT_OF_MEMORY = (-2, -9)
 """PARDISO's errors for want of memory; every other one of the factorisation means a pivot that is not positive."""
 
@@ -109,7 +112,7 @@ class Pardiso:
         nothing = np.zeros((self._upper.shape[0], 1), dtype=self._upper.dtype)
         self._call(ANALYSE, nothing)
         analysis, kept, work = (1024 * int(self._solver.iparm[k]) for k in (14, 15, 16))
-        give_back()  # what made the matrix, before the factor takes the most of all
+        give_back(PREPARED * len(nothing))  # what made the matrix, before the factor takes the most of all
         require_memory(max(analysis, kept + work))
         self._call(FACTORISE, nothing)
 

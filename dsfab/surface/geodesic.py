@@ -167,8 +167,8 @@ class _Front:
         across = np.stack([-AB[:, 1], AB[:, 0]], axis=1)
         C = w.at_a + np.where(same, along, 1 - along)[:, None] * AB + high[:, None] * across
         edges = np.where(same, of[back], of[ahead]), np.where(same, of[ahead], of[back])
-        one, two = w.left(w.start, C), w.left(w.end, C)
-        a0, a1, b0, b1 = (w.left(t, P) for P in (w.at_a, w.at_b) for t in (w.start, w.end))
+        corners = np.stack([C, w.at_a, w.at_b])
+        (one, a0, b0), (two, a1, b1) = w.left(w.start, corners), w.left(w.end, corners)
         start, end = share(a0, one), np.where(two < 0, share(a1, two), 1.0)
         first = Windows.of((edges[0], face, w.a, c, w.parallel), w.at_a, C, start, end, w.offset).at(one < 0)
         start, end = np.where(one > 0, share(one, b0), 0.0), share(two, b1)

@@ -22,6 +22,9 @@ it is as open as that in between; seams that are less open than `within` need no
 ROUNDS = 4
 """A face takes the vertices of one of its edges at a time, and has up to three of them at a seam."""
 
+CROWD = 8
+"""Vertices around an edge above which it is looked at in halves."""
+
 WIDEST = 150.0
 """Degrees between two edges that a face can join."""
 
@@ -67,13 +70,27 @@ def _open_seams(V: Floats, F: Ints, edges: EdgeTable, within: float) -> tuple[In
 
 
 def _near(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
-    """Edges (k,) of those with ends (b, 2), and vertices (k,) of others that lie beside their inside."""
+    """Edges (k,) of those with ends (b, 2), and vertices (k,) of others that lie beside their inside: all within
+    `SAG` of an edge where boundaries meet, all `within` where they are closed loops, of which none is a seam."""
     a, b = V[ends].transpose(1, 0, 2)
-    border = np.unique(ends)
-    reach = np.maximum((0.5 + SAG) * lengths(b - a), within)
-    found = cKDTree(V[border]).query_ball_point((a + b) / 2, reach)
-    edge = np.repeat(np.arange(len(ends)), [len(some) for some in found])
-    vertex = border[np.concatenate([np.asarray(some, dtype=np.int64) for some in found])] if len(edge) else border[:0]
+    border, loops = np.unique(ends), (np.bincount(ends.ravel())[ends] == 2).all()
+    long = lengths(b - a)
+    reach = np.maximum((0.0 if loops else SAG) * long, within)
+    tree, edge, start, size = cKDTree(V[border]), np.arange(len(ends)), np.zeros(len(ends)), 1.0
+    found = [np.zeros((0, 2), dtype=np.int64)]
+    while len(edge):
+        # a long edge in a crowd, as a comb of spikes has, is looked along: around its middle are all of them
+        middle = a[edge] + (start + size / 2)[:, None] * (b - a)[edge]
+        radius = size / 2 * long[edge] + reach[edge]
+        count = tree.query_ball_point(middle, radius, return_length=True)
+        halved = (count > CROWD) & (size * long[edge] > reach[edge])
+        asked = (count > 0) & ~halved
+        lists = tree.query_ball_point(middle[asked], radius[asked])
+        vertex = border[np.concatenate([np.zeros(0, dtype=np.int64), *lists]).astype(np.int64)]
+        found.append(np.stack([np.repeat(edge[asked], count[asked]), vertex], axis=1))
+        edge, start, size = np.repeat(edge[halved], 2), np.repeat(start[halved], 2), size / 2
+        start[1::2] += size
+    edge, vertex = np.unique(np.concatenate(found), axis=0).T
     along = along_segments(V[vertex], a[edge], b[edge])
     beside = (along > 0) & (along < 1) & (ends[edge] != vertex[:, None]).all(axis=1)
     return edge[beside], vertex[beside]

@@ -109,7 +109,8 @@ class Windows:
         return np.where(self.parallel[:, None], (0.0, 1.0), P)
 
     def left(self, t: Floats, C: Floats) -> Floats:
-        """(k,) how far C (k, 2) is on the left of the ray through A + t (B - A), times a length; 0 within rounding."""
+        """(..., k) how far C (..., k, 2) is on the left of the ray through A + t (B - A), times a length; 0 within
+        rounding."""
         P = self.place(t)
         ray = self.rays(P)
         off = cross2(ray, C - P)
@@ -124,8 +125,8 @@ def share(one: Floats, two: Floats) -> Floats:
 
 
 def size2(a: Floats) -> Floats:
-    """(k,) lengths of a (k, 2), roughly: |x| + |y|."""
-    return np.asarray(np.abs(a[:, 0]) + np.abs(a[:, 1]))
+    """(...) lengths of a (..., 2), roughly: |x| + |y|."""
+    return np.asarray(np.abs(a[..., 0]) + np.abs(a[..., 1]))
 
 
 def cross2(a: Floats, b: Floats) -> Floats:
