@@ -5,6 +5,7 @@ import os
 import signal
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -74,13 +75,18 @@ def sharp_tab(server, tmp_path_factory):
 @pytest.fixture
 def here(monkeypatch):
     """Ask OCCT in this process; gives the last findings."""
+    from dsfab.export import step_mesh, step_read
     from dsfab.export.smooth import check, occt_check
 
     found: list = []
+
+    def drawn(program, path, folder, *deflection, seconds):
+        return step_mesh.written(Path(path), Path(folder), *map(float, deflection))
 
     def said(program, path, folder, deflection, limit):
         found[:] = [dict(one) for one in check.solid_findings(path, folder, deflection)]
         return [dict(one) for one in found]
 
     monkeypatch.setattr(occt_check, "_said", said)
+    monkeypatch.setattr(step_read, "last_line", drawn)
     return found

@@ -1,6 +1,7 @@
 """`dsfab check`: known-bad files each get their sentence, good ones their numbers."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +10,7 @@ import pytest
 from dsfab.app.cli import main
 from dsfab.errors import ExportError, SurfaceError
 from dsfab.export import write
+from dsfab.export.mesh_soundness import step_fault
 from dsfab.pipeline import run
 from dsfab.preset_file import load_preset
 from dsfab.study import file_check
@@ -274,6 +276,9 @@ def test_chords_of_step_that_cross_are_drawn_finer_before_it_is_no_solid(tmp_pat
     found = read_shipped(tmp_path / "pin.step", deflection=1e-3)
     assert not soundness(found.V, found.F).sound
     assert file_check._judged(found, lambda *_: None).sound == sound
+    fault = step_fault(tmp_path / "pin.step", 1e-3)
+    assert bool(re.match(r"\d+ pairs of triangles cross where OCCT draws it as triangles, at", fault)) == (not sound)
+    assert bool(fault) == (not sound)
 
 
 def test_surfaces_that_touch_in_a_point_are_told_and_sound():

@@ -11,9 +11,20 @@ import pytest
 
 from dsfab.delivery.files import curved_sheet
 from dsfab.errors import ExportError
-from dsfab.export import STEP_FACES, StepOptions, ladder, readback, sampled_use, simplify, step, step_estimates, write
+from dsfab.export import (
+    STEP_FACES,
+    StepOptions,
+    ladder,
+    mesh_soundness,
+    readback,
+    sampled_use,
+    simplify,
+    step,
+    step_estimates,
+    write,
+)
 from dsfab.export.budget import BudgetError
-from dsfab.export.network.build import NotByMembersError
+from dsfab.export.network.build import MemberFile, NotByMembersError
 from dsfab.export.part import part_of
 from dsfab.export.plate import NotFlatError
 from dsfab.export.smooth import build, plan
@@ -197,6 +208,36 @@ def test_a_smooth_solid_that_occt_cannot_cut_gives_way_to_facets_of_no_large_fil
     cut.update(halves=True, off=0.0, box=part.box.ravel().tolist())
     sampled_use._TRIED.clear()
     assert ladder.route_sentence(smooth, []).endswith("; a half-space cut valid")
+
+
+def test_a_smooth_file_that_check_would_fail_gives_way_to_facets_and_says_why(
+    tmp_path, slow_vault, here, cut, monkeypatch
+):
+    """A triangle is missing where OCCT draws it."""
+    whole, faceted = mesh_soundness.read_step, {"solids": 1, "valid": True, "tessellates": True}
+    monkeypatch.setattr(plan, "MOST_WALLS", 100)
+    monkeypatch.setattr(step, "LIGHT", 0.0)
+    monkeypatch.setattr(mesh_soundness, "read_step", lambda *how: replace(mesh := whole(*how), F=mesh.F[1:]))
+    monkeypatch.setattr(step, "inspection", lambda part, path: faceted | {"faces": faces(path), "volume": part.volume})
+    (solid, curved), said = slow_vault, list[str]()
+    path = write(solid, tmp_path / "a.step", step=StepOptions(curved=curved), note=said.append)
+    assert said[0].startswith("STEP is faceted: smooth, 3 edges have one triangle only where OCCT draws it")
+    assert b"B_SPLINE" not in path.read_bytes()
+    monkeypatch.setattr(mesh_soundness, "read_step", lambda *_: pytest.fail("the smallest file was drawn"))
+    assert b"B_SPLINE" in write(solid, path, step=StepOptions("compact", curved=curved)).read_bytes()
+
+
+def test_a_file_by_members_that_check_would_fail_is_none_by_members(tmp_path, slow_vault, monkeypatch):
+    part = replace(part_of(slow_vault[0], "a"), step="members")
+    limits, path = plan.SmoothPlan(replace(part, curved=slow_vault[1])).limits, tmp_path / "a.step"
+    path.write_text("text")
+    file = MemberFile("text", 1, 6, 0, 0.0, 0.0, 0.0, 1.1 * part.volume, "", limits)
+    monkeypatch.setattr(step, "member_file", lambda _: file)
+    monkeypatch.setattr(step, "step_fault", lambda at, off: "" if (at, off) == (path, limits.distance / 4000) else "no")
+    assert step.check(part, path).count == 6
+    monkeypatch.setattr(step, "step_fault", lambda *_: "2 pairs of triangles cross")
+    with pytest.raises(NotByMembersError, match="2 pairs of triangles cross"):
+        step.check(part, path)
 
 
 def test_halves_and_the_box_of_a_cut_decide_about_it_and_large_files_are_not_cut(slow_vault, cut, monkeypatch):

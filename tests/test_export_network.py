@@ -309,7 +309,7 @@ def rectangle_net(arc: bool, folded: bool = False) -> tuple[ChainNet, np.ndarray
     return net, np.column_stack([P, z]), N
 
 
-@pytest.mark.parametrize("width", [0.2, 2.0])
+@pytest.mark.parametrize("width", [0.2, 0.6])
 def test_a_narrow_lens_joins_the_region_on_its_left(width):
     """Two squares of 1 with a lens between them that is .3 wide in its middle, .15 in the mean."""
     P = np.array([[0, 0], [1, 0], [1, 1], [0, 1], [2, 0], [2, 1], [1.3, 0.5]])
@@ -328,6 +328,25 @@ def test_a_narrow_lens_joins_the_region_on_its_left(width):
     for region, (loop,) in done.loops.items():
         for k, ahead in loop:
             assert region == (done.chains[k].left if ahead else done.chains[k].right)
+
+
+@pytest.mark.parametrize("inner_first", [True, False])
+def test_a_lens_between_an_outline_and_a_member_joins_the_member(inner_first):
+    """A square of 1 whose right side is straight, and beyond it a lens of .15 in the mean, with void behind."""
+    P = np.array([[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [1.3, 0.5, 0]])
+    chains = {
+        0: Chain(np.array([2, 3, 0, 1]), 0, VOID),
+        1: Chain(np.array([1, 2]), 0, 2),
+        2: Chain(np.array([1, 4, 2]), 2, VOID),
+    }
+    lens = [(1, False), (2, True)]
+    loops = {0: [[(0, True), (1, True)]], 2: [lens if inner_first else lens[::-1]]}
+    net = ChainNet(csr_array(eye_array(5)), chains, loops, frozenset(), np.array([0, 2]))
+    assert without_lenses(net, P, 0.1).loops == loops
+    done = without_lenses(net, P, 0.3)
+    assert done.loops == {0: [[(0, True), (2, True)]]}
+    assert sorted(done.chains) == [0, 2]
+    assert (done.chains[2].left, done.chains[2].right, done.cell.tolist()) == (0, VOID, [0, 0])
 
 
 @pytest.mark.parametrize("folded", [False, True])
@@ -535,10 +554,13 @@ def test_lines_are_as_far_off_as_the_mesh_allows_but_not_so_far_that_a_slit_clos
     assert line_fits._tolerances(net, chains, 2.0) == pytest.approx(dict.fromkeys(range(4), within))
 
 
-def two_squares(bulge: float) -> tuple[ChainNet, dict[int, ChainCurve]]:
-    """Side by side; what is between them is of two chains, of which the first bulges so far into the left one."""
-    P = np.array([[0, 0], [1, 0], [2, 0], [2, 1], [1, 1], [0, 1], [1, 0.5]])
-    left = {0: (0, 1, VOID), 1: (1, 6, 1), 2: (6, 4, 1), 3: (4, 5, VOID), 4: (5, 0, VOID)}
+def two_squares(bulge: float, corner: bool = False) -> tuple[ChainNet, dict[int, ChainCurve]]:
+    """Side by side; what is between them is of two chains, of which the first bulges so far into the left one, whose
+    left wall has a corner beside that if asked."""
+    P = np.array([[0, 0], [1, 0], [2, 0], [2, 1], [1, 1], [0, 1], [1, 0.5], [0, 0.25]])
+    left = {0: (0, 1, VOID), 1: (1, 6, 1), 2: (6, 4, 1), 3: (4, 5, VOID), 4: (5, 7 if corner else 0, VOID)}
+    if corner:
+        left[8] = (7, 0, VOID)
     right = {5: (1, 2, VOID), 6: (2, 3, VOID), 7: (3, 4, VOID)}
     ends = {**{k: (*one, 0) for k, one in left.items()}, **{k: (*one, 1) for k, one in right.items()}}
     chains = {k: Chain(np.array([a, b]), mine, beyond) for k, (a, b, beyond, mine) in ends.items()}
@@ -549,7 +571,7 @@ def two_squares(bulge: float) -> tuple[ChainNet, dict[int, ChainCurve]]:
         line[1:3, 0] -= bulge * (k == 1)
         skins = np.concatenate([line, np.ones((4, 1)), line, np.zeros((4, 1))], axis=1)
         curves[k] = ChainCurve(np.array([0.0, 1]), skins[None])
-    return ChainNet(csr_array(eye_array(7)), chains, loops, frozenset({1}), np.array([0, 1])), curves
+    return ChainNet(csr_array(eye_array(len(P))), chains, loops, frozenset({1}), np.array([0, 1])), curves
 
 
 @pytest.mark.parametrize("bulge", [1.3, 1.4])
@@ -566,6 +588,16 @@ def test_regions_are_one_where_a_chain_between_them_crosses_an_outline(bulge):
     assert sorted(done.chains) == [0, 3, 4, 5, 6, 7]
     assert {chain.left for chain in done.chains.values()} == {0}
     assert (done.cell.tolist(), done.loose) == ([0, 0], frozenset())
+
+
+@pytest.mark.parametrize(("near", "corner", "one"), [(0.05, True, True), (0.01, True, False), (0.05, False, False)])
+def test_regions_are_one_where_a_chain_between_them_comes_near_a_corner_of_an_outline(near, corner, one):
+    """The cubic that is .98 aside: .02 from the left wall, and from a corner of it if there is one."""
+    net, curves = two_squares(1.3, corner)
+    done = without_crossings(net, curves, [0, 1], near)
+    assert (done is net) == (not one)
+    assert sorted(done.loops) == ([0] if one else [0, 1])
+    assert (1 in done.chains) == (not one)
 
 
 def test_many_faces_are_made_only_where_they_are_asked_for(monkeypatch):

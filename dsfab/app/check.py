@@ -19,16 +19,6 @@ if TYPE_CHECKING:
     from dsfab.preset import Preset
     from dsfab.study.file_check import Clearance, FileCheck, FileContents, Finding
 
-FAULTS = {
-    "open": "{} edges have one triangle only: there is a hole in the skin",
-    "crowded": "{} edges have more than two triangles: parts touch along a line",
-    "turned": "{} edges have triangles that face opposite sides: some faces are flipped",
-    "repeated": "{} triangles repeat an earlier one",
-    "crossing": "{} pairs of triangles cross: parts of the solid run through each other",
-    "inside_out": "{} closed surfaces face inward: their faces are flipped",
-}
-"""What each kind of fault means for the one who has to mend it."""
-
 QUESTIONS = {
     "solid": "is it a solid",
     "unit": "is the unit right",
@@ -212,7 +202,7 @@ def lines(checked: "FileCheck", preset: str | None = None) -> Iterator[str]:
     for question, verdict, reason in rows:
         yield f"  {question:<{width}}  {verdict:<7}  {reason}".rstrip()
     for fault in checked.soundness.faults:
-        yield f"fault: {FAULTS[fault.kind].format(fault.count)}, first at {_at(fault.place)}"
+        yield f"fault: {fault.told}, first at {_at(fault.place)}"
     numbers = [(label, value) for label, value in _numbers(checked) if value]
     width = max(len(label) for label, _ in numbers)
     for label, value in numbers:

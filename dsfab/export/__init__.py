@@ -6,6 +6,7 @@ from dsfab.export.flat import FlatCircle, FlatDrawing, FlatLine, check_flat_dxf,
 from dsfab.export.folder import complete, require_writable, whole_or_nothing
 from dsfab.export.formats import FORMATS, Written, step_estimates, write
 from dsfab.export.member_shape import MemberShape
+from dsfab.export.mesh_soundness import Fault, Soundness, curved_soundness, soundness, step_triangles
 from dsfab.export.part import STEP_FACES, Details, StepOptions
 from dsfab.export.partial import temporary_folder
 from dsfab.export.program import Ahead, ProgramError, last_line, meanwhile
@@ -13,6 +14,7 @@ from dsfab.export.rhino import ready as require_rhino
 from dsfab.export.rhino_json import mesh_arrays, mesh_json, polyline_json
 from dsfab.export.sampled_use import cut_fault
 from dsfab.export.smooth.limits import Limits, smooth_limits
+from dsfab.export.step_read import read_step
 
 __all__ = [
     "FORMATS",
@@ -20,16 +22,19 @@ __all__ = [
     "Ahead",
     "Details",
     "Estimate",
+    "Fault",
     "FlatCircle",
     "FlatDrawing",
     "FlatLine",
     "Limits",
     "MemberShape",
     "ProgramError",
+    "Soundness",
     "StepOptions",
     "Written",
     "check_flat_dxf",
     "complete",
+    "curved_soundness",
     "cut_fault",
     "flat_dxf",
     "flat_svg",
@@ -38,12 +43,15 @@ __all__ = [
     "mesh_arrays",
     "mesh_json",
     "polyline_json",
+    "read_step",
     "replacing",
     "require_rhino",
     "require_writable",
     "require_writable_file",
     "smooth_limits",
+    "soundness",
     "step_estimates",
+    "step_triangles",
     "temporary_folder",
     "whole_or_nothing",
     "write",

@@ -35,7 +35,8 @@ from dsfab.errors import ExportError
 from dsfab.export import step_check, tessellated
 from dsfab.export.budget import BudgetError
 from dsfab.export.folds_text import planar_file
-from dsfab.export.network.build import member_file
+from dsfab.export.mesh_soundness import step_fault
+from dsfab.export.network.build import NotByMembersError, member_file
 from dsfab.export.part import Part
 from dsfab.export.planar import polyhedron
 from dsfab.export.program import ProgramError, last_line
@@ -44,6 +45,8 @@ from dsfab.export.sampled_use import smooth_use
 from dsfab.export.shells import solids_of
 from dsfab.export.smooth.build import smooth_file
 from dsfab.export.step_text import entities, faceted_bytes
+from dsfab.limits import DEFLECTION
+from dsfab.units import MM_PER_M
 
 CHECK_SECONDS = 120
 CHECK_SECONDS_PER_FACE = 0.02
@@ -118,17 +121,22 @@ def check(part: Part, path: Path) -> ReadBack:
     """Read back with OCCT: as many solids and faces, all valid, with the part's volume.
 
     Smooth pieces were read back and measured before, one by one; if all are smooth, what is on the disk must be that
-    file.
+    file. Files by members, and smooth ones that are tried in use, are asked what `dsfab check` asks: whether they hold
+    a solid. Others are not, since that takes as long as making them.
     """
     if part.step == "members":
-        if path.read_bytes() != member_file(part).text.encode("ascii"):
-            raise ExportError(f"the STEP file of {part.name!r} is not what was checked; write it again")
-        return ReadBack(member_file(part).faces, "faces", member_file(part).volume / part.volume - 1)
+        file = member_file(part)
+        _require_same(part, path, file.text)
+        if fault := step_fault(path, DEFLECTION * file.limits.distance / MM_PER_M):
+            raise NotByMembersError(fault)
+        return ReadBack(file.faces, "faces", file.volume / part.volume - 1)
     if part.step == "smooth":
-        if path.read_bytes() != smooth_file(part).text.encode("ascii"):
-            raise ExportError(f"the STEP file of {part.name!r} is not what was checked; write it again")
-        if smooth_file(part).smooth == smooth_file(part).pieces:
-            return ReadBack(smooth_file(part).faces, "faces", smooth_file(part).volume / part.volume - 1)
+        smooth = smooth_file(part)
+        _require_same(part, path, smooth.text)
+        if part.cut and (fault := step_fault(path, DEFLECTION * smooth.limits.distance / MM_PER_M)):
+            raise ExportError(f"smooth, {fault}")
+        if smooth.smooth == smooth.pieces:
+            return ReadBack(smooth.faces, "faces", smooth.volume / part.volume - 1)
     found = inspection(part, path)
     if part.step == "tessellated":
         return tessellated.check(part, found)
@@ -148,6 +156,12 @@ def check(part: Part, path: Path) -> ReadBack:
         )
     off = found["volume"] / part.volume - 1
     return ReadBack(faces, "faces", off if part.step == "smooth" else check_measure(part, found["volume"]))
+
+
+def _require_same(part: Part, path: Path, text: str) -> None:
+    """Raise ExportError where a file is not what was checked before it was written."""
+    if path.read_bytes() != text.encode("ascii"):
+        raise ExportError(f"the STEP file of {part.name!r} is not what was checked; write it again")
 
 
 def inspection(part: Part, path: Path) -> dict[str, Any]:

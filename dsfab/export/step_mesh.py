@@ -1,11 +1,11 @@
 """Triangles of the solids in a STEP file, as OCCT reads it: a program of its own, like `step_check`.
 
-    python -P step_mesh.py FILE.step FOLDER [DEFLECTION]
+    python -P step_mesh.py FILE FOLDER [DEFLECTION]
 
-writes to FOLDER `mesh.npz`, V (n, 3) millimetres and F (m, 3) seen from outside, and `shape.bin`, what was read, as
-OCCT keeps it, which is read again in a fiftieth of the time; and one line of JSON: {"solids": 1, "deflection": 0.1},
-how many millimetres its triangles may be off curved faces, as told or `ACROSS`. Vertices of neighbouring faces stand at
-the same place and are not made one. It imports nothing from dsfab.
+of a STEP file, or of a `.bin` one of its own, writes to FOLDER `mesh.npz`, V (n, 3) millimetres and F (m, 3) seen from
+outside, and `shape.bin`, what was read, as OCCT keeps it, which is read again in a fiftieth of the time; and one line
+of JSON: {"solids": 1, "deflection": 0.1}, how many millimetres its triangles may be off curved faces, as told or
+`ACROSS`. Vertices of neighbouring faces stand at the same place and are not made one. It imports nothing from dsfab.
 """
 
 import json
@@ -24,7 +24,9 @@ ANGLE = 0.2
 
 
 def read(path: Path) -> Any:
-    """The shape in a STEP file, millimetres; raises ValueError where OCCT finds none."""
+    """The shape in a STEP or `.bin` file, millimetres; raises ValueError where OCCT finds none."""
+    if path.suffix == ".bin":
+        return kept(path)
     from OCP.IFSelect import IFSelect_ReturnStatus
     from OCP.Message import Message
     from OCP.STEPControl import STEPControl_Reader
@@ -37,6 +39,17 @@ def read(path: Path) -> Any:
     if not reader.NbShapes():
         raise ValueError("OCCT finds no shape in it")
     return reader.OneShape()
+
+
+def kept(path: Path) -> Any:
+    """The shape that `keep` wrote; raises ValueError where there is none."""
+    from OCP.BinTools import BinTools
+    from OCP.TopoDS import TopoDS_Shape
+
+    shape = TopoDS_Shape()
+    if not BinTools.Read_s(shape, str(path)):
+        raise ValueError("OCCT does not read it")
+    return shape
 
 
 def keep(shape: Any, path: Path) -> None:
@@ -100,13 +113,18 @@ def _triangles(face: Any) -> tuple[Any, Any]:
     return V, F[:, ::-1] if face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED else F
 
 
+def written(path: Path, folder: Path, *deflection: float) -> str:
+    """Write what was found in a file to a folder; one line about it. Raises ValueError where OCCT does not read it."""
+    shape = read(path)
+    keep(shape, folder / "shape.bin")
+    V, F, found = tessellated(shape, *deflection)
+    np.savez(folder / "mesh.npz", V=V, F=F)
+    return json.dumps(found)
+
+
 if __name__ == "__main__":
-    folder = Path(sys.argv[2])
     try:
-        shape = read(Path(sys.argv[1]))
+        said = written(Path(sys.argv[1]), Path(sys.argv[2]), *map(float, sys.argv[3:]))
     except ValueError as error:
         sys.exit(str(error))  # its sentence is told, without Python's words
-    keep(shape, folder / "shape.bin")
-    V, F, found = tessellated(shape, *map(float, sys.argv[3:]))
-    np.savez(folder / "mesh.npz", V=V, F=F)
-    sys.stdout.write(json.dumps(found) + "\n")
+    sys.stdout.write(said + "\n")

@@ -33,7 +33,8 @@ class StepMesh:
 
 
 def read_step(path: Path, deflection: float = 0.0) -> StepMesh:
-    """The solids of a STEP file as triangles; raises ExportError when OCCT cannot read it or takes too long.
+    """The solids of a STEP file, or of a `.bin` one, as triangles; raises ExportError when OCCT cannot read it or
+    takes too long.
 
     deflection : millimetres that they may be off curved faces; a share of the solids' size if 0.
     """
@@ -49,3 +50,12 @@ def read_step(path: Path, deflection: float = 0.0) -> StepMesh:
         shape = (Path(folder) / "shape.bin").read_bytes()
         with np.load(Path(folder) / "mesh.npz") as mesh:
             return StepMesh(mesh["V"], mesh["F"], int(found["solids"]), float(found["deflection"]), shape)
+
+
+def drawn_anew(shape: bytes, deflection: float) -> StepMesh:
+    """The triangles of what was read, as OCCT keeps it (see `StepMesh`), with another deflection, millimetres: reading
+    the file again takes as long as drawing it. Raises ExportError when OCCT takes too long."""
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "shape.bin"
+        path.write_bytes(shape)
+        return read_step(path, deflection)

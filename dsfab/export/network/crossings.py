@@ -1,7 +1,9 @@
-"""Regions whose outline crosses itself become one with what is beyond the chain that does it.
+"""Regions whose outline crosses or touches itself become one with what is beyond the chain that does it.
 
 Chains between material are straightened, and at a pointed or round corner they may then run across the wall beside
-them. The walls are as they are in the sheet: without the chain between them, the outline of both regions is sound.
+them, or along it: OCCT makes no sound triangles of a face whose corner is a hundredth of a millimetre from an edge that
+does not end there. The walls are as they are in the sheet: without the chain between them, the outline of both regions
+is sound.
 """
 
 from collections.abc import Iterable, Mapping
@@ -9,7 +11,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats
+from dsfab.arrays import Bools, Floats, Ints
 from dsfab.export.network.curves import ChainCurve
 from dsfab.export.network.graph import VOID, ChainNet, Loop
 from dsfab.export.network.trimmed import axes_of, middle_normal
@@ -21,17 +23,46 @@ meet nearly along each other cross close to where they meet."""
 
 FINEST = 12
 
+TOUCHING = 1 / 400
+"""Share of the thickness within which an outline touches itself: a sixth of what was found where nothing was wrong."""
 
-def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int) -> set[int]:
-    """The chains of a region that cross others of it, seen along the normal of its middle."""
-    steps = [k for loop in net.loops[region] for k, _ in loop]
-    spans = [len(curves[k].spans) for k in steps]
+
+def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int, near: float = 0.0) -> set[int]:
+    """The chains of a region that cross others of it, seen along the normal of its middle; or that come within `near`,
+    millimetres, of a corner where they do not end, and those that end there."""
+    steps = [step for loop in net.loops[region] for step in loop]
+    spans = [len(curves[k].spans) for k, _ in steps]
     fine = int(np.clip(SEGMENTS // sum(spans), 4, FINEST))
     lines = [_samples(curves, loop, fine) for loop in net.loops[region]]
-    chain = np.repeat(steps, fine * np.array(spans))
+    chain = np.repeat([k for k, _ in steps], fine * np.array(spans))
     plane = axes_of(middle_normal(np.concatenate(lines)))[:2].T
-    crossed = [crossing_segments([line[:, some] @ plane for line in lines]) for some in (slice(3), slice(3, 6))]
-    return set(chain[crossed[0] | crossed[1]].tolist())
+    first = np.cumsum([0, *spans[:-1]]) * fine
+    away = _not_ending(net, steps, chain)
+    found = set[int]()
+    for some in (slice(3), slice(3, 6)):
+        seen = [line[:, some] @ plane for line in lines]
+        found.update(chain[crossing_segments(seen)].tolist())
+        corner, segment = np.nonzero(away & (_distances(seen, first) < near))
+        found.update(chain[segment].tolist())
+        nodes = {net.ends(steps[i])[0] for i in corner.tolist()}
+        found.update(k for k, _ in steps if nodes & set(net.ends((k, True))))
+    return found
+
+
+def _not_ending(net: ChainNet, steps: Loop, chain: Ints) -> Bools:
+    """(c, k) whether segments of chains (k,) are of none that ends where each of c steps begins."""
+    start = np.array([net.ends(step)[0] for step in steps])
+    ends = np.array([net.ends((k, True)) for k in chain.tolist()])
+    return np.asarray((start[:, None, None] != ends).all(axis=2))
+
+
+def _distances(lines: list[Floats], first: Ints) -> Floats:
+    """(c, k) of the points numbered `first` (c,) of closed lines (., 2) from their k segments."""
+    a = np.concatenate(lines)
+    way = np.concatenate([np.roll(line, -1, axis=0) for line in lines]) - a
+    off = a[first][:, None] - a
+    share = np.clip(np.einsum("cki,ki->ck", off, way) / np.maximum((way**2).sum(axis=1), 1e-300), 0, 1)
+    return np.asarray(np.linalg.norm(off - share[..., None] * way, axis=2))
 
 
 def _samples(curves: Mapping[int, ChainCurve], loop: Loop, fine: int) -> Floats:
@@ -55,12 +86,14 @@ def _side(a: Floats, b: Floats, p: Floats) -> Floats:
     return np.asarray(d[..., 0] * e[..., 1] - d[..., 1] * e[..., 0])
 
 
-def without_crossings(net: ChainNet, curves: Mapping[int, ChainCurve], regions: Iterable[int]) -> ChainNet:
-    """The net in which some regions, if their outline crosses itself, have joined that beyond an inner chain of it; the
-    same net where there is none."""
+def without_crossings(
+    net: ChainNet, curves: Mapping[int, ChainCurve], regions: Iterable[int], near: float = 0.0
+) -> ChainNet:
+    """The net in which some regions, if their outline crosses itself or comes as near, have joined that beyond an inner
+    chain of it; the same net where there is none."""
     whole = net
     for region in regions:
-        for k in sorted(crossing_chains(net, curves, region)):
+        for k in sorted(crossing_chains(net, curves, region, near)):
             chain = whole.chains.get(k)
             if chain is not None and VOID != chain.right != chain.left:
                 whole = without_chain(whole, k)

@@ -8,7 +8,7 @@ from scipy.sparse import csr_array, vstack
 
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError
-from dsfab.export.network.crossings import crossing_chains, without_crossings
+from dsfab.export.network.crossings import TOUCHING, crossing_chains, without_crossings
 from dsfab.export.network.curves import SampledChain, sampled_chains
 from dsfab.export.network.dividing import divided
 from dsfab.export.network.fillets import without_fillets
@@ -144,7 +144,7 @@ def _solid(
     for _ in range(PASSES):
         outlines = _outlines(net, lines, model)
         new = _changed(known, outlines)
-        sound = without_crossings(net, lines.curves(new), new)
+        sound = without_crossings(net, lines.curves(new), new, TOUCHING * plan.limits.thickness)
         if sound is net:
             break
         net, known = sound, outlines

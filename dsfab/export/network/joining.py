@@ -65,23 +65,28 @@ def _ends(line: Floats, N: Floats) -> bool:
 
 
 def without_lenses(net: ChainNet, P: Floats, width: float) -> ChainNet:
-    """The net without regions of two chains, both between material, that are narrower than a width; P (p, 3) are its
-    points, in the same unit."""
-    chains, loops, loose = dict(net.chains), dict(net.loops), set(net.loose)
+    """The net without regions of two chains that are narrower than a width, each part of the region beyond an inner
+    chain of its own; P (p, 3) are the net's points, in the same unit.
+
+    Straightened, that chain may run along the other one, or beyond it, an outline too: no face is between them then.
+    """
+    chains, loops, loose, cell = dict(net.chains), dict(net.loops), set(net.loose), net.cell.copy()
     for region in list(loops):
         if len(loops[region]) != 1 or len(loops[region][0]) != 2:
             continue
         steps = loops[region][0]
         sides = [chains[k].points if ahead else chains[k].points[::-1] for k, ahead in steps]
         beyond = [chains[k].right if ahead else chains[k].left for k, ahead in steps]
-        if VOID in beyond or region in beyond or mean_width(P[np.concatenate([p[:-1] for p in sides])]) >= width:
+        inner = [i for i in (0, 1) if beyond[i] not in (VOID, region)]
+        if not inner or region in beyond or mean_width(P[np.concatenate([p[:-1] for p in sides])]) >= width:
             continue
-        (gone, ahead), kept = steps
-        loops[beyond[0]] = [[kept if step == (gone, not ahead) else step for step in loop] for loop in loops[beyond[0]]]
-        chains[kept[0]] = chains[kept[0]].beside(beyond[0], kept[1])
+        (gone, ahead), kept, other = steps[inner[0]], steps[1 - inner[0]], beyond[inner[0]]
+        loops[other] = [[kept if step == (gone, not ahead) else step for step in loop] for loop in loops[other]]
+        chains[kept[0]] = chains[kept[0]].beside(other, kept[1])
         del chains[gone], loops[region]
         loose.discard(region)
-    return replace(net, chains=chains, loops=loops, loose=frozenset(loose))
+        cell[cell == region] = other
+    return replace(net, chains=chains, loops=loops, loose=frozenset(loose), cell=cell)
 
 
 def mean_width(line: Floats) -> float:

@@ -10,14 +10,13 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dsfab.errors import DsfabError
-from dsfab.export import cut_fault, meanwhile
+from dsfab.export import Fault, Soundness, curved_soundness, cut_fault, meanwhile, soundness
 from dsfab.limits import Status
 from dsfab.pipeline.design import Design
 from dsfab.study.fabrication import Check, fabrication
 from dsfab.study.file_check.compliance import SolidCompliance, carrying
 from dsfab.study.file_check.distance import Distance, deflection_for, distance
 from dsfab.study.file_check.reading import SUFFIXES, FileContents, read_shipped
-from dsfab.study.file_check.soundness import Fault, Soundness, soundness
 from dsfab.study.file_check.tetrahedra import missing
 from dsfab.study.file_check.walls import Clearance, Clearances, clearances
 from dsfab.surface import DEFAULT_TRIANGLES
@@ -45,9 +44,6 @@ Progress = Callable[[str, str], None]
 
 TOO_THIN, TOO_THICK = 1e-4, 10.0
 """Metres. No workshop makes thinner walls; no building has thicker ones: the file's numbers are in another unit."""
-
-FINER = 2
-"""How often triangles of curved faces are drawn at a quarter of the distance, where they cross."""
 
 AGREES, DIFFERS = 0.05, 0.15
 """Solid and shell agree to the first; beyond the second something is wrong; between them nobody knows."""
@@ -148,16 +144,9 @@ def check_contents(
 
 
 def _judged(found: FileContents, tell: Progress) -> Soundness:
-    """Whether it is a solid. Triangles of curved faces that cross are drawn finer before that is said of the faces:
-    where two edges come close, chords of theirs may cross which the edges do not."""
-    sound, finer = soundness(found.V, found.F), found
-    for _ in range(FINER):
-        if not finer.deflection or {fault.kind for fault in sound.faults} != {"crossing"}:
-            break
-        tell("judge", "drawing triangles of curved faces finer, since some cross")
-        finer = read_shipped(found.path, deflection=finer.deflection / 4)
-        sound = soundness(finer.V, finer.F)
-    return sound
+    """Whether it is a solid, as a build asks it of STEP files of its own."""
+    finer = "drawing triangles of curved faces finer, since some cross"
+    return curved_soundness(found.V, found.F, found.deflection, found.shape, lambda: tell("judge", finer))
 
 
 def _cut_and_measured(

@@ -7,7 +7,7 @@ import numpy as np
 
 from dsfab.arrays import Floats, Ints, lock
 from dsfab.errors import ExportError, SurfaceError
-from dsfab.export.step_read import read_step
+from dsfab.export import read_step, step_triangles
 from dsfab.surface import DEFAULT_TRIANGLES, raw_mesh
 from dsfab.surface.bridges import stl_by_trimesh
 from dsfab.units import METRES_PER, MM_PER_M, metres_per
@@ -26,9 +26,6 @@ CURVED = (
     b"SURFACE_OF_",
 )
 """What a STEP file calls faces that are not planes."""
-
-SAME_PLACE = 1e-9
-"""Points of a STEP file that are closer than this share of its size are one: its faces are triangulated one by one."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -110,13 +107,10 @@ def _step(path: Path, deflection: float) -> FileContents:
     mesh = read_step(path, deflection * MM_PER_M)
     if not mesh.solids or not len(mesh.F):
         raise ExportError(f"{path} holds no solid, only loose faces or nothing; export it again as a solid")
-    size = float(np.linalg.norm(np.ptp(mesh.V, axis=0)))
-    grid = np.round(mesh.V / (SAME_PLACE * size))
-    _, once, of = np.unique(grid, axis=0, return_index=True, return_inverse=True)
-    F, lost = _whole(of.reshape(-1)[mesh.F])
+    V, F, lost = step_triangles(mesh)
     metres = METRES_PER["mm"]
     off = mesh.deflection * metres if _curved(path) else 0.0
-    return FileContents(path, mesh.V[once] * metres, F, "mm", True, metres, lost, "OCCT", off, mesh.shape)
+    return FileContents(path, V, F, "mm", True, metres, lost, "OCCT", off, mesh.shape)
 
 
 def _curved(path: Path) -> bool:

@@ -1,14 +1,37 @@
-"""Does a triangle mesh bound a solid? Closed, two triangles on each edge, facing outward, not crossing itself."""
+"""Does a triangle mesh bound a solid? Closed, two triangles on each edge, facing outward, not crossing itself.
 
+Asked of every file by `dsfab check`, and of STEP files with curved faces by the build before they are shipped.
+"""
+
+from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import numpy as np
 
 from dsfab.arrays import Floats, Ints, lock
 from dsfab.export.shells import winding
+from dsfab.export.step_read import StepMesh, drawn_anew, read_step
 from dsfab.surface import signed_volumes, total_area
 from dsfab.surface.topology import duplicate_faces, edge_table, misoriented_edges, pieces, pinches
 from dsfab.thickening.intersect import intersecting_pairs
+from dsfab.units import METRES_PER
+
+FINER = 2
+"""How often triangles of curved faces are drawn at a quarter of the distance, where they cross."""
+
+SAME_PLACE = 1e-9
+"""Points of a STEP file that are closer than this share of its size are one: its faces are triangulated one by one."""
+
+FAULTS = {
+    "open": "{} edges have one triangle only: there is a hole in the skin",
+    "crowded": "{} edges have more than two triangles: parts touch along a line",
+    "turned": "{} edges have triangles that face opposite sides: some faces are flipped",
+    "repeated": "{} triangles repeat an earlier one",
+    "crossing": "{} pairs of triangles cross: parts of the solid run through each other",
+    "inside_out": "{} closed surfaces face inward: their faces are flipped",
+}
+"""What each kind of fault is: what it means for the one who has to mend it."""
 
 
 @dataclass(frozen=True)
@@ -18,6 +41,11 @@ class Fault:
     kind: str
     count: int
     place: tuple[float, float, float]
+
+    @property
+    def told(self) -> str:
+        """What it is and what that means."""
+        return FAULTS[self.kind].format(self.count)
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,6 +116,53 @@ def soundness(V: Floats, F: Ints) -> Soundness:
         total_area(V, F),
         np.stack([V.min(axis=0), V.max(axis=0)]),
     )
+
+
+def curved_soundness(
+    V: Floats, F: Ints, deflection: float, shape: bytes, tell: Callable[[], None] = lambda: None
+) -> Soundness:
+    """Judge the solid that triangles were drawn of.
+
+    V, F  : as for `soundness`.    deflection : metres that they may be off curved faces; 0 where there are none.
+    shape : what they were drawn of, as OCCT keeps it.    tell : called before they are drawn anew.
+
+    Triangles of curved faces that cross are drawn finer before that is said of the faces: where two edges come close,
+    chords of theirs may cross which the edges do not. Raises ExportError where OCCT takes too long for that.
+    """
+    sound = soundness(V, F)
+    for _ in range(FINER):
+        if not deflection or {fault.kind for fault in sound.faults} != {"crossing"}:
+            break
+        tell()
+        deflection /= 4
+        V, F, _ = step_triangles(drawn_anew(shape, deflection / METRES_PER["mm"]))
+        sound = soundness(V, F)
+    return sound
+
+
+def step_fault(path: Path, deflection: float) -> str:
+    """What keeps a STEP file with curved faces from being a solid, drawn to a deflection, metres; "" if nothing does.
+
+    Raises ExportError when OCCT cannot read it or takes too long.
+    """
+    mesh = read_step(path, deflection / METRES_PER["mm"])
+    V, F, _ = step_triangles(mesh)
+    sound = curved_soundness(V, F, deflection, mesh.shape)
+    if sound.sound:
+        return ""
+    fault = sound.faults[0]
+    place = ", ".join(f"{x:.4g}" for x in fault.place)
+    return f"{fault.told.partition(':')[0]} where OCCT draws it as triangles, at ({place}) m"
+
+
+def step_triangles(mesh: StepMesh) -> tuple[Floats, Ints, int]:
+    """Points in metres, no two at the same place, triangles with three different corners, and how many have not."""
+    size = float(np.linalg.norm(np.ptp(mesh.V, axis=0)))
+    grid = np.round(mesh.V / (SAME_PLACE * size))
+    _, once, of = np.unique(grid, axis=0, return_index=True, return_inverse=True)
+    F = of.reshape(-1)[mesh.F]
+    whole = (np.roll(F, -1, axis=1) != F).all(axis=1)
+    return mesh.V[once] * METRES_PER["mm"], F[whole], int((~whole).sum())
 
 
 def _fault(kind: str, places: Floats) -> Fault | None:
