@@ -165,6 +165,11 @@ class Course:
         members = tuple(line for line in follow.members if line.family == name)
         return cls(follow, g, u, halving(u, surface.vertex_areas, halve), (size / size.max()) ** PEAK, members)
 
+    @property
+    def unhalved(self) -> Self:
+        """The same with every line drawn everywhere."""
+        return replace(self, halved=halving(self.u, self.follow.frames.surface.vertex_areas, allowed=False))
+
     def lines(self, spacing: float) -> Lines:
         """The family with so many metres between its lines, in the mean."""
         frames, images, most = self.follow.frames, self.follow.images, self.halved.most
