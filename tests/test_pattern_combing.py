@@ -5,8 +5,11 @@ import pytest
 
 import dsfab
 from dsfab.delivery.archive_even import even_arrays, even_of
-from dsfab.pattern import Frames, crossed_over
+from dsfab.pattern import Frames, Images, StressDirections, crossed_over
+from dsfab.pipeline.courses import _directions
 from dsfab.pipeline.measures import pattern_chart
+from dsfab.pipeline.steering import Steering
+from dsfab.preset import Pattern
 from dsfab.preset_file import load_preset, overridden
 from dsfab.surface import Surface
 from tests.zoo import grid, jittered, two_pieces
@@ -50,6 +53,28 @@ def test_pieces_are_named_by_themselves():
     pieces = two_pieces()
     along = np.tile(np.array([1.0, 0, 0]), (pieces.n, 1))
     assert not crossed_over(Frames.of(pieces), along).any()
+
+
+@pytest.mark.parametrize("jitter", [0.0, 0.2])
+def test_where_stresses_cross_is_seen_before_they_are_smoothed(jitter):
+    """Around a point the larger stress is that along the rays inside of a circle, and that around outside; over a
+    length in which they differ little no direction is clear near the circle, and no region was told from another."""
+    plate = jittered(grid(24, 24, 1.0, 1.0), jitter)
+    out = plate.centroids - [0.5, 0.5, 0]
+    r = np.linalg.norm(out, axis=1, keepdims=True)
+    ray, around = out / r, np.c_[-out[:, 1], out[:, 0], 0 * r] / r
+    inside = r < 0.3
+    stress = np.stack([1 + np.abs(r[:, 0] - 0.3), np.ones(plate.m)], axis=1)
+    given = StressDirections(stress, np.stack([np.where(inside, ray, around), np.where(inside, around, ray)], axis=1))
+    frames, steer = Frames.of(plate), Steering(0.0, (), None)
+    along, over = _directions(Pattern(method="stripes"), frames, given, steer, Images.none(plate.n), 0.2)
+    at = plate.V - [0.5, 0.5, 0]
+    far = np.linalg.norm(at, axis=1)
+    assert not over[far > 0.34].any()
+    assert over[(far < 0.26) & (far > 0.05)].all()
+    clear = far > 0.12
+    turned = np.abs(np.einsum("ni,ni->n", along, at))[clear] / far[clear]
+    assert turned.max() < 0.3
 
 
 def ring(r: float, across: float, up: float, waves: float = 0.0, around: int = 72, about: int = 20) -> Surface:

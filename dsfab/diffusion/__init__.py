@@ -4,7 +4,7 @@ from dsfab.diffusion.frame import CLEAR, reference_axes
 from dsfab.diffusion.layers import layer_stress, only_bends
 from dsfab.diffusion.modes import Modes, diffusion_modes, family_modes
 from dsfab.diffusion.operators import diffusion_operator
-from dsfab.diffusion.symmetry import Symmetry, generated_group, symmetry_group, symmetry_of
+from dsfab.diffusion.symmetry import Symmetry, symmetry_group, symmetry_of
 from dsfab.diffusion.symmetry_search import found_symmetry
 from dsfab.diffusion.tensors import DiffusionTensors, Labelling, combined_stress, diffusion_tensors, principal_stresses
 
@@ -20,7 +20,6 @@ __all__ = [
     "diffusion_tensors",
     "family_modes",
     "found_symmetry",
-    "generated_group",
     "layer_stress",
     "only_bends",
     "principal_stresses",

@@ -13,10 +13,7 @@ from scipy.sparse import csr_array, eye_array
 
 from dsfab.arrays import Bools, Floats, Ints, lock
 from dsfab.errors import PatternError
-from dsfab.surface import LoadCase, Surface, nearest
-
-LARGEST = 240
-"""Elements of the largest group that is accepted: twice those of the icosahedron, and some room."""
+from dsfab.surface import LARGEST_GROUP, SNAP, LoadCase, Surface, generated_group, nearest
 
 OFF = 0.25
 """Images of vertices may be off the surface by this share of the mean edge."""
@@ -35,9 +32,6 @@ INVARIANT = 0.5
 
 GLANCE = 100
 """Points that are looked at before all of them are."""
-
-SNAP = 1e-6
-"""Entries of matrices that differ by less are the same."""
 
 ON_VERTEX = 1e-3
 """Barycentric coordinates closer than this to a vertex are on it: files round coordinates. A mesh that is symmetric but
@@ -156,14 +150,14 @@ def _generator(word: str) -> Floats:
         return np.diag([-1.0 if axis == kind else 1.0 for axis in "xyz"])
     if kind == "rot" and len(rest) == 2 and rest[0].isdigit() and rest[1] in ("x", "y", "z"):
         turns, axis = int(rest[0]), "xyz".index(rest[1])
-        if 2 <= turns <= LARGEST:
+        if 2 <= turns <= LARGEST_GROUP:
             i, j = (axis + 1) % 3, (axis + 2) % 3
             angle, R = 2 * np.pi / turns, np.eye(3)
             R[[i, j, i, j], [i, j, j, i]] = np.array([np.cos(angle)] * 2 + [-np.sin(angle), np.sin(angle)])
             return R
     raise PatternError(
         f"{word!r} is no symmetry; write x, y or z for a mirror, or rot:6:z for a sixth of a turn "
-        f"about z (2 to {LARGEST} parts)"
+        f"about z (2 to {LARGEST_GROUP} parts)"
     )
 
 
@@ -172,23 +166,7 @@ def symmetry_group(words: Sequence[str]) -> Floats:
     try:
         return generated_group([_generator(word) for word in words])
     except OverflowError:
-        raise PatternError(f"symmetry = {list(words)} makes over {LARGEST} images; ask for fewer") from None
-
-
-def generated_group(generators: Sequence[Floats]) -> Floats:
-    """(g, 3, 3) all products of rotations and mirrors, the identity first; raises OverflowError for too many."""
-    found = np.empty((LARGEST + 1 + len(generators), 3, 3))
-    found[0], count, walked = np.eye(3), 1, 0
-    while walked < count:
-        for g in generators:
-            new = g @ found[walked]
-            if not (np.abs(found[:count] - new).max(axis=(1, 2)) < SNAP).any():
-                found[count] = new
-                count += 1
-        walked += 1
-        if count > LARGEST:
-            raise OverflowError
-    return found[:count].copy()
+        raise PatternError(f"symmetry = {list(words)} makes over {LARGEST_GROUP} images; ask for fewer") from None
 
 
 def far_off(surface: Surface, tree: igl.AABB, points: Floats) -> float:

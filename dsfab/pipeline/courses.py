@@ -30,14 +30,20 @@ from dsfab.pattern import (
     vertex_means,
 )
 from dsfab.pipeline.directions import followed_stress, load_axes
-from dsfab.pipeline.steering import steering
+from dsfab.pipeline.steering import Steering, steering
 from dsfab.preset import FAMILIES, Pattern, Preset
 from dsfab.results import StaticsResult, Steered
-from dsfab.surface import Surface
+from dsfab.surface import Surface, connected
 
 SMOOTHING = 1.0
 """Directions are smoothed over this many mean spacings, or over an edge of the mesh where that is longer: what
 changes in between is no member's to follow, and no stress that is known."""
+SEEN = 0.6
+"""Mean edges over which directions are smoothed when it is seen where the stresses cross: with 1 one face between both
+sides that leans to neither joins them, on one mesh in four, and with .25 as many are joined by noise."""
+ROOM = 2.0
+"""A region in which the families change names is this many smoothing lengths wide, or no two members have room in it:
+around the feet of a floor there are such of 1.6, with which four members ended in the air."""
 PEAK = 4
 """A stripe runs through the most stressed places: stress to this power is where its phase begins. Of two phases half a
 period apart it is the one with lines where these move: what is held is stressed as well, but stiff anyway."""
@@ -93,11 +99,8 @@ class Followed:
         symmetry = steer.symmetry
         images = Images(symmetry.R, symmetry.maps, symmetry.faces) if symmetry else Images.none(surface.n)
         length = max(SMOOTHING * float(np.mean(spacings)), surface.mean_edge)
-        field = cross_field(frames, given, length, steer.turn, steer.guidance)
-        along = images.directions(frames, field)
+        along, over = _directions(preset.pattern, frames, given, steer, images, length)
         confidence = steer.confidence(surface, given.confidence(surface.areas))
-        over = _crossed_over(preset.pattern, frames, along, images)
-        along = np.where(over[:, None], cross(frames.normal, along), along)
         along = signs_with_short_seams(frames, along)[:, None] * along
         own = bool(steer.turn or steer.guidance or over.any())
         steered = steer.steered(surface, along, given, over) if own else None
@@ -136,6 +139,43 @@ def _member_words(line: GuideLine, share: float, across: bool) -> str:
     )
 
 
+def _directions(
+    ask: Pattern, frames: Frames, given: StressDirections, steer: Steering, images: Images, length: float
+) -> tuple[Floats, Bools]:
+    """(n, 3) where the major stripes run, smoothed over `length` metres, and (n,) where they go on as the minor ones.
+
+    Where the stresses cross is seen before they are smoothed: from one to the other side the larger one turns by a
+    right angle, and between these any direction would be as smooth, which makes singular points all along the curve.
+    """
+
+    def smoothed(given: StressDirections, length: float) -> Floats:
+        return images.directions(frames, cross_field(frames, given, length, steer.turn, steer.guidance))
+
+    over = np.zeros(frames.surface.n, dtype=bool)
+    if not ask.steered:
+        over = _crossed_over(ask, frames, smoothed(given, SEEN * frames.surface.mean_edge), images)
+        over = over & (_region_areas(frames, over) > (ROOM * length) ** 2)
+        given = _renamed(given, over[frames.surface.F].mean(axis=1) > 0.5)
+    along = smoothed(given, length)
+    more = _crossed_over(ask, frames, along, images)
+    return np.where(more[:, None], cross(frames.normal, along), along), over ^ more
+
+
+def _region_areas(frames: Frames, over: Bools) -> Floats:
+    """(n,) square metres of the region around each vertex with one name of the families."""
+    surface, (i, j) = frames.surface, frames.ends.T
+    same = over[i] == over[j]
+    count, region = connected(surface.n, i[same], j[same])
+    return np.asarray(np.bincount(region, surface.vertex_areas, count)[region])
+
+
+def _renamed(given: StressDirections, over: Bools) -> StressDirections:
+    """Stresses with the first and the second exchanged on some faces (m,)."""
+    order = np.where(over[:, None], [1, 0], [0, 1])
+    stress = np.take_along_axis(given.stress, order, axis=1)
+    return StressDirections(stress, np.take_along_axis(given.direction, order[:, :, None], axis=1))
+
+
 def _crossed_over(ask: Pattern, frames: Frames, along: Floats, images: Images) -> Bools:
     """(n,) where the families change names: nowhere if a person steers them by these names, or if images do not."""
     over = crossed_over(frames, along)
@@ -164,6 +204,11 @@ class Course:
         u = follow.images.mean(log_density(follow.frames, g, follow.confidence))
         members = tuple(line for line in follow.members if line.family == name)
         return cls(follow, g, u, halving(u, surface.vertex_areas, halve), (size / size.max()) ** PEAK, members)
+
+    @property
+    def unhalved(self) -> Self:
+        """The same with every line drawn everywhere."""
+        return replace(self, halved=halving(self.u, self.follow.frames.surface.vertex_areas, allowed=False))
 
     def lines(self, spacing: float) -> Lines:
         """The family with so many metres between its lines, in the mean."""

@@ -21,6 +21,8 @@ FINEST = 0.5
 """Stripes are at least this share of a mean edge apart: members that are much thinner than triangles are ragged."""
 HOLDS = 0.05
 """Halved stripes that are farther off their mean spacing than this share are drawn a second time."""
+FAILS = 0.3
+"""If they are as far off as this then, they are drawn without being halved."""
 LEAST_GROWN = 0.5
 """Of what was asked a phase grows at least by this much: or the surface is too small to have two stripes around it."""
 
@@ -64,16 +66,33 @@ def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> Ev
     for name, lines, spacing in zip(FAMILIES, both, spacings, strict=True):
         if lines.grown < LEAST_GROWN:
             raise _too_far(name, spacing, surface)
-    found = _Divided.of(followed, *both)
-    off = _off(surface, found, spacings)
-    if (again := [lines.most > 0 and abs(miss) > HOLDS for lines, miss in zip(both, off, strict=True)]) and any(again):
-        for k in np.flatnonzero(again).tolist():  # levels follow whole openings: what they leave is known afterwards
-            both[k] = courses[k].lines(spacings[k] * float(np.exp(off[k])))
-        other = _Divided.of(followed, *both)
-        found = min(found, other, key=lambda one: float(np.abs(_off(surface, one, spacings)).max()))
+    found = _drawn_again(followed, courses, both, spacings)
     made = found.stripes(followed)
     own = ask.forces == "optimal" or ask.rounds > 0
     return replace(made, forces=followed.given.stress) if own else made
+
+
+def _drawn_again(
+    followed: Followed, courses: dict[int, Course], both: list[Lines], spacings: list[float]
+) -> "_Divided":
+    """Both families of lines, drawn anew where what is left of them is off their spacings, metres.
+
+    Where lines are halved everywhere or nowhere that may be the one at this spacing and the other at that, and either
+    is off by nearly a half: such a family is not halved.
+    """
+    surface, found = followed.frames.surface, _Divided.of(followed, *both)
+    tries = [found]
+    for most, halve in ((HOLDS, True), (FAILS, False)):
+        off = _off(surface, found, spacings)
+        again = [k for k, lines in enumerate(both) if lines.most > 0 and abs(off[k]) > most]
+        if not again:
+            break
+        for k in again:  # levels follow whole openings: what they leave is known afterwards
+            wider = spacings[k] * float(np.exp(off[k]))
+            both[k] = courses[k].lines(wider) if halve else courses[k].unhalved.lines(spacings[k])
+        tries.append(_Divided.of(followed, *both))
+        found = min(tries, key=lambda one: float(np.abs(_off(surface, one, spacings)).max()))
+    return found
 
 
 def _off(surface: Surface, found: "_Divided", spacings: list[float]) -> Floats:

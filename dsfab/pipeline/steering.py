@@ -9,12 +9,12 @@ from dataclasses import dataclass
 import numpy as np
 
 from dsfab.arrays import Bools, Floats
-from dsfab.diffusion import Symmetry, generated_group
+from dsfab.diffusion import Symmetry
 from dsfab.errors import PatternError
 from dsfab.pattern import Frames, Guidance, StressDirections
 from dsfab.preset import Pattern
 from dsfab.results import Steered
-from dsfab.surface import Surface
+from dsfab.surface import Surface, generated_group
 from dsfab.surface.cover import one_sided_pieces
 
 SAME_SENSE = 0.9

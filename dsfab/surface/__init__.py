@@ -27,6 +27,16 @@ from dsfab.surface.load_parts import LoadParts
 from dsfab.surface.loads import Cladding, Force, Line, Load, LoadCase, Pressure, SelfWeight, load_parts
 from dsfab.surface.mend import MendedMesh, mended
 from dsfab.surface.mesh import Surface
+from dsfab.surface.mirrors import (
+    FAR,
+    LARGEST_GROUP,
+    SNAP,
+    far_directions,
+    generated_group,
+    mirror,
+    planes_through,
+    round_axis,
+)
 from dsfab.surface.names import load_names, support_names
 from dsfab.surface.nearest import NearestPlaces, nearest
 from dsfab.surface.neighbours import spanned_edges
@@ -59,10 +69,13 @@ from dsfab.surface.topology import EdgeTable, connected, corner_fans, edge_table
 __all__ = [
     "CREASE",
     "DEFAULT_TRIANGLES",
+    "FAR",
     "FIGURES",
+    "LARGEST_GROUP",
     "MESH_SUFFIXES",
     "OF_LOADS",
     "SHAPES",
+    "SNAP",
     "ActionKind",
     "All",
     "Ball",
@@ -124,7 +137,9 @@ __all__ = [
     "edge_table",
     "edges_of",
     "en1990_combinations",
+    "far_directions",
     "finite_faces",
+    "generated_group",
     "geodesic_distances",
     "half_edges",
     "halved",
@@ -137,10 +152,12 @@ __all__ = [
     "mended",
     "mended_raw",
     "mesh_facts",
+    "mirror",
     "nearest",
     "next_half_edge",
     "normalized",
     "pieces",
+    "planes_through",
     "ply_chunks",
     "polyline_length",
     "raw_mesh",
@@ -150,6 +167,7 @@ __all__ = [
     "remeshed",
     "repaired_scan",
     "require_compas",
+    "round_axis",
     "self_contained",
     "signed_volume",
     "signed_volumes",

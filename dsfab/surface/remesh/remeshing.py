@@ -1,19 +1,24 @@
 """`remeshed`: a surface with edges of a wanted length."""
 
 from collections.abc import Sequence
+from contextlib import suppress
 
 import numpy as np
 
-from dsfab.arrays import Floats, first
+from dsfab.arrays import Floats, face_angles, first
 from dsfab.errors import SurfaceError
 from dsfab.surface.mesh import Surface
+from dsfab.surface.nearest import nearest
 from dsfab.surface.refine import LARGEST
+from dsfab.surface.remesh.chamber import NEAR, Chamber
 from dsfab.surface.remesh.collapse import with_short_edges_collapsed
 from dsfab.surface.remesh.curves import FeatureCurves, feature_curves
 from dsfab.surface.remesh.ears import with_ears_turned
 from dsfab.surface.remesh.facets import SmoothPatches, barycentric
+from dsfab.surface.remesh.features import TOLERANCE, design_features
 from dsfab.surface.remesh.flip import with_edges_flipped
-from dsfab.surface.remesh.net import FREE, Net
+from dsfab.surface.remesh.mirrored import Mirrors
+from dsfab.surface.remesh.net import FIXED, FREE, Net, NetFaces
 from dsfab.surface.remesh.size import chord_lengths, with_sizes
 from dsfab.surface.remesh.size_fields import SizeField, curvature_sizes
 from dsfab.surface.remesh.smoothing import NearestOnSurface, with_even_vertices, with_vertices_at, with_vertices_on
@@ -28,6 +33,15 @@ HALVINGS = 60
 
 FLIPS = 10
 """How often edges are turned after each of these: each time those that touch no other."""
+
+SHARP = 20.0
+"""Degrees: with sharper faces than these one side and its images must be about as good as the whole made at once."""
+
+NOT_SHARPER = 0.9
+"""That is, this share of the smallest angle: a mirror along a tip halves it."""
+
+LEAST_SIDE = 100
+"""Triangles of the wanted size that a side has at least: or its edges, which are kept, leave no room for even ones."""
 
 BATCHES = 12
 """How many batches of collapses a round has."""
@@ -47,22 +61,81 @@ def remeshed(
     Boundaries, and creases of more than 30 degrees, are kept to a fiftieth of `edge`, their corners exactly, and so are
     the extent in x, y and z, the number of pieces and holes, and the sides that the faces have; not creases of slivers
     and noise, see `design_features`, nor of ears, see `with_ears_turned`. Edges are shorter than asked where
-    that takes it, and where curves lie closer together. The same surface gives the same mesh.
+    that takes it, and where curves lie closer together. The same surface gives the same mesh, and one that is its own
+    image in mirrors, but for a twentieth of `edge`, one that is so exactly, where all edges are wanted as long there;
+    its extent is kept to a fiftieth of `edge` then.
 
     Raises SurfaceError for lengths that are none, edges that are longer than the surface or would take over `LARGEST`
     triangles, and a surface with repeated faces or edges of more than two.
     """
     _check(surface, edge, finest)
+    mirrored = not sizes  # what is given may differ from side to side
     if finest:
         sizes = [*sizes, SizeField(surface, curvature_sizes(surface, edge, finest))]
     for one in sizes or [SizeField(surface, np.full(surface.n, edge))]:
         _check_count(one, finest or float(one.length.min()))
     surface = with_ears_turned(surface)
+    found = _by_sides(surface, edge, smooth, sizes) if mirrored else None
+    if found and _sharpest(found) > SHARP:
+        return found
+    net = _net(surface, sizes, edge)
+    whole = Surface(_smoothed(net, surface).V if smooth else net.V, net.F)
+    return found if found and _sharpest(found) > NOT_SHARPER * _sharpest(whole) else whole
+
+
+def _sharpest(surface: Surface) -> float:
+    """The smallest angle of a face, degrees."""
+    return float(np.degrees(face_angles(surface.V, surface.F).min()))
+
+
+def _by_sides(surface: Surface, edge: float, smooth: bool, sizes: Sequence[SizeField]) -> Surface | None:
+    """One side of all mirrors of the surface made anew, and its images; None where there is no mirror, where a side is
+    too small for that, or where something of the surface would be lost."""
+    mirrors = Mirrors.of(surface, edge, smooth)
+    chamber = Chamber.of(surface, mirrors, edge) if mirrors else None
+    piece = chamber.piece if chamber else None
+    if chamber is None or piece is None or piece.area < LEAST_SIDE * np.sqrt(3) / 4 * edge**2:
+        return None
+    net = _net(piece, sizes, edge)
+    planes = chamber.within(net.V)
+    moved = (net.kind == FREE) | planes.any(axis=0)
+    goal = np.where(moved[:, None], _places(net.V, surface, smooth), net.V) if smooth else net.V
+    net = with_vertices_at(net, chamber.flat(goal, planes), net.at)
+    found = chamber.all_sides(net.V, net.F)
+    if found is None:
+        return None
+    every, of = found
+    none = net.node[:0]
+    whole = Net(every.V, NetFaces(every.F), net.kind[of], none, net.at[:0], none, net.size[of])
+    V = with_vertices_at(whole, _on_whole(whole, surface, edge, smooth), whole.at).V
+    box, new = ((x.min(axis=0), x.max(axis=0)) for x in (surface.V, V))
+    with suppress(SurfaceError):  # of faces in a narrow tip, where two vertices are at the same corner
+        return Surface(V, every.F) if np.abs(np.subtract(box, new)).max() < TOLERANCE * edge else None
+    return None
+
+
+def _on_whole(net: Net, surface: Surface, edge: float, smooth: bool) -> Floats:
+    """(n, 3) the places of a net's vertices on the boundaries, creases and corners of the surface, and on its facets if
+    it is not smooth: the images of one side are a little beside them where another side's are."""
+    lines = surface.edges.ends[design_features(surface, edge)]
+    goal = net.V.copy() if smooth else _places(net.V, surface, smooth)
+    held, fixed = np.flatnonzero(net.kind > FREE), feature_curves(surface, edge).fixed
+    for some, there in ((held, lines), (held[net.kind[held] == FIXED], fixed[:, None])):
+        if len(some) and len(there):
+            found = nearest(net.V[some], surface.V, there)
+            near = found.distance < TOLERANCE * edge
+            goal[some[near]] = found.place[near]
+    for most, ends in ((surface.V.max(axis=0), goal.argmax(axis=0)), (surface.V.min(axis=0), goal.argmin(axis=0))):
+        now = goal[ends, (0, 1, 2)]
+        goal[ends, (0, 1, 2)] = np.where(np.abs(now - most) < NEAR * edge, most, now)  # as a file rounds
+    return goal
+
+
+def _net(surface: Surface, sizes: Sequence[SizeField], edge: float) -> Net:
+    """The surface made anew of even triangles on its facets."""
     curves = feature_curves(surface, edge)
-    nearest = NearestOnSurface(surface)
-    net = _even(Net.of(surface, curves, edge), curves, nearest, sizes, edge)
-    net = with_edges_flipped(net, by_valence=False, rounds=3)
-    return Surface(_smoothed(net, surface, nearest).V if smooth else net.V, net.F)
+    net = _even(Net.of(surface, curves, edge), curves, NearestOnSurface(surface), sizes, edge)
+    return with_edges_flipped(net, by_valence=False, rounds=3)
 
 
 def _even(net: Net, curves: FeatureCurves, nearest: NearestOnSurface, sizes: Sequence[SizeField], edge: float) -> Net:
@@ -111,12 +184,18 @@ def _shortest(points: Floats, sizes: Sequence[SizeField], trees: Sequence[Neares
     return np.asarray(np.min(found, axis=0))
 
 
-def _smoothed(net: Net, surface: Surface, nearest: NearestOnSurface) -> Net:
+def _smoothed(net: Net, surface: Surface) -> Net:
     """The net with its free vertices on the smooth surface through those of the old one."""
     free = np.flatnonzero(net.kind == FREE)
     goal = net.V.copy()
-    goal[free] = SmoothPatches(surface).points(*nearest(net.V[free]))
+    goal[free] = _places(net.V[free], surface, smooth=True)
     return with_vertices_at(net, goal, net.at)
+
+
+def _places(points: Floats, surface: Surface, smooth: bool) -> Floats:
+    """(k, 3) the places nearest to points (k, 3) on the facets, or above these on the smooth surface, metres."""
+    face, place = NearestOnSurface(surface)(points)
+    return SmoothPatches(surface).points(face, place) if smooth else place
 
 
 def _check(surface: Surface, edge: float, finest: float) -> None:
