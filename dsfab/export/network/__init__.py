@@ -5,11 +5,13 @@ creases     : where patches have to end; sides : what is different on both sides
 graph       : the sheet's regions, and the chains of edges between them.
 fillets     : round corners of openings taken into the members beside them.
 joining     : chains of an outline that are one.
+seams       : borders between members, ended where they meet round corners steeply.
 straightening : chains between material, without those that run out and back.
 curves      : the chains as cubics, one for both skins.
 inner       : splines that bring curves and patches back onto the skins between their ends.
 quads       : which regions have four sides.
 line_fits   : chains in a row that become one curve; lines : these, divided where others end on them.
+arcs        : round corners of openings as arcs that go on as the walls do.
 stations    : where opposite sides of a region are divided.
 patches     : their patches; trimmed : the surfaces of all other regions.
 model       : edges, walls and faces of one solid; text : their entities.

@@ -19,6 +19,7 @@ from dsfab.export.network.line_fits import LineFits
 from dsfab.export.network.lines import NetLines
 from dsfab.export.network.model import NetModel, net_model
 from dsfab.export.network.quads import REACH, quads_of
+from dsfab.export.network.seams import with_steep_ends
 from dsfab.export.network.straightening import straightened
 from dsfab.export.network.text import NetText
 from dsfab.export.network.trimmed import TrimmedFace, trimmed_face
@@ -131,7 +132,7 @@ def _net(sheet: StripedSheet, lifting: Lifting, plan: SmoothPlan) -> ChainNet:
     net = without_fillets(net, lifting)
     P, N = (np.asarray(net.weights @ x) for x in (skins.points, skins.normals))
     net = joined_outlines(without_lenses(net, P, LENS * t), P, N)
-    return straightened(net, lifting, t)
+    return straightened(with_steep_ends(net, lifting, t), lifting, t)
 
 
 def _solid(

@@ -11,6 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from dsfab.arrays import Floats, Ints
+from dsfab.export.network.arcs import with_arcs
 from dsfab.export.network.curves import SampledChain, curves_through, on_skins
 from dsfab.export.network.graph import VOID, ChainNet, Loop
 from dsfab.export.network.joining import mean_width
@@ -55,7 +56,8 @@ class LineFits:
                     found.append(line)
                 else:
                     todo += _halves(line.steps, turns)
-        return with_ends_on_lines(NetLines(net, self._on_skins(found)))
+        fair = with_ends_on_lines(NetLines(net, self._on_skins(found)))
+        return with_arcs(fair, chains, self.within, self.away)
 
     def _fits(self, net: ChainNet, chains: Mapping[int, SampledChain], rows: list[Loop]) -> list[ChainLine]:
         """Lines through rows of chains."""

@@ -1,0 +1,217 @@
+r"""Round corners of openings as arcs that leave the walls beside them without an angle.
+
+      chords           arcs          A sheet has a polygon of chords where its outline is round, and a curve fitted to
+---o                ----._           some of them meets the wall in an angle of 8 to 30 degrees: an edge across the
+    \__o                  \          solid at which no CAD program can make a fillet. Each chain of a round corner
+       |                   |         becomes one cubic, which goes on as the wall does, and through a node between two
+       |                   |         arcs on the circle through the ends of both.
+"""
+
+from collections.abc import Callable, Mapping
+from dataclasses import replace
+
+import numpy as np
+from scipy.spatial.distance import cdist
+
+from dsfab.arrays import Floats
+from dsfab.export.network.curves import BETWEEN, ChainCurve, SampledChain, on_skins
+from dsfab.export.network.graph import VOID, ChainNet
+from dsfab.export.network.lines import ChainLine, NetLines
+
+CORNER = np.deg2rad(50.0)
+"""Turn from one chain of an outline to the next from which on there is a corner."""
+
+BENT = np.deg2rad(10.0)
+"""Turn at one vertex from which on an outline is round there, as in `graph`."""
+
+FLATTEST = np.cos(np.deg2rad(25.0))
+"""Cosine of the least angle between an arc and a border between members that ends where it does: patches in narrower
+wedges are folded."""
+
+WIDEST = np.cos(np.deg2rad(80.0))
+"""Cosine of the largest angle between an arc's chord and its direction at an end."""
+
+ROUNDS = 4
+"""How often arcs that are off their chords become walls, which may do the same to others."""
+
+DENSE = np.linspace(0, 1, 65)
+"""Where an arc is compared with its chords."""
+
+
+def with_arcs(
+    lines: NetLines,
+    chains: Mapping[int, SampledChain],
+    within: Mapping[int, float],
+    away: Callable[[Floats], Floats],
+) -> NetLines:
+    """The lines, those of round corners as arcs as far as these are within tolerances (millimetres, by chain) of them.
+
+    away : the ways (k, 6) to both skins from points near them.
+    """
+    corners = _Corners(lines, chains, within)
+    arcs = dict[int, ChainCurve]()
+    for _ in range(ROUNDS):
+        some = corners.arcs()
+        arcs = dict(zip(some, on_skins(list(some.values()), away), strict=True))
+        off = {k: _off(chains[k].Q, curve) for k, curve in arcs.items()}
+        wrong = {k for k in arcs if off[k] > within[k]}
+        arcs = {k: replace(curve, off=off[k]) for k, curve in arcs.items() if k not in wrong}
+        if not wrong:
+            break
+        corners.round -= wrong
+    at = {lines.place[k][0]: k for k in arcs}
+    return NetLines(
+        lines.net, [_replaced(line, arcs[at[i]]) if i in at else line for i, line in enumerate(lines.lines)]
+    )
+
+
+def _replaced(line: ChainLine, arc: ChainCurve) -> ChainLine:
+    """A line of one chain with the curve of this."""
+    return replace(line, curve=arc if line.steps[0][1] else arc.reversed())
+
+
+def _off(Q: Floats, curve: ChainCurve) -> float:
+    """The largest distance of points (k, 6) from a curve, on either skin."""
+    line = curve(DENSE)
+    return max(float(cdist(Q[:, s : s + 3], line[:, s : s + 3]).min(axis=1).max()) for s in (0, 3))
+
+
+class _Corners:
+    """The outlines of a net; round : chains that are to be arcs."""
+
+    def __init__(self, lines: NetLines, chains: Mapping[int, SampledChain], within: Mapping[int, float]) -> None:
+        self.lines, self.net, self.chains = lines, lines.net, chains
+        outline = {k: c for k, c in self.net.chains.items() if c.right == VOID}
+        starts = _alone({k: int(c.points[0]) for k, c in outline.items()})
+        ends = _alone({k: int(c.points[-1]) for k, c in outline.items()})
+        self.nodes = {node: (ends[node], starts[node]) for node in starts.keys() & ends.keys()}
+        self.curves = {k: lines.curve(k) for k in outline}
+        self.seams = _seams(self.net, self.nodes)
+        alone = {k for k in outline if len(lines.lines[lines.place[k][0]].steps) == 1}
+        self.round = {k for k in alone if self._is_round(k, within[k])}
+
+    def _is_round(self, k: int, within: float) -> bool:
+        """Whether a chain has a bent vertex inside, or is a chord of an arc that would be within a tolerance of it."""
+        chain, line = self.net.chains[k], self.chains[k]
+        if len(chain.points) > 2 and _bent(line.middle[::BETWEEN]).any():
+            return True
+        turns = [self._turn(int(chain.points[i])) for i in (0, -1)]
+        return min(turns) > BENT and float(line.way[-1]) * sum(turns) / 16 <= within
+
+    def _turn(self, node: int) -> float:
+        """Radians that an outline turns at a node; 0 where it has a corner there."""
+        if node not in self.nodes:
+            return 0.0
+        before, after = self.nodes[node]
+        one, two = self.chains[before].middle, self.chains[after].middle
+        turn = float(np.arccos(np.clip(_unit(one[-1] - one[-2]) @ _unit(two[1] - two[0]), -1, 1)))
+        return turn if turn < CORNER else 0.0
+
+    def arcs(self) -> dict[int, ChainCurve]:
+        """The chains of round corners as arcs; where an outline has no direction at a node, a chain keeps its own."""
+        nodes = {int(self.net.chains[k].points[i]) for k in self.round for i in (0, -1)}
+        ways, found = {node: self._way(node) for node in nodes}, dict[int, ChainCurve]()
+        for k in sorted(self.round):
+            start, end = (ways[int(self.net.chains[k].points[i])] for i in (0, -1))
+            if start is None and end is None:
+                continue
+            P, Q = self.curves[k].spans[[0, -1]]
+            one, two = _scaled(P[1] - P[0]), _scaled(Q[3] - Q[2])
+            arc = _arc(P[0], Q[3], one if start is None else start, two if end is None else end)
+            if arc is not None:
+                found[k] = arc
+        return found
+
+    def _chord(self, k: int) -> tuple[Floats, Floats]:
+        """(6,) twice: where a chain begins and ends."""
+        spans = self.curves[k].spans
+        return spans[0, 0], spans[-1, -1]
+
+    def _way(self, node: int) -> Floats | None:
+        """(6,) the direction of an outline at a node; None where it has a corner there, or a seam in its direction."""
+        if node not in self.nodes:
+            return None
+        before, after = self.nodes[node]
+        if before == after:
+            return None
+        one, two = self._end_ways(before, after)
+        if _middle(one) @ _middle(two) < np.cos(CORNER):
+            return None
+        way = two if before in self.round else one
+        if before in self.round and after in self.round:
+            way = self._on_circle(before, after)
+        steep = all(abs(_middle(way) @ self._seam_way(seam, end)) < FLATTEST for seam, end in self.seams[node])
+        return way if steep else None
+
+    def _end_ways(self, before: int, after: int) -> tuple[Floats, Floats]:
+        """(6,) twice: the directions of two chains where the second begins."""
+        P, Q = self.curves[before].spans[-1], self.curves[after].spans[0]
+        return _scaled(P[3] - P[2]), _scaled(Q[1] - Q[0])
+
+    def _on_circle(self, before: int, after: int) -> Floats:
+        """(6,) of the circle through the ends of two chains in a row, where they meet."""
+        (a, b), (_, c) = self._chord(before), self._chord(after)
+        one, two = (float(np.linalg.norm(_middle(way))) for way in (b - a, c - b))
+        return _scaled((b - a) * two / one + (c - b) * one / two)
+
+    def _seam_way(self, k: int, end: int) -> Floats:
+        """(3,) the direction of a chain at an end."""
+        P = self.lines.curve(k).spans[end]
+        return _unit(_middle(P[1] - P[0]) if end == 0 else _middle(P[2] - P[3]))
+
+
+def _alone(nodes: Mapping[int, int]) -> dict[int, int]:
+    """The chain of each node that has one."""
+    found, several = dict[int, int](), set[int]()
+    for k, node in nodes.items():
+        if node in found:
+            several.add(node)
+        found[node] = k
+    return {node: k for node, k in found.items() if node not in several}
+
+
+def _seams(net: ChainNet, nodes: Mapping[int, tuple[int, int]]) -> dict[int, list[tuple[int, int]]]:
+    """By node the chains between material that end there, and which of their ends that is."""
+    found: dict[int, list[tuple[int, int]]] = {node: [] for node in nodes}
+    for k, chain in net.chains.items():
+        for end in (0, -1):
+            node = int(chain.points[end])
+            if chain.right != VOID and node in found:
+                found[node].append((k, end))
+    return found
+
+
+def _bent(line: Floats) -> Floats:
+    """(k - 2,) at which inner points of a line (k, 3) it turns as round corners do."""
+    way = np.diff(line, axis=0)
+    way = way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-300)
+    return np.asarray(np.einsum("ki,ki->k", way[:-1], way[1:]) < np.cos(BENT))
+
+
+def _arc(start: Floats, end: Floats, one: Floats, two: Floats) -> ChainCurve | None:
+    """From a point (6,) to another, with directions (6,) there; None where it would turn too far.
+
+    Handles are those of the cubic nearest to a circle with so long a chord and such a turn, chord / (3 cos^2(turn/4)).
+    """
+    chord, ways = _middle(end - start), (_middle(one), _middle(two))
+    long = float(np.linalg.norm(chord))
+    if min(float(way @ chord) for way in ways) < WIDEST * long:
+        return None
+    turn = float(np.arccos(np.clip(ways[0] @ ways[1], -1, 1)))
+    handle = long / (3 * np.cos(turn / 4) ** 2)
+    poles = np.stack([start, start + handle * one, end - handle * two, end])
+    return ChainCurve(np.array([0.0, 1.0]), poles[None])
+
+
+def _middle(way: Floats) -> Floats:
+    """(3,) of both skins."""
+    return np.asarray((way[:3] + way[3:]) / 2)
+
+
+def _scaled(way: Floats) -> Floats:
+    """(6,) with a middle 1 mm long."""
+    return np.asarray(way / np.linalg.norm(_middle(way)))
+
+
+def _unit(way: Floats) -> Floats:
+    return np.asarray(way / max(float(np.linalg.norm(way)), 1e-300))
