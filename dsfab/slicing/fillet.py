@@ -13,6 +13,7 @@ from dsfab.errors import PatternError
 from dsfab.slicing.clean import Snapping, clean_split
 from dsfab.slicing.fillet_chords import SNAP, Fillets, fitting_fillets
 from dsfab.slicing.opening_corners import Corners
+from dsfab.slicing.pinch import pinched_vertices
 from dsfab.slicing.polygon_mesh import PolygonMesh
 from dsfab.slicing.recut import Recut
 from dsfab.slicing.sheet import Sheet
@@ -29,7 +30,8 @@ def rounded_corners(sheet: Sheet, radius: float) -> tuple[Sheet, Floats]:
              touches the surface at the corner, to a 20th of its radius; corners that turn by under 20 degrees stay. At
              a blunt tip, where a disc of that radius stops before several corners, one arc rounds them all.
 
-    Material is added only, never taken away; it takes the family of the member before the corner.
+    Material is added only, never taken away; it takes the family of the member before the corner. Corners stay whose
+    arcs, on cells that are coarse beside the radius, would touch other material in a point.
     Raises PatternError for a radius that is no length.
     """
     if not (np.isfinite(radius) and radius > 0):
@@ -38,9 +40,23 @@ def rounded_corners(sheet: Sheet, radius: float) -> tuple[Sheet, Floats]:
     if not len(corners.walls.start):
         return sheet, np.empty(0)
     fillets = fitting_fillets(corners, radius)
-    if not fillets.count:
-        return sheet, np.empty(0)
-    return _with_fillets(corners, fillets), fillets.radius
+    while fillets.count:
+        done = _with_fillets(corners, fillets)
+        clear = _clear_of(corners, fillets, done.surface.V[pinched_vertices(done)])
+        if clear.all():
+            return done, fillets.radius
+        fillets = fillets.some(clear)
+    return sheet, np.empty(0)
+
+
+def _clear_of(corners: Corners, fillets: Fillets, X: Floats) -> Bools:
+    """(k,) which arcs cut no cell with one of a few points X (p, 3) in its box."""
+    surface, (arc, cell) = corners.sheet.surface, fillets.pair.T
+    box, near = surface.V[surface.F[cell]], SNAP * fillets.radius[arc][:, None]
+    clear = np.ones(fillets.count, dtype=bool)
+    for x in X:
+        clear[arc[((box.min(axis=1) - near <= x) & (x <= box.max(axis=1) + near)).all(axis=1)]] = False
+    return clear
 
 
 def _with_fillets(corners: Corners, fillets: Fillets) -> Sheet:

@@ -62,12 +62,12 @@ def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> Pinched
     if rule not in ("join", "split"):
         raise PatternError(f"the pinch rule {rule!r} must be 'join' or 'split'")
     before, count = _material_area(sheet), 0
-    at = _pinches(sheet)
+    at = pinched_vertices(sheet)
     for turn in range(DISC_ROUNDS + CORNER_ROUNDS):
         if not len(at):
             break
         sheet, discs = _round(sheet, at, radius, rule, corners=turn >= DISC_ROUNDS)
-        at, count = _pinches(sheet), count + discs
+        at, count = pinched_vertices(sheet), count + discs
     if len(at):
         raise PatternError(
             f"material still meets in a single point at {len(at)} vertices (first: {first(at)}); "
@@ -81,7 +81,7 @@ def _round(sheet: Sheet, at: Ints, radius: float, rule: Rule, corners: bool) -> 
     count = 0
     for turn, group in enumerate(_apart(at, _links(sheet, at))):
         if turn:  # a disc of an earlier group may have swallowed some
-            group = np.intersect1d(group, _pinches(sheet))
+            group = np.intersect1d(group, pinched_vertices(sheet))
         if len(group):
             distance = _corner_distance(sheet, group, radius) if corners else _distance(sheet, group)
             sheet, count = _with_discs(sheet, group, distance, radius, rule), count + len(group)
@@ -96,8 +96,8 @@ def _material_area(sheet: Sheet) -> float:
     return float(sheet.surface.areas[sheet.material].sum())
 
 
-def _pinches(sheet: Sheet) -> Ints:
-    """Vertices around which the material has more than one edge-connected fan of cells."""
+def pinched_vertices(sheet: Sheet) -> Ints:
+    """(k,) vertices of a sheet around which the material has more than one edge-connected fan of cells."""
     if not sheet.material.any():
         return np.empty(0, dtype=np.int64)
     pinched = sheet.kept().surface.pinches
