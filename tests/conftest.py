@@ -28,6 +28,7 @@ LONGEST = (
     *("test_fabrication.py", "test_pattern_width.py", "test_pattern_regions.py", "test_pattern_steering.py"),
     *("test_app_compliance.py", "test_app_reproduce.py", "test_app_explore.py", "test_app_editor_stripes.py"),
     *("test_pipeline.py", "test_study_calculix.py", "test_study_alternatives.py", "test_pattern_keep.py"),
+    *("test_surface_remesh.py", "test_surface_figures.py"),
 )
 """test_frame.py and test_proposal.py find designs that test_members.py has made: they come long after it."""
 
