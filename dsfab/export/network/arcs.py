@@ -2,7 +2,7 @@ r"""Round corners of openings as arcs that leave the walls beside them without a
 
       chords           arcs          A sheet has a polygon of chords where its outline is round, and a curve fitted to
 ---o                ----._           some of them meets the wall in an angle of 8 to 30 degrees: an edge across the
-    \__o                  \          solid at which no CAD program can make a fillet. Each chain of a round corner
+    \__o                  \          solid at which fillets of CAD programs often fail. Each chain of a round corner
        |                   |         becomes one cubic, which goes on as the wall does, and through a node between two
        |                   |         arcs on the circle through the ends of both.
 """
