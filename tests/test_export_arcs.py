@@ -4,10 +4,12 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array, eye_array
 
-from dsfab.export.network.arcs import with_arcs
+from dsfab.export.network import line_fits
+from dsfab.export.network.arcs import round_chains, with_arcs
 from dsfab.export.network.curves import SampledChain, curves_through
 from dsfab.export.network.graph import VOID, Chain, ChainNet
 from dsfab.export.network.lines import ChainLine, NetLines
+from dsfab.export.network.quads import Quad
 from dsfab.export.network.seams import with_steep_ends
 from tests.test_export_network import flat_strip, lifting_of
 
@@ -16,6 +18,9 @@ MIDDLE = np.array([R, -R])
 ROUND = MIDDLE + R * np.array([[np.cos(a), np.sin(a)] for a in np.deg2rad([180, 150, 120, 90])])
 CORNER = np.array([[0, -200], *ROUND, [200, 0]])
 """A wall upwards, a quarter of a circle as three chords, and a wall to the right; material is on the left of them."""
+
+
+UP = np.array([0.0, 0, 1, 0, 0, 1])
 
 
 def corner_net(far):
@@ -80,6 +85,24 @@ def test_an_outline_keeps_its_angle_where_a_border_goes_on_in_its_direction():
     done, _ = arcs_of((-200, -128), within=2.0)
     assert np.degrees(np.arccos(directions(done[1])[1] @ directions(done[2])[0])) > 10
     np.testing.assert_allclose(directions(done[1])[0], [0, 1], atol=1e-12)
+
+
+def test_chords_are_round_but_not_walls_over_a_bent_mesh():
+    net, points = corner_net((-200, 200))
+    chains = {k: sampled(points[chain.points]) for k, chain in net.chains.items()}
+    assert round_chains(net, chains, dict.fromkeys(chains, 2.0)) == {1, 2, 6}
+    assert round_chains(net, chains, dict.fromkeys(chains, 0.1)) == {1, 6}
+    ridge = sampled(np.array([[200.0, 0], [0, 0], [-200, 0]])).Q + np.array([0, 30, 60, 30, 0])[:, None] * UP
+    assert round_chains(net, {**chains, 6: SampledChain(ridge, True)}, dict.fromkeys(chains, 2.0)) == {1, 2}
+
+
+def test_an_arc_is_no_line_with_a_border_between_members():
+    net, points = corner_net((-215, -37))  # straight on from the arc's last chord
+    chains = {k: sampled(points[chain.points]) for k, chain in net.chains.items()}
+    turn = line_fits._Turns(chains, 5.0)
+    side = [Quad(1, ([(4, False), (2, True)], [(3, True)], [(6, True)], []))]
+    assert line_fits._links(net, side, turn, {1, 2}).keys().isdisjoint({(2, 0), (4, 0)})
+    assert line_fits._links(net, side, turn, set())[2, 0] == (4, 0)
 
 
 @pytest.mark.parametrize(("far", "moves"), [((-200, -20), True), ((-200, 34), False)])

@@ -2,7 +2,7 @@ r"""Round corners of openings as arcs that leave the walls beside them without a
 
       chords           arcs          A sheet has a polygon of chords where its outline is round, and a curve fitted to
 ---o                ----._           some of them meets the wall in an angle of 8 to 30 degrees: an edge across the
-    \__o                  \          solid at which no CAD program can make a fillet. Each chain of a round corner
+    \__o                  \          solid at which fillets of CAD programs often fail. Each chain of a round corner
        |                   |         becomes one cubic, which goes on as the wall does, and through a node between two
        |                   |         arcs on the circle through the ends of both.
 """
@@ -15,14 +15,15 @@ from scipy.spatial.distance import cdist
 
 from dsfab.arrays import Floats
 from dsfab.export.network.curves import BETWEEN, ChainCurve, SampledChain, on_skins
-from dsfab.export.network.graph import VOID, ChainNet
+from dsfab.export.network.graph import VOID, ChainNet, turns
 from dsfab.export.network.lines import ChainLine, NetLines
 
 CORNER = np.deg2rad(50.0)
 """Turn from one chain of an outline to the next from which on there is a corner."""
 
 BENT = np.deg2rad(10.0)
-"""Turn at one vertex from which on an outline is round there, as in `graph`."""
+"""Turn at one vertex from which on an outline is round there, as in `graph`: where a coarse mesh bends, outlines turn
+with it, and are straight."""
 
 FLATTEST = np.cos(np.deg2rad(25.0))
 """Cosine of the least angle between an arc and a border between members that ends where it does: patches in narrower
@@ -59,10 +60,8 @@ def with_arcs(
         if not wrong:
             break
         corners.round -= wrong
-    at = {lines.place[k][0]: k for k in arcs}
-    return NetLines(
-        lines.net, [_replaced(line, arcs[at[i]]) if i in at else line for i, line in enumerate(lines.lines)]
-    )
+    at = {lines.place[k][0]: arc for k, arc in arcs.items()}
+    return NetLines(lines.net, [_replaced(line, at[i]) if i in at else line for i, line in enumerate(lines.lines)])
 
 
 def _replaced(line: ChainLine, arc: ChainCurve) -> ChainLine:
@@ -76,36 +75,40 @@ def _off(Q: Floats, curve: ChainCurve) -> float:
     return max(float(cdist(Q[:, s : s + 3], line[:, s : s + 3]).min(axis=1).max()) for s in (0, 3))
 
 
+def round_chains(net: ChainNet, chains: Mapping[int, SampledChain], within: Mapping[int, float]) -> set[int]:
+    """The chains of outlines that have a bent vertex inside, or are chords of arcs that are within tolerances of them
+    (millimetres, by chain)."""
+    nodes = _nodes(net)
+    angles = {node: _turn(chains[before], chains[after]) for node, (before, after) in nodes.items()}
+    found = set[int]()
+    for k, chain in net.chains.items():
+        if chain.right != VOID:
+            continue
+        two, line = [angles.get(int(chain.points[i]), 0.0) for i in (0, -1)], chains[k]
+        chord = min(two) > BENT and max(two) < CORNER and float(line.way[-1]) * sum(two) / 16 <= within[k]
+        if chord or _bends(line):
+            found.add(k)
+    return found
+
+
+def _nodes(net: ChainNet) -> dict[int, tuple[int, int]]:
+    """The nodes of outlines, each with the chain that ends there and the one that begins, if there is one of each."""
+    starts, ends = (
+        _alone({k: int(chain.points[i]) for k, chain in net.chains.items() if chain.right == VOID}) for i in (0, -1)
+    )
+    return {node: (ends[node], starts[node]) for node in starts.keys() & ends.keys() if ends[node] != starts[node]}
+
+
 class _Corners:
     """The outlines of a net; round : chains that are to be arcs."""
 
     def __init__(self, lines: NetLines, chains: Mapping[int, SampledChain], within: Mapping[int, float]) -> None:
-        self.lines, self.net, self.chains = lines, lines.net, chains
-        outline = {k: c for k, c in self.net.chains.items() if c.right == VOID}
-        starts = _alone({k: int(c.points[0]) for k, c in outline.items()})
-        ends = _alone({k: int(c.points[-1]) for k, c in outline.items()})
-        self.nodes = {node: (ends[node], starts[node]) for node in starts.keys() & ends.keys()}
-        self.curves = {k: lines.curve(k) for k in outline}
+        self.lines, self.net = lines, lines.net
+        self.nodes = _nodes(self.net)
+        self.curves = {k: lines.curve(k) for k, chain in self.net.chains.items() if chain.right == VOID}
         self.seams = _seams(self.net, self.nodes)
-        alone = {k for k in outline if len(lines.lines[lines.place[k][0]].steps) == 1}
-        self.round = {k for k in alone if self._is_round(k, within[k])}
-
-    def _is_round(self, k: int, within: float) -> bool:
-        """Whether a chain has a bent vertex inside, or is a chord of an arc that would be within a tolerance of it."""
-        chain, line = self.net.chains[k], self.chains[k]
-        if len(chain.points) > 2 and _bent(line.middle[::BETWEEN]).any():
-            return True
-        turns = [self._turn(int(chain.points[i])) for i in (0, -1)]
-        return min(turns) > BENT and float(line.way[-1]) * sum(turns) / 16 <= within
-
-    def _turn(self, node: int) -> float:
-        """Radians that an outline turns at a node; 0 where it has a corner there."""
-        if node not in self.nodes:
-            return 0.0
-        before, after = self.nodes[node]
-        one, two = self.chains[before].middle, self.chains[after].middle
-        turn = float(np.arccos(np.clip(_unit(one[-1] - one[-2]) @ _unit(two[1] - two[0]), -1, 1)))
-        return turn if turn < CORNER else 0.0
+        alone = {k for k in self.curves if len(lines.lines[lines.place[k][0]].steps) == 1}
+        self.round = alone & round_chains(self.net, chains, within)
 
     def arcs(self) -> dict[int, ChainCurve]:
         """The chains of round corners as arcs; where an outline has no direction at a node, a chain keeps its own."""
@@ -132,8 +135,6 @@ class _Corners:
         if node not in self.nodes:
             return None
         before, after = self.nodes[node]
-        if before == after:
-            return None
         one, two = self._end_ways(before, after)
         if _middle(one) @ _middle(two) < np.cos(CORNER):
             return None
@@ -181,11 +182,19 @@ def _seams(net: ChainNet, nodes: Mapping[int, tuple[int, int]]) -> dict[int, lis
     return found
 
 
-def _bent(line: Floats) -> Floats:
-    """(k - 2,) at which inner points of a line (k, 3) it turns as round corners do."""
-    way = np.diff(line, axis=0)
-    way = way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-300)
-    return np.asarray(np.einsum("ki,ki->k", way[:-1], way[1:]) < np.cos(BENT))
+def _turn(before: SampledChain, after: SampledChain) -> float:
+    """Radians that an outline turns, seen along the sheet's normal, from a chain's end to another's beginning."""
+    one, two = before.middle, after.middle
+    across = after.Q[:1, :3] - after.Q[:1, 3:]
+    cosine = float(turns(one[-1:] - one[-2:-1], two[1:2] - two[:1], across)[0])
+    return float(np.arccos(np.clip(cosine, -1, 1)))
+
+
+def _bends(chain: SampledChain) -> bool:
+    """Whether a chain has a vertex inside at which it turns as round corners do, seen along the sheet's normal."""
+    Q = chain.Q[::BETWEEN]
+    way = np.diff((Q[:, :3] + Q[:, 3:]) / 2, axis=0)
+    return bool((turns(way[:-1], way[1:], (Q[:, :3] - Q[:, 3:])[1:-1]) < np.cos(BENT)).any())
 
 
 def _arc(start: Floats, end: Floats, one: Floats, two: Floats) -> ChainCurve | None:

@@ -4,14 +4,14 @@ Chains on one side of a region are wanted to be one, and those of an outline tha
 then. They are one where a curve with fewer spans than theirs is within the tolerance of both.
 """
 
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
 from dsfab.arrays import Floats, Ints
-from dsfab.export.network.arcs import with_arcs
+from dsfab.export.network.arcs import round_chains, with_arcs
 from dsfab.export.network.curves import SampledChain, curves_through, on_skins
 from dsfab.export.network.graph import VOID, ChainNet, Loop
 from dsfab.export.network.joining import mean_width
@@ -46,7 +46,8 @@ class LineFits:
     def lines(self, net: ChainNet, chains: Mapping[int, SampledChain], quads: Iterable[Quad], reach: float) -> NetLines:
         """The lines of a net, each with as few spans as its chains have at most."""
         turns, self.within = _Turns(chains, reach), _tolerances(net, chains, self.distance)
-        links = _links(net, quads, turns)
+        arced = {k: FLAT * self.distance + OF_CHORD * chain.chord for k, chain in chains.items()}
+        links = _links(net, quads, turns, round_chains(net, chains, arced))
         todo, found = _rows(net.chains, links), list[ChainLine]()
         while todo:
             lines = self._fits(net, chains, todo)
@@ -57,7 +58,7 @@ class LineFits:
                 else:
                     todo += _halves(line.steps, turns)
         fair = with_ends_on_lines(NetLines(net, self._on_skins(found)))
-        return with_arcs(fair, chains, self.within, self.away)
+        return with_arcs(fair, chains, arced, self.away)  # which bulge away from what is between an opening's sides
 
     def _fits(self, net: ChainNet, chains: Mapping[int, SampledChain], rows: list[Loop]) -> list[ChainLine]:
         """Lines through rows of chains."""
@@ -141,13 +142,18 @@ class _Turns:
         return float(np.degrees(np.arccos(np.clip(-a @ b, -1, 1))))
 
 
-def _links(net: ChainNet, quads: Iterable[Quad], turn: _Turns) -> dict[End, End]:
-    """Ends of chains that are one line: between those on a side of a region, and where only the outline goes on."""
+def _links(net: ChainNet, quads: Iterable[Quad], turn: _Turns, arcs: Collection[int]) -> dict[End, End]:
+    """Ends of chains that are one line: between those on a side of a region, and where only the outline goes on.
+
+    Those of arcs go on as an outline does, not as a border between members.
+    """
     wanted = list[tuple[int, float, End, End]]()
     for quad in quads:
         for side in quad.sides:
             for before, after in pairwise(side):
                 one, two = end_of(before), end_of((after[0], not after[1]))
+                if before[0] in arcs or after[0] in arcs:
+                    continue
                 wanted.append((0, turn(one, two), one, two))
     starts = {int(c.points[0]): k for k, c in net.chains.items() if c.right == VOID}
     for k, chain in net.chains.items():

@@ -23,6 +23,10 @@ STEEP = 30.0
 STEEPER = 15.0
 """Degrees that a place has to be steeper by, at least."""
 
+SHARP = 20.0
+"""Degrees that an outline turns by where a border is in the way, at least: so sharp an edge asks for a fillet. To move
+all others made 5 % more faces of a dome."""
+
 ENOUGH = 45.0
 """Degrees from which on a place is as good as a steeper one."""
 
@@ -66,7 +70,7 @@ class _Ends:
     def take(self, node: int) -> None:
         """Move the end of the border at a node, if there is a steeper place."""
         before, after, (seam, end) = self.nodes[node]
-        if self.changed & {before, after, seam} or not (self._is_round(before) and self._is_round(after)):
+        if self.changed & {before, after, seam} or _turn(self._beside(before, after)) < SHARP:
             return
         line = self.chains[seam].points if end == 0 else self.chains[seam].points[::-1]
         anchor = self._anchor(line)
@@ -128,10 +132,7 @@ class _Ends:
         j = loop[(loop.index((k, True)) + (1 if i else -1)) % len(loop)][0]
         if len(loop) < 4 or j == k or self.chains[j].right != VOID or j in self.changed:
             return -1
-        one, _, two = self._beside(k, j) if i else self._beside(j, k)
-        ways = self.P[node] - one, two - self.P[node]
-        turn = float(np.degrees(np.arccos(np.clip(ways[0] @ ways[1] / np.prod(np.linalg.norm(ways, axis=1)), -1, 1))))
-        return j if BENT < turn < CORNER else -1
+        return j if BENT < _turn(self._beside(k, j) if i else self._beside(j, k)) < CORNER else -1
 
     def _steepness(self, k: int, i: int, anchor: Floats) -> float:
         """Degrees between the outline and a border with an anchor that ends at a point of a chain."""
@@ -176,6 +177,13 @@ def _bent(line: Floats) -> Ints:
     way = np.diff(line, axis=0)
     way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-300)
     return 1 + np.flatnonzero(np.einsum("ki,ki->k", way[:-1], way[1:]) < np.cos(np.deg2rad(BENT)))
+
+
+def _turn(three: Floats) -> float:
+    """Degrees that a line through three points turns at the middle one."""
+    ways = np.diff(three, axis=0)
+    long = max(float(np.prod(np.linalg.norm(ways, axis=1))), 1e-300)
+    return float(np.degrees(np.arccos(np.clip(ways[0] @ ways[1] / long, -1, 1))))
 
 
 def _angle(three: Floats, weights: list[float], anchor: Floats) -> float:
