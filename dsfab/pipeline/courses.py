@@ -40,7 +40,7 @@ SMOOTHING = 1.0
 changes in between is no member's to follow, and no stress that is known."""
 SEEN = 0.6
 """Mean edges over which directions are smoothed when it is seen where the stresses cross: with 1 one face between both
-sides that leans to neither joins them, on one mesh in four, and with .25 as many are joined by noise."""
+sides that leans to neither joins them, on three of eight plates, and with .25 noise does on two."""
 ROOM = 2.0
 """A region in which the families change names is this many smoothing lengths wide, or no two members have room in it:
 around the feet of a floor there are such of 1.6, with which four members ended in the air."""
