@@ -99,10 +99,13 @@ def largest_stress(preset: dsfab.Preset) -> tuple[int, float]:
 
 
 def test_the_stress_at_a_hole_is_as_good_on_far_fewer_triangles():
-    few, by_stress = largest_stress(pulled(edge=0.6, finest=0.05, finest_at="stress"))
-    many, even = largest_stress(pulled(edge=0.2))
-    assert many > 5 * few
-    assert abs(by_stress - 3) < min(abs(even - 3), 0.06)
+    """Of three meshes each: where the vertices lie moves the largest of a face by a fiftieth."""
+    few, by_stress = np.transpose(
+        [largest_stress(pulled(edge=edge, finest=0.05, finest_at="stress")) for edge in (0.5, 0.6, 0.7)]
+    )
+    many, even = np.transpose([largest_stress(pulled(edge=edge)) for edge in (0.18, 0.2, 0.22)])
+    assert (many > 5 * few).all()
+    assert np.abs(by_stress - 3).mean() < min(np.abs(even - 3).mean(), 0.06)
 
 
 def of_canopy(thickness: float = 0.05, finest: float = 0.1, **pattern: object) -> dsfab.Preset:
