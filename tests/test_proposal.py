@@ -444,6 +444,11 @@ def test_a_format_that_nobody_asked_for_may_be_left_out(tmp_path, monkeypatch, c
     assert sorted(path.suffix for path in (tmp_path / "out").glob("cap.*")) == [".3mf", ".stl"]
     assert main(["build", "cap.obj", *few, "--format", "step"]) == 1
     assert "step_faces = 100" in capsys.readouterr().err
+    assert main(["new", "cap.obj", "-o", "cap.toml"]) == 0
+    quick = ["--set", "export.step_faces=100", "--set", "export.step=quick", "--no-preview", "-o", "out2", *WIDE]
+    assert main(["build", "cap.toml", *quick]) == 0  # of which a new preset says: soon made, or none
+    assert "left out: " in capsys.readouterr().err
+    assert main(["build", "cap.toml", *quick, "--format", "step"]) == 1
 
 
 @pytest.mark.slow

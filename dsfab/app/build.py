@@ -18,7 +18,7 @@ from dsfab.wording import sentence, size
 
 if TYPE_CHECKING:
     from dsfab.pipeline.design import Design
-    from dsfab.preset import Preset
+    from dsfab.preset import Export, Preset
 
 
 @Parameter(name="*")
@@ -119,9 +119,14 @@ def build(
     if not quiet:
         _summary(design, folder, saved.facts)
     if saved.refused:
-        asked = not proposal or files.format_ is not None
+        asked = files.format_ is not None or not (proposal or _may_be_left_out(design.preset.export))
         _refuse(saved.refused, design.preset, None if asked else folder, reporter)
     return 0
+
+
+def _may_be_left_out(export: "Export") -> bool:
+    """Whether a STEP that is not soon made may be missing beside other files: `quick` is that, or none."""
+    return export.step == "quick" and len(export.formats) > 1
 
 
 def _refuse(why: str, preset: "Preset", folder: Path | None, reporter: Reporter) -> None:

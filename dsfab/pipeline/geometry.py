@@ -82,7 +82,8 @@ def _note_finishing(preset: Preset, done: Finished, smallest: Smallest, stubs: i
         log.note("slicing", told)
     if done.filled:
         than = length(smallest.opening) + (", or far smaller than most," * (preset.slicing.min_opening is None))
-        log.note("slicing", f"{done.filled} openings smaller than {than} were filled")
+        some, were = (f"{done.filled} openings", "were") if done.filled > 1 else ("an opening", "was")
+        log.note("slicing", f"{some} smaller than {than} {were} filled")
     if done.merged:
         log.note(
             "slicing", f"{_slits(done.merged)} narrower than the members beside: filled, so that these are one there"
