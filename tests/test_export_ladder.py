@@ -177,6 +177,12 @@ def test_what_was_tried_in_vain_is_said_when_the_rest_is_over_the_budget():
     said = str(ladder.refusal([NotFlatError("not flat"), ExportError("a gap; try this"), BudgetError(part, 1152)]))
     assert said.startswith("the STEP file of 'a' would have 1,152 planar faces")
     assert said.endswith("or raise step_faces (tried too: a gap)")
+    far = [NotByMembersError(why) for why in ("by members it is 9 mm off", "a region bends too much; see")]
+    told = [str(ladder.refusal([one, ExportError("a gap"), BudgetError(part, 1152)])) for one in far]
+    assert [one.partition("(")[2] for one in told] == [
+        "tried too: by members it is 9 mm off; a gap)",
+        "tried too: by members, a region bends too much; a gap)",
+    ]
     assert str(ladder.refusal([ExportError("a gap; try this")])) == "a gap; try this"
 
 

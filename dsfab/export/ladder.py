@@ -239,6 +239,8 @@ def refusal(refused: Sequence[ExportError]) -> ExportError:
     over = [one for one in refused if isinstance(one, BudgetError)]
     if not over:
         return refused[-1]
-    others = [str(one).split("; ")[0] for one in refused if not isinstance(one, (BudgetError, NotFlatError))]
-    tried = f" (tried too: {others[-1]})" if others else ""
+    others = [one for one in refused if not isinstance(one, (BudgetError, NotFlatError))]
+    last = {_by_members(one): str(one).split("; ")[0] for one in others}
+    told = [f"by members, {why}" if members and "by members" not in why else why for members, why in last.items()]
+    tried = f" (tried too: {'; '.join(told)})" if told else ""
     return ExportError(f"{none_within(over) if len({one.way for one in over}) > 1 else over[-1]}{tried}")
