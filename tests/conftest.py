@@ -5,7 +5,6 @@ import os
 import signal
 import sys
 from collections.abc import Iterator
-from pathlib import Path
 
 import pytest
 
@@ -81,8 +80,8 @@ def here(monkeypatch):
 
     found: list = []
 
-    def drawn(program, path, folder, *deflection, seconds):
-        return step_mesh.written(Path(path), Path(folder), *map(float, deflection))
+    def drawn(program, path, folder, *how, seconds):
+        return step_mesh.written(path, folder, *how)
 
     def said(program, path, folder, deflection, limit):
         found[:] = [dict(one) for one in check.solid_findings(path, folder, deflection)]

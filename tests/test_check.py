@@ -10,7 +10,7 @@ import pytest
 from dsfab.app.cli import main
 from dsfab.errors import ExportError, SurfaceError
 from dsfab.export import write
-from dsfab.export.mesh_soundness import step_fault
+from dsfab.export.step_soundness import step_fault
 from dsfab.pipeline import run
 from dsfab.preset_file import load_preset
 from dsfab.study import file_check

@@ -15,12 +15,12 @@ from dsfab.export import (
     STEP_FACES,
     StepOptions,
     ladder,
-    mesh_soundness,
     readback,
     sampled_use,
     simplify,
     step,
     step_estimates,
+    step_soundness,
     write,
 )
 from dsfab.export.budget import BudgetError
@@ -220,16 +220,18 @@ def test_a_smooth_file_that_check_would_fail_gives_way_to_facets_and_says_why(
     tmp_path, slow_vault, here, cut, monkeypatch
 ):
     """A triangle is missing where OCCT draws it."""
-    whole, faceted = mesh_soundness.read_step, {"solids": 1, "valid": True, "tessellates": True}
+    whole, faceted = step_soundness.read_step, {"solids": 1, "valid": True, "tessellates": True}
     monkeypatch.setattr(plan, "MOST_WALLS", 100)
     monkeypatch.setattr(step, "LIGHT", 0.0)
-    monkeypatch.setattr(mesh_soundness, "read_step", lambda *how: replace(mesh := whole(*how), F=mesh.F[1:]))
+    monkeypatch.setattr(
+        step_soundness, "read_step", lambda *how: replace(mesh := whole(*how), F=mesh.F[1:], face=mesh.face[1:])
+    )
     monkeypatch.setattr(step, "inspection", lambda part, path: faceted | {"faces": faces(path), "volume": part.volume})
     (solid, curved), said = slow_vault, list[str]()
     path = write(solid, tmp_path / "a.step", step=StepOptions(curved=curved), note=said.append)
     assert said[0].startswith("STEP is faceted: smooth, 3 edges have one triangle only where OCCT draws it")
     assert b"B_SPLINE" not in path.read_bytes()
-    monkeypatch.setattr(mesh_soundness, "read_step", lambda *_: pytest.fail("the smallest file was drawn"))
+    monkeypatch.setattr(step_soundness, "read_step", lambda *_: pytest.fail("the smallest file was drawn"))
     assert b"B_SPLINE" in write(solid, path, step=StepOptions("compact", curved=curved)).read_bytes()
 
 

@@ -6,7 +6,7 @@ from dsfab.export.flat import FlatCircle, FlatDrawing, FlatLine, check_flat_dxf,
 from dsfab.export.folder import complete, require_writable, whole_or_nothing
 from dsfab.export.formats import FORMATS, Written, step_estimates, write
 from dsfab.export.member_shape import MemberShape
-from dsfab.export.mesh_soundness import Fault, Soundness, curved_soundness, soundness, step_triangles
+from dsfab.export.mesh_soundness import Fault, Soundness, soundness
 from dsfab.export.part import STEP_FACES, Details, StepOptions
 from dsfab.export.partial import temporary_folder
 from dsfab.export.program import Ahead, ProgramError, last_line, meanwhile
@@ -15,6 +15,7 @@ from dsfab.export.rhino_json import mesh_arrays, mesh_json, polyline_json
 from dsfab.export.sampled_use import cut_fault
 from dsfab.export.smooth.limits import Limits, smooth_limits
 from dsfab.export.step_read import read_step
+from dsfab.export.step_soundness import StepTriangles, curved_soundness, step_triangles
 
 __all__ = [
     "FORMATS",
@@ -31,6 +32,7 @@ __all__ = [
     "ProgramError",
     "Soundness",
     "StepOptions",
+    "StepTriangles",
     "Written",
     "check_flat_dxf",
     "complete",

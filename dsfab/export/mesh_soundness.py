@@ -1,27 +1,17 @@
 """Does a triangle mesh bound a solid? Closed, two triangles on each edge, facing outward, not crossing itself.
 
-Asked of every file by `dsfab check`, and of STEP files with curved faces by the build before they are shipped.
+Asked of every file by `dsfab check`; of STEP files with curved faces see `step_soundness`.
 """
 
-from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
 from dsfab.arrays import Floats, Ints, lock
 from dsfab.export.shells import winding
-from dsfab.export.step_read import StepMesh, drawn_anew, read_step
 from dsfab.surface import signed_volumes, total_area
 from dsfab.surface.topology import duplicate_faces, edge_table, misoriented_edges, pieces, pinches
 from dsfab.thickening.intersect import intersecting_pairs
-from dsfab.units import METRES_PER
-
-FINER = 2
-"""How often triangles of curved faces are drawn at a quarter of the distance, where they cross."""
-
-SAME_PLACE = 1e-9
-"""Points of a STEP file that are closer than this share of its size are one: its faces are triangulated one by one."""
 
 FAULTS = {
     "open": "{} edges have one triangle only: there is a hole in the skin",
@@ -58,6 +48,7 @@ class Soundness:
     pinches   : points in which nothing but corners meet; told, and no fault: the two parts are sound.
     tested    : whether crossings were looked for, which takes an oriented manifold.
     shells    : closed surfaces; a hollow body has two.    pieces : connected bodies of material.
+    crossings : (k, 2) triangles that cross, of those that were looked at last.
     volume    : m3, of triangles as they are oriented; not to be trusted unless closed.     area : m2.
     """
 
@@ -69,9 +60,11 @@ class Soundness:
     volume: float
     area: float
     box: Floats
+    crossings: Ints
 
     def __post_init__(self) -> None:
         lock(self, "box", np.float64, (2, 3))
+        lock(self, "crossings", np.int64, (None, 2))
 
     @property
     def watertight(self) -> bool:
@@ -93,19 +86,18 @@ def soundness(V: Floats, F: Ints) -> Soundness:
     middles = V[edges.ends].mean(axis=1)
     crowded = np.flatnonzero(edges.count > 2)
     faults = [
-        _fault("open", middles[edges.boundary]),
-        _fault("crowded", middles[crowded]),
-        _fault("turned", middles[misoriented_edges(F, edges)]),
-        _fault("repeated", V[F[duplicate_faces(F)]].mean(axis=1)),
+        fault_at("open", middles[edges.boundary]),
+        fault_at("crowded", middles[crowded]),
+        fault_at("turned", middles[misoriented_edges(F, edges)]),
+        fault_at("repeated", V[F[duplicate_faces(F)]].mean(axis=1)),
     ]
     manifold = not any(faults)
     count, label = pieces(F, edges)
     volumes = signed_volumes(V, F, label, count)
-    if manifold:
-        pairs = intersecting_pairs(V, F)
-        faults.append(_fault("crossing", V[F[pairs[:, 0]]].mean(axis=1)))
+    pairs = intersecting_pairs(V, F) if manifold else np.zeros((0, 2), dtype=np.int64)
+    faults.append(fault_at("crossing", V[F[pairs[:, 0]]].mean(axis=1)))
     bodies, inverted = _bodies(V, F, label, volumes) if manifold else (count, np.zeros(0, dtype=np.int64))
-    faults.append(_fault("inside_out", np.array([V[F[label == k][0, 0]] for k in inverted]).reshape(-1, 3)))
+    faults.append(fault_at("inside_out", np.array([V[F[label == k][0, 0]] for k in inverted]).reshape(-1, 3)))
     return Soundness(
         tuple(fault for fault in faults if fault),
         len(pinches(F, edges, len(V))) if manifold else 0,
@@ -115,57 +107,12 @@ def soundness(V: Floats, F: Ints) -> Soundness:
         float(volumes.sum()),
         total_area(V, F),
         np.stack([V.min(axis=0), V.max(axis=0)]),
+        pairs,
     )
 
 
-def curved_soundness(
-    V: Floats, F: Ints, deflection: float, shape: bytes, tell: Callable[[], None] = lambda: None
-) -> Soundness:
-    """Judge the solid that triangles were drawn of.
-
-    V, F  : as for `soundness`.    deflection : metres that they may be off curved faces; 0 where there are none.
-    shape : what they were drawn of, as OCCT keeps it.    tell : called before they are drawn anew.
-
-    Triangles of curved faces that cross are drawn finer before that is said of the faces: where two edges come close,
-    chords of theirs may cross which the edges do not. Raises ExportError where OCCT takes too long for that.
-    """
-    sound = soundness(V, F)
-    for _ in range(FINER):
-        if not deflection or {fault.kind for fault in sound.faults} != {"crossing"}:
-            break
-        tell()
-        deflection /= 4
-        V, F, _ = step_triangles(drawn_anew(shape, deflection / METRES_PER["mm"]))
-        sound = soundness(V, F)
-    return sound
-
-
-def step_fault(path: Path, deflection: float) -> str:
-    """What keeps a STEP file with curved faces from being a solid, drawn to a deflection, metres; "" if nothing does.
-
-    Raises ExportError when OCCT cannot read it or takes too long.
-    """
-    mesh = read_step(path, deflection / METRES_PER["mm"])
-    V, F, _ = step_triangles(mesh)
-    sound = curved_soundness(V, F, deflection, mesh.shape)
-    if sound.sound:
-        return ""
-    fault = sound.faults[0]
-    place = ", ".join(f"{x:.4g}" for x in fault.place)
-    return f"{fault.told.partition(':')[0]} where OCCT draws it as triangles, at ({place}) m"
-
-
-def step_triangles(mesh: StepMesh) -> tuple[Floats, Ints, int]:
-    """Points in metres, no two at the same place, triangles with three different corners, and how many have not."""
-    size = float(np.linalg.norm(np.ptp(mesh.V, axis=0)))
-    grid = np.round(mesh.V / (SAME_PLACE * size))
-    _, once, of = np.unique(grid, axis=0, return_index=True, return_inverse=True)
-    F = of.reshape(-1)[mesh.F]
-    whole = (np.roll(F, -1, axis=1) != F).all(axis=1)
-    return mesh.V[once] * METRES_PER["mm"], F[whole], int((~whole).sum())
-
-
-def _fault(kind: str, places: Floats) -> Fault | None:
+def fault_at(kind: str, places: Floats) -> Fault | None:
+    """As many as there are places (k, 3), metres; None for none."""
     if not len(places):
         return None
     x, y, z = places[0].tolist()

@@ -35,7 +35,6 @@ from dsfab.errors import ExportError
 from dsfab.export import step_check, tessellated
 from dsfab.export.budget import BudgetError
 from dsfab.export.folds_text import planar_file
-from dsfab.export.mesh_soundness import step_fault
 from dsfab.export.network.build import NotByMembersError, member_file
 from dsfab.export.part import Part
 from dsfab.export.planar import polyhedron
@@ -44,6 +43,7 @@ from dsfab.export.readback import ReadBack, check_measure, differs
 from dsfab.export.sampled_use import smooth_use
 from dsfab.export.shells import solids_of
 from dsfab.export.smooth.build import smooth_file
+from dsfab.export.step_soundness import step_fault
 from dsfab.export.step_text import entities, faceted_bytes
 from dsfab.limits import DEFLECTION
 from dsfab.units import MM_PER_M

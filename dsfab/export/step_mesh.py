@@ -1,11 +1,13 @@
 """Triangles of the solids in a STEP file, as OCCT reads it: a program of its own, like `step_check`.
 
-    python -P step_mesh.py FILE FOLDER [DEFLECTION]
+    python -P step_mesh.py FILE FOLDER [DEFLECTION [FACES]]
 
-of a STEP file, or of a `.bin` one of its own, writes to FOLDER `mesh.npz`, V (n, 3) millimetres and F (m, 3) seen from
-outside, and `shape.bin`, what was read, as OCCT keeps it, which is read again in a fiftieth of the time; and one line
-of JSON: {"solids": 1, "deflection": 0.1}, how many millimetres its triangles may be off curved faces, as told or
-`ACROSS`. Vertices of neighbouring faces stand at the same place and are not made one. It imports nothing from dsfab.
+of a STEP file, or of a `.bin` one of its own, writes to FOLDER `mesh.npz`, V (n, 3) millimetres, F (m, 3) seen from
+outside, and the face (m,) that each is of, counted through all solids; and one line of JSON: {"solids": 1,
+"deflection": 0.1}, how many millimetres its triangles may be off curved faces, as told or, for 0, `ACROSS`. FACES is a
+`.npy` file of the numbers of those that are drawn, else all. Of a STEP file also `shape.bin`, what was read, as OCCT
+keeps it, which is read again in a fiftieth of the time. Vertices of neighbouring faces stand at the same place and are
+not made one. It imports nothing from dsfab.
 """
 
 import json
@@ -60,21 +62,39 @@ def keep(shape: Any, path: Path) -> None:
         raise OSError(f"{path} cannot be written")
 
 
-def tessellated(shape: Any, deflection: float = 0.0) -> tuple[Any, Any, dict[str, float]]:
-    """Vertices, triangles, the number of the solids, and the deflection."""
+def tessellated(shape: Any, deflection: float = 0.0, only: Any = None) -> tuple[dict[str, Any], dict[str, float]]:
+    """V, F and `face` as `mesh.npz` has them, of the faces `only` (k,) if given; the number of solids, the deflection.
+
+    Faces alone are drawn together: those that share an edge share its points.
+    """
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
     from OCP.TopAbs import TopAbs_ShapeEnum
 
     solids, deflection = list(_parts(shape, TopAbs_ShapeEnum.TopAbs_SOLID)), deflection or ACROSS * _diagonal(shape)
-    V, F, count = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], 0
-    for solid in solids:
-        BRepMesh_IncrementalMesh(solid, deflection, False, ANGLE, True)
-        for face in _parts(solid, TopAbs_ShapeEnum.TopAbs_FACE):
-            points, corners = _triangles(face)
-            V.append(points)
-            F.append(corners + count)
-            count += len(points)
-    return np.concatenate(V), np.concatenate(F), {"solids": len(solids), "deflection": deflection}
+    faces = [face for solid in solids for face in _parts(solid, TopAbs_ShapeEnum.TopAbs_FACE)]
+    numbers = list(range(len(faces)) if only is None else map(int, only))
+    for drawn in solids if only is None else [_together([faces[k] for k in numbers])]:
+        BRepMesh_IncrementalMesh(drawn, deflection, False, ANGLE, True)
+    V, F, of, count = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], [np.zeros(0, dtype=np.int64)], 0
+    for k in numbers:
+        points, corners = _triangles(faces[k])
+        V.append(points)
+        F.append(corners + count)
+        of.append(np.full(len(corners), k))
+        count += len(points)
+    mesh = {"V": np.concatenate(V), "F": np.concatenate(F), "face": np.concatenate(of)}
+    return mesh, {"solids": len(solids), "deflection": deflection}
+
+
+def _together(faces: list[Any]) -> Any:
+    from OCP.BRep import BRep_Builder
+    from OCP.TopoDS import TopoDS_Compound
+
+    builder, whole = BRep_Builder(), TopoDS_Compound()
+    builder.MakeCompound(whole)
+    for face in faces:
+        builder.Add(whole, face)
+    return whole
 
 
 def _parts(shape: Any, kind: Any) -> Iterator[Any]:
@@ -113,18 +133,20 @@ def _triangles(face: Any) -> tuple[Any, Any]:
     return V, F[:, ::-1] if face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED else F
 
 
-def written(path: Path, folder: Path, *deflection: float) -> str:
+def written(path: str, folder: str, deflection: str = "0", faces: str = "") -> str:
     """Write what was found in a file to a folder; one line about it. Raises ValueError where OCCT does not read it."""
-    shape = read(path)
-    keep(shape, folder / "shape.bin")
-    V, F, found = tessellated(shape, *deflection)
-    np.savez(folder / "mesh.npz", V=V, F=F)
+    file, place = Path(path), Path(folder)
+    shape = read(file)
+    if file.suffix != ".bin":
+        keep(shape, place / "shape.bin")
+    mesh, found = tessellated(shape, float(deflection), np.load(faces) if faces else None)
+    np.savez(place / "mesh.npz", **mesh)
     return json.dumps(found)
 
 
 if __name__ == "__main__":
     try:
-        said = written(Path(sys.argv[1]), Path(sys.argv[2]), *map(float, sys.argv[3:]))
+        said = written(*sys.argv[1:])
     except ValueError as error:
         sys.exit(str(error))  # its sentence is told, without Python's words
     sys.stdout.write(said + "\n")

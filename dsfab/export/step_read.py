@@ -21,41 +21,55 @@ SECONDS, SECONDS_PER_MB = 60.0, 10.0
 class StepMesh:
     """V (n, 3) millimetres, F (m, 3) not joined between faces, and the number of solids.
 
+    face       : (m,) that each triangle is of, counted through all solids.
     deflection : millimetres that the triangles may be off curved faces.
     shape      : what was read, as OCCT keeps it (`.bin`).
     """
 
     V: Floats
     F: Ints
+    face: Ints
     solids: int
     deflection: float
     shape: bytes
 
 
 def read_step(path: Path, deflection: float = 0.0) -> StepMesh:
-    """The solids of a STEP file, or of a `.bin` one, as triangles; raises ExportError when OCCT cannot read it or
-    takes too long.
+    """The solids of a STEP file as triangles; raises ExportError when OCCT cannot read it or takes too long.
 
     deflection : millimetres that they may be off curved faces; a share of the solids' size if 0.
     """
-    asked = (str(deflection),) if deflection else ()
-    limit = SECONDS + SECONDS_PER_MB * path.stat().st_size / 1e6
     with tempfile.TemporaryDirectory() as folder:
-        try:
-            found = json.loads(last_line(step_mesh.__file__, str(path), folder, *asked, seconds=limit))
-        except subprocess.TimeoutExpired:
-            raise ExportError(f"reading {path} did not end within {limit:.0f} s; check the STL or 3MF file") from None
-        except ProgramError as error:
-            raise ExportError(f"{path} cannot be read as STEP ({str(error)[:160]}); export it again") from None
-        shape = (Path(folder) / "shape.bin").read_bytes()
-        with np.load(Path(folder) / "mesh.npz") as mesh:
-            return StepMesh(mesh["V"], mesh["F"], int(found["solids"]), float(found["deflection"]), shape)
+        found = _drawn(path, folder, *((str(deflection),) if deflection else ()))
+        return _mesh(folder, found, (Path(folder) / "shape.bin").read_bytes())
 
 
-def drawn_anew(shape: bytes, deflection: float) -> StepMesh:
+def drawn_anew(shape: bytes, deflection: float, faces: Ints | None = None) -> StepMesh:
     """The triangles of what was read, as OCCT keeps it (see `StepMesh`), with another deflection, millimetres: reading
-    the file again takes as long as drawing it. Raises ExportError when OCCT takes too long."""
+    the file again takes longer than drawing it. Raises ExportError when OCCT takes too long.
+
+    faces : (k,) numbers of those that are drawn, and no others; all when left out.
+    """
     with tempfile.TemporaryDirectory() as folder:
-        path = Path(folder) / "shape.bin"
+        path, only = Path(folder) / "shape.bin", Path(folder) / "faces.npy"
         path.write_bytes(shape)
-        return read_step(path, deflection)
+        if faces is not None:
+            np.save(only, faces)
+        found = _drawn(path, folder, str(deflection), *((str(only),) if faces is not None else ()))
+        return _mesh(folder, found, shape)
+
+
+def _drawn(path: Path, folder: str, *how: str) -> dict[str, float]:
+    limit = SECONDS + SECONDS_PER_MB * path.stat().st_size / 1e6
+    try:
+        found: dict[str, float] = json.loads(last_line(step_mesh.__file__, str(path), folder, *how, seconds=limit))
+    except subprocess.TimeoutExpired:
+        raise ExportError(f"reading {path} did not end within {limit:.0f} s; check the STL or 3MF file") from None
+    except ProgramError as error:
+        raise ExportError(f"{path} cannot be read as STEP ({str(error)[:160]}); export it again") from None
+    return found
+
+
+def _mesh(folder: str, found: dict[str, float], shape: bytes) -> StepMesh:
+    with np.load(Path(folder) / "mesh.npz") as mesh:
+        return StepMesh(mesh["V"], mesh["F"], mesh["face"], int(found["solids"]), float(found["deflection"]), shape)

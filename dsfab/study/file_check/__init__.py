@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dsfab.errors import DsfabError
-from dsfab.export import Fault, Soundness, curved_soundness, cut_fault, meanwhile, soundness
+from dsfab.export import Fault, Soundness, StepTriangles, curved_soundness, cut_fault, meanwhile, soundness
 from dsfab.limits import Status
 from dsfab.pipeline.design import Design
 from dsfab.study.fabrication import Check, fabrication
@@ -146,7 +146,8 @@ def check_contents(
 def _judged(found: FileContents, tell: Progress) -> Soundness:
     """Whether it is a solid, as a build asks it of STEP files of its own."""
     finer = "drawing triangles of curved faces finer, since some cross"
-    return curved_soundness(found.V, found.F, found.deflection, found.shape, lambda: tell("judge", finer))
+    drawn = StepTriangles(found.V, found.F, found.face, found.collapsed)
+    return curved_soundness(drawn, found.deflection, found.shape, lambda: tell("judge", finer))
 
 
 def _cut_and_measured(

@@ -1,6 +1,6 @@
 """The file as its receiver finds it: triangles in metres, joined by position and by nothing else."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -37,7 +37,7 @@ class FileContents:
     metres  : in one of these units.                        collapsed : triangles without three different corners.
     reader  : whose reader it was.       path : of the file.
     deflection : metres that the triangles may be off the faces of the file, which are curved in STEP; else 0.
-    shape   : of STEP, what OCCT read, as it keeps it; else empty.
+    shape   : of STEP, what OCCT read, as it keeps it; else empty.      face : (m,) of it that each triangle is of.
     """
 
     path: Path
@@ -50,10 +50,12 @@ class FileContents:
     reader: str
     deflection: float = 0.0
     shape: bytes = b""
+    face: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
 
     def __post_init__(self) -> None:
         lock(self, "V", np.float64, (None, 3))
         lock(self, "F", np.int64, (None, 3))
+        lock(self, "face", np.int64, (None,))
 
     @property
     def size(self) -> float:
@@ -107,10 +109,10 @@ def _step(path: Path, deflection: float) -> FileContents:
     mesh = read_step(path, deflection * MM_PER_M)
     if not mesh.solids or not len(mesh.F):
         raise ExportError(f"{path} holds no solid, only loose faces or nothing; export it again as a solid")
-    V, F, lost = step_triangles(mesh)
+    V, F, face, lost = step_triangles(mesh)
     metres = METRES_PER["mm"]
     off = mesh.deflection * metres if _curved(path) else 0.0
-    return FileContents(path, V, F, "mm", True, metres, lost, "OCCT", off, mesh.shape)
+    return FileContents(path, V, F, "mm", True, metres, lost, "OCCT", off, mesh.shape, face)
 
 
 def _curved(path: Path) -> bool:
