@@ -6,6 +6,7 @@ import re
 import shlex
 import shutil
 import tomllib
+from collections.abc import Iterable
 from pathlib import Path
 
 import ezdxf
@@ -261,6 +262,33 @@ def test_sentences_are_short(page):
             assert len(sentence.split()) <= LONGEST, sentence
 
 
+NUMBER = re.compile(r"(?<![\w.])\d+(?:\.\d+)?")
+
+
+def near(shown: str, printed: str) -> bool:
+    """Whether a line says what a page shows, but for what a processor's last bits decide: by kernels of BLAS the dome's
+    card model has 84, 86 or 88 parts, 27 to 31 of them different. Counts under 20 are the same."""
+    one, two = (" ".join(NUMBER.sub("#", line).split()) for line in (shown, printed))
+    pairs = zip(NUMBER.findall(shown), NUMBER.findall(printed), strict=False)
+    return one == two and all(
+        abs(float(a) - float(b)) <= (0.06 if "." in a else 0.15 if float(a) >= 20 else 0) * float(a) for a, b in pairs
+    )
+
+
+def missing(expected: Iterable[str], out: str) -> list[str]:
+    """The lines of a page that nothing printed is near to."""
+    return [line for line in expected if not any(near(line, row) for row in out.splitlines())]
+
+
+def test_numbers_that_a_page_shows_may_be_a_little_off():
+    shown = "86 parts of 1 mm, 29 different; stiff 1.73"
+    assert near(shown, "84 parts of 1 mm,  27 different; stiff 1.76")
+    assert missing([shown], "84 parts of 2 mm, 27 different; stiff 1.76") == [shown]
+    assert missing([shown], "84 parts of 1 mm, 20 different; stiff 1.76") == [shown]
+    assert missing([shown], "84 parts of 1 mm, 27 alike; stiff 1.76") == [shown]
+    assert missing([shown], "84 parts of 1 mm, 27 different; stiff 2.1") == [shown]
+
+
 @pytest.mark.slow
 def test_ten_minutes_with_ones_own_roof_as_the_lesson_goes(tmp_path, monkeypatch, capsys):
     """Its commands in their order, with what it shows of their output; each ends well and leaves what the page says.
@@ -280,8 +308,7 @@ def test_ten_minutes_with_ones_own_roof_as_the_lesson_goes(tmp_path, monkeypatch
             written.write_text(text.replace('step = "quick"', 'step = "tessellated"'), encoding="utf-8")
         out = capsys.readouterr().out
         if not block.startswith(("dsfab preview", "dsfab edit")):  # they show pictures
-            expected = next(shown).strip().splitlines()
-            assert [row for row in expected if row not in out.splitlines()] == []
+            assert missing(next(shown).strip().splitlines(), out) == []
     for name in ("my_roof/my_roof.step", "my_roof/compliance/report.pdf", "my_roof/workshop/nest.dxf"):
         assert (tmp_path / "outputs" / name).stat().st_size > 10_000, name
     assert next(shown, None) is None
@@ -297,8 +324,7 @@ def test_the_case_studies_print_what_they_show(tmp_path, monkeypatch, capsys):
     *lines, (verdict, *_) = shown
     for command, expected in zip(commands, lines, strict=True):
         assert main(shlex.split(command)[1:]) == 0, command
-        out = capsys.readouterr().out.splitlines()
-        assert [row for row in expected if row not in out] == []
+        assert missing(expected, capsys.readouterr().out) == []
     found = dsfab.compare(dsfab.run(dsfab.load_preset("dome")), against=("thinner",), level="quick")
     told = re.search(r"compliance ([\d.]+) J .* ([\d.]+) t;", verdict)
     assert float(told[1]) == pytest.approx(found.design.compliance, rel=0.06)

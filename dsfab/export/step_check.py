@@ -40,19 +40,20 @@ def read(path: Path) -> Any:
     """The shape in a file, millimetres; raises ValueError where OCCT finds none."""
     from OCP.BRep import BRep_Builder
     from OCP.BRepTools import BRepTools
+    from OCP.IFSelect import IFSelect_ReturnStatus
     from OCP.Message import Message
     from OCP.STEPControl import STEPControl_Reader
     from OCP.TopoDS import TopoDS_Shape
 
     Message.DefaultMessenger_s().ChangePrinters().Clear()
+    shape = TopoDS_Shape()
     if path.suffix == ".brep":
-        shape = TopoDS_Shape()
         BRepTools.Read_s(shape, str(path), BRep_Builder())
     else:
         reader = STEPControl_Reader()
-        reader.ReadFile(str(path))
-        reader.TransferRoots()
-        shape = reader.OneShape()
+        if reader.ReadFile(str(path)) == IFSelect_ReturnStatus.IFSelect_RetDone:  # else it would crash
+            reader.TransferRoots()
+            shape = reader.OneShape()
     if shape.IsNull():
         raise ValueError(f"OCCT finds no shape in {path.name}")
     return shape
