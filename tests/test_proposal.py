@@ -538,3 +538,17 @@ def test_the_command_that_new_prints_can_be_pasted(capsys, tmp_path):
     assert main(["new", str(mesh), "-o", str(tmp_path / "my roof.toml")]) == 0
     command = capsys.readouterr().out.splitlines()[-1].partition("build it: ")[2]
     assert shlex.split(command) == ["dsfab", "build", str(tmp_path / "my roof.toml")]
+
+
+@pytest.mark.slow
+def test_members_of_a_sail_are_as_far_apart_as_was_asked():
+    """At one spacing halving left out all of a family's lines, at another none: every 1.1 m instead of .6 m."""
+    s = np.linspace(-1, 1, 41)
+    a, b = np.meshgrid(s, s, indexing="ij")
+    V = np.stack([5 * a * (0.82 + 0.18 * b**2), 5 * b * (0.82 + 0.18 * a**2), 3 + 1.5 * a * b], axis=-1).reshape(-1, 3)
+    k = np.arange(len(V)).reshape(a.shape)
+    corners = [k[:-1, :-1], k[1:, :-1], k[1:, 1:], k[:-1, :-1], k[1:, 1:], k[:-1, 1:]]
+    preset = preset_for((V, np.stack(corners, axis=-1).reshape(-1, 3)))
+    design = sliced(preset.model_copy(update={"statics": preset.statics.model_copy(update={"thickness": 0.1})}))
+    for _, family in design.quality().families:
+        assert family.spacing[1] == pytest.approx(preset.pattern.major.spacing, rel=0.25)
