@@ -13,7 +13,7 @@ from scipy.sparse import csr_array, eye_array
 
 from dsfab.arrays import Bools, Floats, Ints, lock
 from dsfab.errors import PatternError
-from dsfab.surface import LARGEST_GROUP, SNAP, LoadCase, Surface, generated_group, nearest
+from dsfab.surface import LARGEST_GROUP, SNAP, LoadCase, Surface, centroid, generated_group, nearest
 
 OFF = 0.25
 """Images of vertices may be off the surface by this share of the mean edge."""
@@ -117,7 +117,7 @@ def symmetry_under(
 
     Raises PatternError where the surface, its supports or one of the loads do not have it; `words` name it there.
     """
-    centre = surface.areas @ surface.centroids / surface.area
+    centre = centroid(surface)
     maps, faces, edge = [csr_array(eye_array(surface.n))], [np.arange(surface.m)], surface.mean_edge
     few = surface.V[:: max(surface.n // GLANCE, 1)]
     tree = tree or face_tree(surface)

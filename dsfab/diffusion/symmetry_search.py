@@ -26,7 +26,7 @@ from dsfab.diffusion.symmetry import (
     symmetry_under,
 )
 from dsfab.errors import PatternError
-from dsfab.surface import FAR, far_directions, generated_group, mirror, planes_through, round_axis
+from dsfab.surface import FAR, centroid, far_directions, generated_group, mirror, planes_through, round_axis
 from dsfab.surface.loads import LoadCase
 from dsfab.surface.mesh import Surface
 
@@ -72,7 +72,7 @@ class _Glance:
     @cached_property
     def centre(self) -> Floats:
         """(3,) the centroid, metres."""
-        return np.asarray(self.surface.areas @ self.surface.centroids / self.surface.area)
+        return centroid(self.surface)
 
     @cached_property
     def _tree(self) -> igl.AABB:

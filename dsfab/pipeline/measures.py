@@ -22,7 +22,7 @@ from dsfab.slicing.arms import Arms, arms
 from dsfab.slicing.dead_ends import DeadEnds
 from dsfab.slicing.drawn import Drawn
 from dsfab.slicing.pattern_quality import FamilyQuality, PatternQuality, pattern_quality
-from dsfab.surface import Surface, connected, nearest
+from dsfab.surface import Surface, centroid, connected, nearest
 from dsfab.surface.corner_field import CornerField
 from dsfab.surface.divided import DividedField
 
@@ -206,7 +206,7 @@ def _differing(surface: Surface, faces: Surface, symmetry: Symmetry, material: C
                lies along the edge of a member [Roberts 2018, R2].
     material : whether the places nearest to points (p, 3) are material, (p,).
     """
-    centre = surface.areas @ surface.centroids / surface.area
+    centre = centroid(surface)
     upto = np.cumsum(faces.areas)
     number = np.arange(LOOKS // symmetry.order)
     some = np.searchsorted(upto, (number + 0.5) / len(number) * upto[-1])

@@ -6,7 +6,7 @@ import numpy as np
 from scipy.spatial import cKDTree
 
 from dsfab.arrays import Bools, Floats, Ints, group_sums
-from dsfab.surface import LoadCase, Surface
+from dsfab.surface import LoadCase, Surface, centroid
 
 Mesh = tuple[Floats, Ints]
 """V (n, 3), F (m, 3)."""
@@ -149,7 +149,7 @@ def gradient_arrows(surface: Surface, gradient: Floats, size: float, lift: float
 
 def support_side(surface: Surface, load: LoadCase, size: float, up: Floats) -> Floats:
     """(3,) unit vector along an axis, from the structure to its supports; down when they lie all around it."""
-    middle = surface.areas @ surface.centroids / surface.area
+    middle = centroid(surface)
     offset = surface.V[load.held].mean(axis=0) - middle
     if np.linalg.norm(offset) < 0.08 * size:
         return -up

@@ -15,7 +15,7 @@ from scipy.spatial.distance import cdist
 
 from dsfab.arrays import Floats
 from dsfab.export.network.curves import BETWEEN, ChainCurve, SampledChain, on_skins
-from dsfab.export.network.graph import VOID, ChainNet, turns
+from dsfab.export.network.graph import VOID, ChainNet, ends_at, outline_through, turns
 from dsfab.export.network.lines import ChainLine, NetLines
 
 CORNER = np.deg2rad(50.0)
@@ -93,10 +93,7 @@ def round_chains(net: ChainNet, chains: Mapping[int, SampledChain], within: Mapp
 
 def _nodes(net: ChainNet) -> dict[int, tuple[int, int]]:
     """The nodes of outlines, each with the chain that ends there and the one that begins, if there is one of each."""
-    starts, ends = (
-        _alone({k: int(chain.points[i]) for k, chain in net.chains.items() if chain.right == VOID}) for i in (0, -1)
-    )
-    return {node: (ends[node], starts[node]) for node in starts.keys() & ends.keys() if ends[node] != starts[node]}
+    return {node: two for node, ends in ends_at(net).items() if (two := outline_through(net, ends))}
 
 
 class _Corners:
@@ -106,7 +103,7 @@ class _Corners:
         self.lines, self.net = lines, lines.net
         self.nodes = _nodes(self.net)
         self.curves = {k: lines.curve(k) for k, chain in self.net.chains.items() if chain.right == VOID}
-        self.seams = _seams(self.net, self.nodes)
+        self.ends = ends_at(self.net)
         alone = {k for k in self.curves if len(lines.lines[lines.place[k][0]].steps) == 1}
         self.round = alone & round_chains(self.net, chains, within)
 
@@ -141,7 +138,8 @@ class _Corners:
         way = two if before in self.round else one
         if before in self.round and after in self.round:
             way = self._on_circle(before, after)
-        steep = all(abs(_middle(way) @ self._seam_way(seam, end)) < FLATTEST for seam, end in self.seams[node])
+        seams = [(k, end) for k, end in self.ends[node] if self.net.chains[k].right != VOID]
+        steep = all(abs(_middle(way) @ self._seam_way(seam, end)) < FLATTEST for seam, end in seams)
         return way if steep else None
 
     def _end_ways(self, before: int, after: int) -> tuple[Floats, Floats]:
@@ -159,27 +157,6 @@ class _Corners:
         """(3,) the direction of a chain at an end."""
         P = self.lines.curve(k).spans[end]
         return _unit(_middle(P[1] - P[0]) if end == 0 else _middle(P[2] - P[3]))
-
-
-def _alone(nodes: Mapping[int, int]) -> dict[int, int]:
-    """The chain of each node that has one."""
-    found, several = dict[int, int](), set[int]()
-    for k, node in nodes.items():
-        if node in found:
-            several.add(node)
-        found[node] = k
-    return {node: k for node, k in found.items() if node not in several}
-
-
-def _seams(net: ChainNet, nodes: Mapping[int, tuple[int, int]]) -> dict[int, list[tuple[int, int]]]:
-    """By node the chains between material that end there, and which of their ends that is."""
-    found: dict[int, list[tuple[int, int]]] = {node: [] for node in nodes}
-    for k, chain in net.chains.items():
-        for end in (0, -1):
-            node = int(chain.points[end])
-            if chain.right != VOID and node in found:
-                found[node].append((k, end))
-    return found
 
 
 def _turn(before: SampledChain, after: SampledChain) -> float:

@@ -79,6 +79,21 @@ def net_of(sheet: StripedSheet, V: Floats, N: Floats, thickness: float, creased:
     return _Walk(sheet, P, normals, edges, region).net(loose)
 
 
+def ends_at(net: ChainNet) -> dict[int, list[tuple[int, int]]]:
+    """By node the ends there, each a chain and 0 where it begins, -1 where it ends."""
+    found = dict[int, list[tuple[int, int]]]()
+    for k, chain in net.chains.items():
+        for end in (0, -1):
+            found.setdefault(int(chain.points[end]), []).append((k, end))
+    return found
+
+
+def outline_through(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int, int] | None:
+    """Of the ends at a node the chain of the outline that ends there, and the one that begins; None if not one each."""
+    before, after = ([k for k, end in ends if end == which and net.chains[k].right == VOID] for which in (-1, 0))
+    return (before[0], after[0]) if len(before) == len(after) == 1 and before != after else None
+
+
 def turns(before: Floats, after: Floats, N: Floats) -> Floats:
     """(k,) cosines of the angles between ways (k, 3), seen along directions N (k, 3) of any length."""
     one, two = (

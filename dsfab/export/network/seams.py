@@ -13,8 +13,9 @@ from itertools import pairwise
 import numpy as np
 
 from dsfab.arrays import Floats, Ints
+from dsfab.export.network.arcs import BENT, CORNER
 from dsfab.export.network.ends import with_moved_ends
-from dsfab.export.network.graph import VOID, Chain, ChainNet, Loop
+from dsfab.export.network.graph import VOID, Chain, ChainNet, Loop, ends_at, outline_through
 from dsfab.export.network.lifting import Lifting
 
 STEEP = 30.0
@@ -32,9 +33,6 @@ ENOUGH = 45.0
 
 LONGEST = 2.0
 """Length of a chord of a round corner, times the thickness, at most."""
-
-BENT, CORNER = 10.0, 50.0
-"""Degrees that an outline turns by at a vertex of a round corner, and at a corner, at least."""
 
 ROUNDS = 3
 """How often ends are moved: chords of one corner may be several chains."""
@@ -59,10 +57,7 @@ class _Ends:
         self.P, self.t = P, thickness
         self.chains, self.free = dict(net.chains), max(net.chains, default=-1) + 1
         self.loops = {region: [list(loop) for loop in loops] for region, loops in net.loops.items()}
-        at = dict[int, list[tuple[int, int]]]()
-        for k, chain in net.chains.items():
-            for end in (0, -1):
-                at.setdefault(int(chain.points[end]), []).append((k, end))
+        at = ends_at(net)
         self.degree = {node: len(ends) for node, ends in at.items()}
         self.nodes = {node: three for node, ends in at.items() if (three := _three(net, ends))}
         self.moves, self.changed = dict[tuple[int, int], int](), set[int]()
@@ -132,7 +127,7 @@ class _Ends:
         j = loop[(loop.index((k, True)) + (1 if i else -1)) % len(loop)][0]
         if len(loop) < 4 or j == k or self.chains[j].right != VOID or j in self.changed:
             return -1
-        return j if BENT < _turn(self._beside(k, j) if i else self._beside(j, k)) < CORNER else -1
+        return j if BENT < np.deg2rad(_turn(self._beside(k, j) if i else self._beside(j, k))) < CORNER else -1
 
     def _steepness(self, k: int, i: int, anchor: Floats) -> float:
         """Degrees between the outline and a border with an anchor that ends at a point of a chain."""
@@ -176,7 +171,7 @@ def _bent(line: Floats) -> Ints:
     """Which inner points of a line (k, 3) it turns at."""
     way = np.diff(line, axis=0)
     way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-300)
-    return 1 + np.flatnonzero(np.einsum("ki,ki->k", way[:-1], way[1:]) < np.cos(np.deg2rad(BENT)))
+    return 1 + np.flatnonzero(np.einsum("ki,ki->k", way[:-1], way[1:]) < np.cos(BENT))
 
 
 def _turn(three: Floats) -> float:
@@ -198,8 +193,5 @@ def _angle(three: Floats, weights: list[float], anchor: Floats) -> float:
 
 def _three(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int, int, tuple[int, int]] | None:
     """Of the ends of three chains at a node: the outline's chain that ends there, the one that begins, and a border."""
-    before = [k for k, end in ends if net.chains[k].right == VOID and end == -1]
-    after = [k for k, end in ends if net.chains[k].right == VOID and end == 0]
-    seams = [(k, end) for k, end in ends if net.chains[k].right != VOID]
-    one_of_each = len(before) == len(after) == len(seams) == 1 and before != after
-    return (before[0], after[0], seams[0]) if one_of_each else None
+    outline, seams = outline_through(net, ends), [(k, end) for k, end in ends if net.chains[k].right != VOID]
+    return (*outline, seams[0]) if outline and len(seams) == 1 else None
