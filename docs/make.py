@@ -124,7 +124,7 @@ def _in_the_editor(preset: dsfab.Preset, name: str) -> None:
         opened(Path(folder), (width, height)) as tab,
     ):
         tab.call("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
-        tab.open(server.address, READY)
+        tab.open(server.address, f"{READY} && dsfab.viewer.sheet.cut")
         time.sleep(SETTLED)
         tab.picture(Path(folder) / "editor.png")
         write(Image.open(Path(folder) / "editor.png").convert("RGB"), name)

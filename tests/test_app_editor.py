@@ -26,7 +26,7 @@ import pytest
 from dsfab.app.carrier import carried
 from dsfab.app.editor import server as doors
 from dsfab.app.editor.controls import controls
-from dsfab.app.editor.figures import figures
+from dsfab.app.editor.figures import cut_as_built, figures
 from dsfab.app.editor.jobs import Jobs
 from dsfab.app.editor.page import static_files
 from dsfab.app.editor.payload import colours, creased, model, packed, widths
@@ -199,7 +199,7 @@ def test_widths_are_those_that_are_cut(dome):
 
 
 def test_figures_are_those_of_the_built_sheet(dome):
-    told, design = figures(dome), run(dome.preset)
+    told, design = figures(dome, *cut_as_built(dome)), run(dome.preset)
     assert told["area"] == pytest.approx(design.sheet.surface.area)
     assert told["pieces"] == len(design.slicing.pieces)
     assert told["mass"] == pytest.approx(design.mass, rel=0.05)

@@ -8,9 +8,10 @@ import pytest
 from scipy.ndimage import binary_opening
 
 from dsfab.app.editor.controls import controls
-from dsfab.app.editor.figures import TIDIED
+from dsfab.app.editor.figures import cut_as_built, figures
 from dsfab.app.editor.payload import model, packed, widths
 from dsfab.app.editor.session import Session
+from dsfab.app.editor.settled import settled
 from dsfab.app.editor.source import Opened
 from dsfab.pipeline import draft
 from dsfab.preset_file import load_preset, overridden
@@ -309,7 +310,97 @@ def test_what_is_pointed_at_is_a_vertex_of_the_uncut_surface(page, dome):
 def test_the_measured_share_is_the_wanted_one(page):
     assert share_measured(page) == pytest.approx(40, abs=0.3)
     assert overridden(load_preset(DOME_MODES), DOME).pattern.width.solid_fraction == 0.4
-    assert page.run(f"document.getElementById('notes').textContent.includes({json.dumps(TIDIED)})")
+
+
+LOOSE = {"surface.edge": 0.5, **EVEN, "pattern.major.spacing": 0.7, "pattern.minor.spacing": 0.7}
+
+
+@pytest.fixture(scope="module")
+def loose():
+    """A dome whose stripes, as they are drawn, have loose ends."""
+    made = draft(load_preset(DOME_MODES, LOOSE))
+    return made, *cut_as_built(made)
+
+
+def test_the_figures_are_those_of_the_tidied_sheet(loose):
+    made, cut, notes = loose
+    assert made.quality(symmetry=False).dead_ends > 0
+    assert figures(made, cut, notes)["pattern"]["dead_ends"] == 0
+
+
+def test_the_page_gets_the_sheet_that_is_built(loose):
+    made, cut, _ = loose
+    arrays = unpacked(packed(*settled(made, cut.sheet)))[1]
+    sheet, chart = cut.sheet.surface, made.pattern.even.chart.surface
+    middle = (made.surface.V.min(axis=0) + made.surface.V.max(axis=0)) / 2
+    F = arrays["F"].reshape(-1, 3)
+    np.testing.assert_allclose(arrays["V"][F] + middle, sheet.V[sheet.F], atol=1e-5)
+    on_it = np.einsum("ki,kij->kj", arrays["shares"], chart.V[arrays["corners"]])
+    np.testing.assert_allclose(on_it, arrays["V"] + middle, atol=1e-5)
+    assert len(arrays["E"]) == (sheet.edges.count == 1).sum()
+    names = np.array(["major", "minor", "kept"])[np.round(arrays["tint"][F]).astype(int)]
+    assert (names == names[:, :1]).all()
+    assert set(names[:, 0]) == {"major", "minor", "kept"}
+    drawn = np.array([name if name in ("major", "minor") else "kept" for name in made.pattern.names])
+    assert (names[:, 0] == drawn[cut.sheet.family]).all()
+
+
+CUT = "!!dsfab.viewer.sheet.cut && !dsfab.stale"
+
+
+@seen_in_a_page
+def test_at_rest_the_page_shows_the_sheet_that_is_built(page):
+    """Seen from above: material where the server's sheet has it, and openings where it has none."""
+    round_ = {**SPACED, "pattern.minor.spacing": 1.1, "pattern.fillet": 0.25}
+    page.run(f"dsfab.state.set({json.dumps(round_)})")
+    page.run("dsfab.views.look('top'); dsfab.views.view({layers: []})")
+    solved(page)
+    until(page, CUT)
+    made = draft(load_preset(DOME_MODES, {**DOME, **round_}))
+    cells = cut_as_built(made)[0].cells
+    middle = np.array(page.run("dsfab.model.facts.centre"))
+    large = cells.surface.areas > np.median(cells.surface.areas)
+    places = cells.surface.V[cells.surface.F].mean(axis=1)[large] - middle
+    seen = """((places) => { const { width, height, seen } = dsfab.viewer.mask(%s), { camera } = dsfab.viewer.eye;
+        return places.map((at) => { const p = camera.position.clone().fromArray(at).project(camera);
+        return seen[Math.floor((p.y + 1) / 2 * height) * width + Math.floor((p.x + 1) / 2 * width)]; }); })(%s)"""
+    told = json.dumps(places.round(5).tolist())
+    shown, live = (np.array(page.run(seen % (how, told))) != cells.material[large] for how in ("false", "true"))
+    assert shown.mean() < 0.01  # beside edges, by less than a pixel
+    assert live.mean() > 3 * shown.mean()  # as they are drawn
+    opening = places[~cells.material[large]][0].tolist()
+    pointed = f"""(() => {{ const c = document.getElementById('canvas'), {{ camera }} = dsfab.viewer.eye;
+        const p = camera.position.clone().fromArray({opening}).project(camera);
+        const at = {{ offsetX: (p.x + 1) / 2 * c.clientWidth, offsetY: (1 - p.y) / 2 * c.clientHeight }};
+        return dsfab.picking.hit(at) !== null; }})()"""
+    assert page.run(pointed)  # an opening is a place of the surface, too
+
+
+@seen_in_a_page
+def test_a_change_shows_stripes_again_and_rest_the_sheet(page):
+    until(page, CUT)
+    page.run("window.asked = dsfab.work.ask; dsfab.work.ask = () => {}; 1")
+    page.run("dsfab.state.set({'pattern.width.solid_fraction': 0.5})")
+    assert page.run("dsfab.viewer.sheet.geometry === dsfab.viewer.sheet.live")
+    page.run("dsfab.work.ask = window.asked; dsfab.solve()")
+    solved(page)
+    until(page, CUT)
+    assert page.run("dsfab.viewer.sheet.geometry !== dsfab.viewer.sheet.live")
+    page.run("dsfab.views.view({layers: ['sheet']})")
+    assert page.run("dsfab.viewer.sheet.geometry === dsfab.viewer.sheet.live")  # the uncut one is asked for
+
+
+@seen_in_a_page
+def test_the_sheet_has_the_values_of_the_surface(page):
+    """Colours and displacements of the surface, where the sheet's vertices lie on it."""
+    until(page, CUT)
+    page.run("dsfab.views.view({colour: 'stress'})")
+    value = np.array(page.run("[...dsfab.viewer.sheet.cut.geometry.getAttribute('value').array]"))
+    stress = np.array(page.run("[...dsfab.model.arrays.stress]"))
+    corners = np.array(page.run("[...dsfab.viewer.sheet.cut.arrays.corners]")).reshape(-1, 3)
+    assert (value >= stress[corners].min(axis=1) - 1e-3 * np.abs(stress).max()).all()
+    assert (value <= stress[corners].max(axis=1) + 1e-3 * np.abs(stress).max()).all()
+    assert np.ptp(value) > 0.5 * np.ptp(stress)
 
 
 @seen_in_a_page

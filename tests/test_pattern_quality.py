@@ -9,7 +9,7 @@ from scipy.sparse import csr_array, eye_array
 
 from dsfab import load_preset
 from dsfab.app.build import Files, PictureFlags, build
-from dsfab.app.editor.figures import figures
+from dsfab.app.editor.figures import cut_as_built, figures
 from dsfab.app.listing import inspect
 from dsfab.app.options import Source
 from dsfab.diffusion.symmetry import symmetry_under
@@ -282,7 +282,7 @@ def test_reports_and_the_editor_have_them_too(modes):
     assert [len(row) for row in table.rows] == [3] * 7
     assert table.rows[3] == ("Dead ends", "0", str(compared.pattern.dead_ends))
     assert table.note.startswith("Members cross at ")
-    told = figures(modes)["pattern"]
+    told = figures(modes, *cut_as_built(modes))["pattern"]
     found = modes.quality()
     assert told["dead_ends"] == found.dead_ends > 0
     assert told["openings"] == [found.minor.opening[0], found.minor.opening[2]]

@@ -1,27 +1,28 @@
-"""What a structure measures, from its cut sheet: area, mass, pieces, and how wide its members are."""
+"""A draft cut as it is built, and what that measures: area, mass, pieces, and how wide its members are."""
 
 from typing import Any
 
 from dsfab.app.editor.job import Telling
-from dsfab.pipeline import Design, least_widths
+from dsfab.pipeline import Design, Log, least_widths
 from dsfab.pipeline.geometry import slicing_step
-from dsfab.pipeline.log import Log
+from dsfab.pipeline.measures import measured_pattern
+from dsfab.results import SlicingResult
 from dsfab.slicing.features import features, kept_cells
 
-TIDIED = "slicing: the picture shows stripes as they are drawn; what is built of them, and measured here, is tidied"
-"""Told before what that changes."""
 
-
-def figures(made: Design, progress: Telling | None = None) -> dict[str, Any]:
-    """Square metres, kilograms (sheet area times thickness), pieces and widths in metres, ready for JSON.
+def cut_as_built(made: Design, progress: Telling | None = None) -> tuple[SlicingResult, list[str]]:
+    """The cut and tidied sheet of a draft, and what there is to say of it.
 
     Raises DsfabError when the pattern leaves no material.
     """
-    log, preset = Log(progress), made.preset
-    cut = slicing_step(preset, made.surface, made.statics, made.pattern, log)
-    if progress:
-        progress("slicing", "measuring members")
-    sheet = cut.sheet.surface
+    log = Log(progress)
+    cut = slicing_step(made.preset, made.surface, made.statics, made.pattern, log)
+    return cut, [f"{note.stage}: {note.text}" for note in log.notes]
+
+
+def figures(made: Design, cut: SlicingResult, notes: list[str]) -> dict[str, Any]:
+    """Square metres, kilograms (sheet area times thickness), pieces and widths in metres, ready for JSON."""
+    preset, sheet = made.preset, cut.sheet.surface
     found = features(cut.cells, kept_cells(cut.cells, cut.sheet), made.pattern.names)
     limits, share = found.histogram()
     narrow = found.member
@@ -36,19 +37,15 @@ def figures(made: Design, progress: Telling | None = None) -> dict[str, Any]:
         "limits": limits.tolist(),
         "widths": share.tolist(),
         "min_member": preset.fabrication.min_member or least_widths(made.settled, made.surface).member,
-        "pattern": _pattern(made),
+        "pattern": _pattern(made, cut),
         "compliance": made.statics.equilibrium.compliance,
-        "notes": [*_tidied(made), *(f"{note.stage}: {note.text}" for note in log.notes)],
+        "notes": notes,
     }
 
 
-def _tidied(made: Design) -> list[str]:
-    return [TIDIED] if made.pattern.tidy is not None or made.preset.pattern.fillet else []
-
-
-def _pattern(made: Design) -> dict[str, Any]:
+def _pattern(made: Design, cut: SlicingResult) -> dict[str, Any]:
     """Dead ends, slits, and the clear openings, metres, that nine tenths of the area of both families lie between."""
-    found = made.quality(symmetry=False)
+    found = measured_pattern(made, False, cut.cells, cut.sheet)
     open_ = [family.opening for _, family in found.families if family.opening[2] > 0]
     between = [min(one[0] for one in open_), max(one[2] for one in open_)] if open_ else None
     return {"dead_ends": found.dead_ends, "slits": found.slits, "openings": between}

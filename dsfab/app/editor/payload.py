@@ -19,7 +19,7 @@ from dsfab.pattern import (
     slopes,
     vertex_means,
 )
-from dsfab.pipeline.design import Design
+from dsfab.pipeline import Design
 from dsfab.pipeline.patterns import least_width, stripe_stresses
 from dsfab.render.colouring import STEEPEST, diverging, rising, signed
 from dsfab.render.marks import POINT_LOAD, SPREAD_LOAD, SUPPORTS, Spacing, thinned

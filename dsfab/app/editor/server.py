@@ -139,9 +139,10 @@ class Handler(BaseHTTPRequestHandler):
             self._json(self.server.session.start())
         elif parts.path == "/api/model":
             self._bytes(self.server.session.model(_number(query, "have")), "application/octet-stream")
+        elif parts.path == "/api/cut":
+            self._some(self.server.session.cut(_number(query, "draft")))
         elif parts.path == "/api/early":
-            content = self.server.session.early()
-            self._bytes(content, "application/octet-stream", status=HTTPStatus.OK if content else HTTPStatus.NO_CONTENT)
+            self._some(self.server.session.early())
         elif parts.path == "/api/events":
             self._events()
         elif parts.path == "/api/file":
@@ -216,6 +217,10 @@ class Handler(BaseHTTPRequestHandler):
 
     def _json(self, told: Given, status: HTTPStatus = HTTPStatus.OK) -> None:
         self._bytes(json.dumps(told).encode(), "application/json", status=status)
+
+    def _some(self, content: bytes) -> None:
+        """Bytes, or the answer that there are none."""
+        self._bytes(content, "application/octet-stream", status=HTTPStatus.OK if content else HTTPStatus.NO_CONTENT)
 
     def _bytes(
         self, content: bytes, kind: str, more: Mapping[str, str] | None = None, status: HTTPStatus = HTTPStatus.OK

@@ -28,10 +28,11 @@ from dsfab.errors import DsfabError
 from dsfab.export import temporary_folder
 from dsfab.materials import MATERIALS
 from dsfab.pattern.wave import GLSL
-from dsfab.pipeline.design import Design
+from dsfab.pipeline import Design
 from dsfab.preset import Preset
 from dsfab.preset_list import shipped_presets
 from dsfab.render.striped_mesh import StripedMesh
+from dsfab.slicing import Sheet
 from dsfab.surface import MESH_SUFFIXES
 from dsfab.units import METRES_PER
 
@@ -67,6 +68,7 @@ class Session:
         self._asked: tuple[int, int, Preset] | None = None
         self._lock = threading.RLock()
         self._kept: tuple[int, Packed] | None = None
+        self._cut: tuple[SessionView, Sheet] | None = None
         self._meshes = itertools.count(1)
         self._folder = temporary_folder("dsfab-edit")
         aside = Path(self._folder.name)
@@ -231,6 +233,14 @@ class Session:
             raise DsfabError("nothing is solved yet")
         return self._model(shown, have)
 
+    def cut(self, draft: int) -> bytes:
+        """The sheet that the figures of a draft were measured on, see settled.py; nothing where another one follows."""
+        from dsfab.app.editor.settled import settled
+
+        with self._lock:
+            last = self._cut
+        return packed(*settled(last[0].draft, last[1])) if last and last[0].number == draft else b""
+
     def _model(self, shown: SessionView, have: int) -> bytes:
         facts, arrays = widths(shown.draft)
         facts |= {"draft": shown.number, "version": shown.version, "whole": have != shown.version}
@@ -272,9 +282,14 @@ class Session:
         return SessionView(made, last.number + 1, last.version if same else last.version + 1, opening)
 
     def _figures(self, shown: SessionView, progress: JobProgress) -> dict[str, Any]:
-        from dsfab.app.editor.figures import figures
+        from dsfab.app.editor.figures import cut_as_built, figures
 
-        return {"draft": shown.number, **figures(shown.draft, progress)}
+        cut, notes = cut_as_built(shown.draft, progress)
+        progress("slicing", "measuring members")
+        found = figures(shown.draft, cut, notes)
+        with self._lock:
+            self._cut = shown, cut.sheet
+        return {"draft": shown.number, **found}
 
     def _members(self, shown: SessionView, judged: bool) -> dict[str, Any]:
         from dsfab.render import member_places

@@ -90,6 +90,8 @@ class Editor(anywidget.AnyWidget):
             return self._session.start()
         if name == "model":
             return self._session.model(int(given.get("have", 0)))
+        if name == "cut":
+            return self._session.cut(int(given.get("draft", 0)))
         if name == "file":
             path = self._session.builds.file(int(given.get("build", 0)), int(given.get("index", 0)))
             if path is None:

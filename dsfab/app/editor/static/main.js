@@ -16,7 +16,7 @@ import { decisions, notes, notice, outdated } from './notices.js';
 import { Picking } from './picking.js';
 import { Pictures } from './pictures.js';
 import { State } from './state.js';
-import { begun, early, follow, keep, kept, model as fetched } from './transport.js';
+import { begun, cut, early, follow, keep, kept, model as fetched } from './transport.js';
 import { Tray } from './tray.js';
 import { Viewer } from './viewer.js';
 import { Views } from './views.js';
@@ -146,6 +146,7 @@ class Editor {
     if (!this.model) return false;
     const made = drawn(this.state.preset.pattern, this.model, this.sampler);
     if (!made) return false;
+    this.cut = null;
     const turned = String(made.mode) !== String(this.mode);
     this.mode = made.mode;
     this.viewer?.stripes(made);
@@ -172,7 +173,8 @@ class Editor {
     this.model = facts.whole ? got : { facts: { ...this.model.facts, ...facts }, arrays: { ...this.model.arrays, ...arrays } };
     this.model.facts.opening = this.start.opening;
     if (facts.whole) this.surface();
-    outdated(!this.stripes());
+    const there = !facts.whole && this.cut === facts.draft; // what came early was measured meanwhile
+    outdated(!there && !this.stripes());
     this.stale = false;
     notes(facts.notes);
     this.figures(); // adds those of the cut sheet
@@ -211,9 +213,19 @@ class Editor {
     if (!this.told.failed) {
       measured(this.told);
       notes([...this.model.facts.notes, ...this.told.notes]);
+      this.settle(this.told.draft);
     }
     if (isMeasure(this.state.view.colour)) this.views.colours(); // they are others now
     for (const done of this.asking.splice(0)) done();
+  }
+
+  /** Draw what was measured in place of the stripes that it was cut of, unless these have changed again. */
+  async settle(draft) {
+    if (!this.viewer || draft === this.cut) return;
+    const got = await cut(draft);
+    if (!got || this.stale || draft !== this.model.facts.draft) return;
+    this.viewer.settle(got);
+    this.cut = draft;
   }
 
   /** What is shown, once it is measured: { changes, picture, figures }. */

@@ -1,5 +1,7 @@
 /** The shaders: stripes by leaving pixels away, as dsfab/app/shader.py does, with edges one pixel soft.
  *
+ * CUT draws a sheet that is cut already, and EDGE its outline: a line as dark as the rim of a stripe.
+ *
  * What a picture does not need is not compiled, by #define (see sheet.js): software that stands in for a graphics card
  * pays for every line of every pixel. Light is a matter of vertices but for meshes with creases.
  */
@@ -8,7 +10,10 @@ export const VERTEX = `
 precision highp float;
 in vec3 position; in vec3 normal;
 uniform mat4 modelViewMatrix; uniform mat4 projectionMatrix; uniform mat3 normalMatrix; uniform vec3 uUp;
-#ifndef WHOLE
+#ifdef CUT
+in float tint; out float vTint;
+#endif
+#if !defined(WHOLE) && !defined(CUT)
 in float modeU; in float modeW; uniform vec2 uFrequency; uniform vec2 uPhase; out vec2 vPhase;
 #ifdef VARY
 in vec2 halfWidth; out vec2 vHalf;
@@ -33,7 +38,10 @@ out vec2 vLight;
 #endif
 LIGHT
 void main() {
-#ifndef WHOLE
+#ifdef CUT
+  vTint = tint;
+#endif
+#if !defined(WHOLE) && !defined(CUT)
   vPhase = uFrequency * vec2(modeU, modeW) + uPhase;
 #ifdef VARY
   vHalf = halfWidth;
@@ -58,8 +66,14 @@ void main() {
 #else
   vec3 n = normalize(normalMatrix * normal);
   vLight = vec2(light(n), 0.80 * light(-n));
+#ifdef EDGE
+  vLight = dot(n, eye.xyz) < 0.0 ? vLight.xx : vLight.yy;  // a line has no back
+#endif
 #endif
   gl_Position = projectionMatrix * eye;
+#ifdef EDGE
+  gl_Position.z -= 4e-4 * gl_Position.w;  // before the faces that it bounds
+#endif
 }`.replace('LIGHT', light());
 
 /** Of a normal towards the eye: a lamp over the left shoulder and a sky. */
@@ -76,7 +90,10 @@ export const fragment = (wave) => `
 precision highp float;
 out vec4 colour;
 uniform vec3 uColours[3];
-#ifndef WHOLE
+#ifdef CUT
+in float vTint;
+#endif
+#if !defined(WHOLE) && !defined(CUT)
 in vec2 vPhase;
 #ifdef VARY
 in vec2 vHalf;
@@ -126,7 +143,7 @@ void main() {
   if (vSection < 0.0) discard;
 #endif
   float cover = 1.0, ink = 0.0;
-#ifndef WHOLE
+#if !defined(WHOLE) && !defined(CUT)
   vec2 s = stripes();
   float inside = max(s.x, s.y);
 #ifdef KEEP
@@ -150,7 +167,12 @@ void main() {
   colour = vec4(0.0, 0.0, 0.0, 1.0);
 #else
   vec3 base = uColours[0];
-#if defined(FAMILY) && !defined(WHOLE)
+#ifdef EDGE
+  ink = 0.34;
+#endif
+#if defined(FAMILY) && defined(CUT)
+  base = uColours[int(vTint + 0.5)];
+#elif defined(FAMILY) && !defined(WHOLE)
   if (s.x <= 0.0) base = uColours[1];
 #ifdef KEEP
   if (keep > 0.0) base = uColours[2];

@@ -1,4 +1,8 @@
-/** The structure's surface as it is drawn: its shape, and the shader that has what the picture needs and no more. */
+/** The structure's surface as it is drawn: its shape, and the shader that has what the picture needs and no more.
+ *
+ * While something changes, stripes are left over of the whole surface by the shader. Once the server has cut and tidied
+ * them, its sheet is drawn in their place: see settled.py.
+ */
 
 import * as THREE from 'three';
 import { fragment, VERTEX } from './shader.js';
@@ -13,17 +17,28 @@ export class Sheet extends THREE.Mesh {
     this.soft = soft;
     this.sources = { vertexShader: VERTEX, fragmentShader: fragment(wave) };
     this.materials = new Map();
-    this.material = this.made(this.flags);
+    this.live = this.geometry; // of the whole surface
+    this.cut = null; // { geometry, arrays } of what is built of it
+    this.outline = new THREE.LineSegments();
+    this.outline.frustumCulled = false;
+    this.outline.raycast = () => {}; // nobody points at a line
+    this.add(this.outline);
+    this.want({});
   }
 
   /** Parts of the shader that are wanted or not, by the names of their #define. */
   want(flags) {
     Object.assign(this.flags, flags);
+    this.flags.CUT = Boolean(this.cut) && !this.flags.WHOLE;
+    this.geometry = this.flags.CUT ? this.cut.geometry : this.live;
     this.material = this.made(this.flags);
+    this.outline.visible = this.flags.CUT;
+    if (this.flags.CUT) this.outline.material = this.made({ ...this.flags, EDGE: true, CREASE: false, SOFT: false });
   }
 
   /** The material with some parts; each is compiled once. */
-  made(flags) {
+  made(given) {
+    const flags = given.CUT ? { ...given, KEEP: false, VARY: false } : given;
     const names = Object.keys(flags).filter((name) => flags[name]).sort();
     const key = names.join(' ');
     if (!this.materials.has(key)) {
@@ -35,12 +50,24 @@ export class Sheet extends THREE.Mesh {
     return this.materials.get(key);
   }
 
-  /** Do something while the surface is black, with sharp edges. */
-  masked(act) {
-    const { material } = this;
-    this.material = this.made({ ...this.flags, MASK: true, SOFT: false, FAMILY: false, VALUE: false, CREASE: false });
+  /** Do something while the surface is black, with sharp edges; live: as the shader draws it, even where it is cut. */
+  masked(act, live = false) {
+    const { material, geometry } = this;
+    const sharp = { MASK: true, SOFT: false, FAMILY: false, VALUE: false, CREASE: false, ...(live && { CUT: false }) };
+    this.material = this.made({ ...this.flags, ...sharp });
+    if (live) this.geometry = this.live;
+    this.outline.visible = false;
     act();
-    this.material = material;
+    Object.assign(this, { material, geometry });
+    this.outline.visible = this.flags.CUT;
+  }
+
+  /** What is pointed at is the whole surface, openings too. */
+  raycast(ray, hits) {
+    const { geometry } = this;
+    this.geometry = this.live;
+    super.raycast(ray, hits);
+    this.geometry = geometry;
   }
 
   /** Another structure, see payload.py. */
@@ -57,15 +84,54 @@ export class Sheet extends THREE.Mesh {
     add('modeW', arrays.minor.subarray(0, n), 1);
     add('halfWidth', arrays.kept, 2); // until widths are known
     add('value', arrays.stress, 1);
-    this.geometry.dispose();
-    this.geometry = made;
+    this.live.dispose();
+    this.live = made;
     this.modes = [1, 1];
     this.arrays = arrays;
+    this.uncut();
     this.want({ CREASE: facts.creased });
+  }
+
+  /** The sheet that was cut of what is drawn, see settled.py, drawn in its place. */
+  settle({ arrays }) {
+    this.uncut();
+    const made = new THREE.BufferGeometry();
+    const add = (name, array, size) => made.setAttribute(name, new THREE.BufferAttribute(array, size));
+    made.setIndex(new THREE.BufferAttribute(arrays.F, 1));
+    add('position', arrays.V, 3);
+    add('normal', arrays.normals, 3);
+    add('tint', arrays.tint, 1);
+    this.cut = { geometry: made, arrays };
+    for (const name of ['moved', 'value']) add(name, this.carried(this.live.getAttribute(name)), this.live.getAttribute(name).itemSize);
+    const edges = new THREE.BufferGeometry();
+    for (const name of Object.keys(made.attributes)) edges.setAttribute(name, made.getAttribute(name));
+    edges.setIndex(new THREE.BufferAttribute(arrays.E, 1));
+    this.outline.geometry = edges;
+    this.want({});
+  }
+
+  /** What is drawn is no longer what was cut. */
+  uncut() {
+    this.cut?.geometry.dispose();
+    this.outline.geometry.dispose();
+    this.cut = null;
+    this.want({});
+  }
+
+  /** Values at the vertices of the whole surface, at those of the cut sheet. */
+  carried({ array, itemSize }) {
+    const { corners, shares } = this.cut.arrays;
+    const found = new Float32Array((corners.length / 3) * itemSize);
+    for (let i = 0; i < corners.length; i += 1) {
+      const to = Math.trunc(i / 3) * itemSize;
+      for (let k = 0; k < itemSize; k += 1) found[to + k] += shares[i] * array[corners[i] * itemSize + k];
+    }
+    return found;
   }
 
   /** What pattern.js makes of a pattern. */
   stripes({ mode, frequency, phase, plain, half, reach }) {
+    this.uncut();
     const u = this.uniforms;
     u.uFrequency.value = frequency;
     u.uPhase.value = phase;
@@ -82,9 +148,9 @@ export class Sheet extends THREE.Mesh {
   }
 
   put(name, values) {
-    const attribute = this.geometry.getAttribute(name);
-    attribute.array = values;
-    attribute.needsUpdate = true;
+    replace(this.live.getAttribute(name), values);
+    const there = this.cut?.geometry.getAttribute(name);
+    if (there) replace(there, this.carried(this.live.getAttribute(name)));
   }
 
   /** Colours: three of families; or values (n,) from low x limit to limit on a ramp [[r, g, b], ...] of bytes. */
@@ -107,6 +173,11 @@ export class Sheet extends THREE.Mesh {
     if (plane) this.uniforms.uSection.value = plane;
     this.want({ SECTION: Boolean(plane) });
   }
+}
+
+function replace(attribute, values) {
+  attribute.array = values;
+  attribute.needsUpdate = true;
 }
 
 function uniforms() {

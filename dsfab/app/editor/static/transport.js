@@ -44,6 +44,13 @@ export async function model(have) {
   return { facts: { ...known.facts, ...facts, whole: true }, arrays: { ...known.arrays, ...arrays } };
 }
 
+/** The sheet that a draft was cut to, or null where another draft has followed. */
+export async function cut(draft) {
+  const answer = await fetch(`/api/cut?draft=${draft}`, { headers });
+  if (!answer.ok) return read(answer);
+  return answer.status === 200 ? unpacked(await answer.arrayBuffer()) : null;
+}
+
 /** Call `hear` with every piece of news of a job; `lost` with whether the server is away. */
 export function listen(hear, lost) {
   const source = new EventSource(`/api/events?token=${encodeURIComponent(token)}`);

@@ -45,6 +45,11 @@ export const early = Promise.resolve(null); // Python would do nothing else unti
 export const begun = () => ask('start');
 export const model = async (have) => unpacked(await ask('model', { have }));
 
+export async function cut(draft) {
+  const got = await ask('cut', { draft });
+  return got.byteLength ? unpacked(got) : null;
+}
+
 export function listen(news, away) {
   [hear, lost] = [news, away];
   return Promise.resolve();

@@ -51,6 +51,12 @@ export class Viewer {
     this.due(true);
   }
 
+  /** The sheet that was cut of what is drawn, in its place until something changes. */
+  settle(cut) {
+    this.sheet.settle(cut);
+    this.due(true);
+  }
+
   colours(how) {
     this.sheet.colours(how);
     this.due(true);
@@ -134,15 +140,18 @@ export class Viewer {
     return copy.toDataURL('image/jpeg', 0.88);
   }
 
-  /** Where material is seen, one byte for each pixel from the lower left: for tests and for counting. */
-  mask() {
+  /** Where material is seen, one byte for each pixel from the lower left: for tests and for counting.
+   *
+   * live: of stripes as the page draws them, also where what is cut of them is shown.
+   */
+  mask(live = true) {
     const { width, height } = this.canvas;
     const others = [this.ground.plane, this.marks.group];
     others.forEach((thing) => (thing.visible = false));
     const cleared = this.renderer.getClearColor(new THREE.Color());
     this.renderer.setClearColor(0xffffff, 1);
     this.renderer.clear();
-    this.sheet.masked(() => this.renderer.render(this.scene, this.eye.camera));
+    this.sheet.masked(() => this.renderer.render(this.scene, this.eye.camera), live);
     const bytes = new Uint8Array(4 * width * height);
     this.gl.readPixels(0, 0, width, height, this.gl.RGBA, this.gl.UNSIGNED_BYTE, bytes);
     this.renderer.setClearColor(cleared, 1);
