@@ -258,8 +258,8 @@ def test_halves_and_the_box_of_a_cut_decide_about_it_and_large_files_are_not_cut
         ({"off": 0.0, "box": [box[0] - 400.0, *box[1:]]}, "OCCT's box of it is 400 mm off"),
     ):
         cut.update(answer)
-        assert sampled_use.sampled_use(part, "", 5, limits) == sampled_use.SampledUse(True, fault)
-    assert sampled_use.sampled_use(part, "", sampled_use.MOST_FACES + 1, limits) == sampled_use.SampledUse(False)
+        assert sampled_use.sampled_use(part, b"", 5, limits) == sampled_use.SampledUse(True, fault)
+    assert sampled_use.sampled_use(part, b"", sampled_use.MOST_FACES + 1, limits) == sampled_use.SampledUse(False)
 
 
 def test_compact_is_smooth_and_says_which_way_can_be_cut(tmp_path, slow_vault, here):

@@ -3,7 +3,6 @@
 import json
 from dataclasses import replace
 from functools import partial
-from pathlib import Path
 
 import numpy as np
 import pytest
@@ -16,7 +15,7 @@ from dsfab.errors import ExportError
 from dsfab.export import StepOptions, sampled_use, write
 from dsfab.export.ladder import prepare
 from dsfab.export.network import draft, line_fits, straightening, use_check
-from dsfab.export.network.build import NotByMembersError, member_file
+from dsfab.export.network.build import _asked_as_a_solid
 from dsfab.export.network.crossings import without_crossings
 from dsfab.export.network.curves import ChainCurve, SampledChain, curves_through, on_skins
 from dsfab.export.network.dividing import _narrow, divided
@@ -38,6 +37,7 @@ from dsfab.export.smooth import occt_check
 from dsfab.export.smooth.plan import SmoothPlan
 from dsfab.export.smooth.source import StripedSheet
 from dsfab.export.splines import Spline, bernstein
+from dsfab.limits import DEFLECTION
 from dsfab.slicing import Sheet
 from dsfab.surface import SHAPES, Surface
 from dsfab.surface.neighbours import on_boundary
@@ -642,25 +642,18 @@ def test_a_grid_is_by_members_unasked_and_a_cut_of_it_is_valid(tmp_path, monkeyp
     assert "; not cut here, since it has more than" in said[1]
 
 
-def test_members_of_which_occt_draws_no_solid_are_refused(here, monkeypatch):
+def test_members_of_which_occt_draws_no_solid_are_refused(here):
     """A triangle is turned over: `dsfab check` would fail the file."""
     part, _, _ = draft_of(surface := cylinder_strip(), grid(surface))
-    monkeypatch.setattr(sampled_use, "MOST_FACES", 10)
-    file = member_file(replace(part, hurry=1))
-    assert file.there < file.limits.distance
+    made, off = member_draft(part, made_of := SmoothPlan(part)), DEFLECTION * made_of.limits.distance
+    found, mesh = occt_check.whole_findings(None, made.text, off, 60)
     assert [one["valid"] for one in here] == [True]
-    whole = occt_check.mesh_in
-    turned = np.array([[0, 2, 1]])
-    monkeypatch.setattr(
-        occt_check,
-        "mesh_in",
-        lambda *how: replace(mesh := whole(*how), F=np.concatenate([mesh.F[0, turned], mesh.F[1:]])),
-    )
-    with pytest.raises(NotByMembersError, match="3 edges have triangles that face opposite sides where OCCT draws it"):
-        member_file(replace(part, hurry=1))
-    monkeypatch.setattr(occt_check, "mesh_in", lambda folder, _: Path(folder, "none").read_bytes())
-    with pytest.raises(NotByMembersError, match="no triangles of a face"):
-        member_file(replace(part, hurry=1))
+    assert max(_asked_as_a_solid(made_of, made, found, mesh)) < made_of.limits.distance
+    turned = replace(mesh, F=np.concatenate([mesh.F[:1, ::-1], mesh.F[1:]]))
+    with pytest.raises(ExportError, match="3 edges have triangles that face opposite sides where OCCT draws it"):
+        _asked_as_a_solid(made_of, made, found, turned)
+    with pytest.raises(ExportError, match="no triangles of a face"):
+        _asked_as_a_solid(made_of, made, found, None)
 
 
 @pytest.mark.slow

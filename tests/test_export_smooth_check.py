@@ -11,6 +11,7 @@ import pytest
 from dsfab.export import step_mesh
 from dsfab.export.program import last_line
 from dsfab.export.smooth import check, occt_check, occt_volume
+from dsfab.export.step_read import mesh_in
 from dsfab.slicing import cut
 from dsfab.surface.shapes.roofs import barrel_vault
 from tests.smooth import holed, written
@@ -134,10 +135,11 @@ def test_what_is_judged_as_a_whole_is_drawn_as_check_draws_it(tmp_path, solids):
     assert [one["valid"] and one["tessellates"] for one in found] == [True] * solids
     step_mesh.written(str(tmp_path / "a.step"), str(tmp_path / "read"), "0.5")
     step_mesh.written(str(tmp_path / "judged" / "shape.bin"), str(tmp_path / "kept"), "0.5")
-    meshes = [np.load(tmp_path / name / "mesh.npz") for name in ("judged", "read", "kept")]
-    assert meshes[0]["face"].max() > 2
-    for name in ("V", "F", "face"):
-        assert all(np.array_equal(meshes[0][name], mesh[name]) for mesh in meshes[1:])
+    found = {"solids": solids, "deflection": 0.5}
+    judged, read, kept = (mesh_in(str(tmp_path / name), found, b"-") for name in ("judged", "read", "kept"))
+    assert judged.face.max() > 2
+    for other in (read, kept):
+        assert all(np.array_equal(getattr(judged, name), getattr(other, name)) for name in ("V", "F", "face"))
 
 
 def test_nothing_is_drawn_of_a_whole_that_is_not_valid(tmp_path, vault):

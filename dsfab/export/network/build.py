@@ -88,7 +88,8 @@ def _accepted(part: Part) -> MemberFile:
         seconds, off = SECONDS + SECONDS_PER_FACE * draft.faces, DEFLECTION * plan.limits.distance
         found, mesh = whole_findings(program, draft.text, off, seconds)
     there, back = _asked_as_a_solid(plan, draft, found, mesh)
-    used = _cut_once(part, plan, draft) if part.hurry else _used(part, plan, draft, seconds)
+    shape = mesh.shape if mesh else b""
+    used = _cut_once(part, plan, draft, shape) if part.hurry else _used(part, plan, draft, seconds)
     volume, gap = sum(one.volume for one in found), max(draft.gap, *(one.gap for one in found))
     return MemberFile(draft.text, draft.solids, draft.faces, draft.trimmed, gap, there, back, volume, used, plan.limits)
 
@@ -131,9 +132,10 @@ def _asked_as_a_solid(
     return there.most, back.most
 
 
-def _cut_once(part: Part, plan: SmoothPlan, draft: MemberDraft) -> str:
-    """What became of one cut, where nobody asked for members by name; raises ExportError where it failed."""
-    use = sampled_use(part, draft.text, draft.faces, plan.limits)
+def _cut_once(part: Part, plan: SmoothPlan, draft: MemberDraft, shape: bytes) -> str:
+    """What became of one cut, where nobody asked for members by name, of the shape as OCCT keeps it: to read the text
+    again takes longer than the cut. Raises ExportError where it failed."""
+    use = sampled_use(part, shape, draft.faces, plan.limits, ".bin")
     if use.fault:
         raise ExportError(f"by members {use.fault}")
     return "a half-space cut valid" if use.tried else f"not cut here, since it has more than {MOST_FACES} faces"
