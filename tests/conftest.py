@@ -83,8 +83,9 @@ def here(monkeypatch):
     def drawn(program, path, folder, *how, seconds):
         return step_mesh.written(path, folder, *how)
 
-    def said(program, path, folder, deflection, limit):
-        found[:] = [dict(one) for one in check.solid_findings(path, folder, deflection)]
+    def said(program, path, folder, deflection, limit, *how):
+        judge = check.whole_findings if how else check.solid_findings
+        found[:] = [dict(one) for one in judge(path, folder, deflection)]
         return [dict(one) for one in found]
 
     monkeypatch.setattr(occt_check, "_said", said)

@@ -235,16 +235,15 @@ def test_a_smooth_file_that_check_would_fail_gives_way_to_facets_and_says_why(
     assert b"B_SPLINE" in write(solid, path, step=StepOptions("compact", curved=curved)).read_bytes()
 
 
-def test_a_file_by_members_that_check_would_fail_is_none_by_members(tmp_path, slow_vault, monkeypatch):
+def test_a_file_by_members_must_be_the_one_that_was_checked(tmp_path, slow_vault, monkeypatch):
     part = replace(part_of(slow_vault[0], "a"), step="members")
     limits, path = plan.SmoothPlan(replace(part, curved=slow_vault[1])).limits, tmp_path / "a.step"
     path.write_text("text")
     file = MemberFile("text", 1, 6, 0, 0.0, 0.0, 0.0, 1.1 * part.volume, "", limits)
     monkeypatch.setattr(step, "member_file", lambda _: file)
-    monkeypatch.setattr(step, "step_fault", lambda at, off: "" if (at, off) == (path, limits.distance / 4000) else "no")
     assert step.check(part, path).count == 6
-    monkeypatch.setattr(step, "step_fault", lambda *_: "2 pairs of triangles cross")
-    with pytest.raises(NotByMembersError, match="2 pairs of triangles cross"):
+    path.write_text("test")
+    with pytest.raises(ExportError, match="is not what was checked"):
         step.check(part, path)
 
 
@@ -259,8 +258,8 @@ def test_halves_and_the_box_of_a_cut_decide_about_it_and_large_files_are_not_cut
         ({"off": 0.0, "box": [box[0] - 400.0, *box[1:]]}, "OCCT's box of it is 400 mm off"),
     ):
         cut.update(answer)
-        assert sampled_use.sampled_use(part, "", 5, limits) == sampled_use.SampledUse(True, fault)
-    assert sampled_use.sampled_use(part, "", sampled_use.MOST_FACES + 1, limits) == sampled_use.SampledUse(False)
+        assert sampled_use.sampled_use(part, b"", 5, limits) == sampled_use.SampledUse(True, fault)
+    assert sampled_use.sampled_use(part, b"", sampled_use.MOST_FACES + 1, limits) == sampled_use.SampledUse(False)
 
 
 def test_compact_is_smooth_and_says_which_way_can_be_cut(tmp_path, slow_vault, here):

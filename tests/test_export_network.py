@@ -15,6 +15,7 @@ from dsfab.errors import ExportError
 from dsfab.export import StepOptions, sampled_use, write
 from dsfab.export.ladder import prepare
 from dsfab.export.network import draft, line_fits, straightening, use_check
+from dsfab.export.network.build import _asked_as_a_solid
 from dsfab.export.network.crossings import without_crossings
 from dsfab.export.network.curves import ChainCurve, SampledChain, curves_through, on_skins
 from dsfab.export.network.dividing import _narrow, divided
@@ -32,9 +33,11 @@ from dsfab.export.network.straightening import straightened
 from dsfab.export.network.trimmed import _powers, _surface, trimmed_face
 from dsfab.export.part import part_of
 from dsfab.export.program import run_program
+from dsfab.export.smooth import occt_check
 from dsfab.export.smooth.plan import SmoothPlan
 from dsfab.export.smooth.source import StripedSheet
 from dsfab.export.splines import Spline, bernstein
+from dsfab.limits import DEFLECTION
 from dsfab.slicing import Sheet
 from dsfab.surface import SHAPES, Surface
 from dsfab.surface.neighbours import on_boundary
@@ -637,6 +640,20 @@ def test_a_grid_is_by_members_unasked_and_a_cut_of_it_is_valid(tmp_path, monkeyp
     write(solid, tmp_path / "grid.step", step=ask, note=said.append)
     assert said[1].startswith("STEP is by members")
     assert "; not cut here, since it has more than" in said[1]
+
+
+def test_members_of_which_occt_draws_no_solid_are_refused(here):
+    """A triangle is turned over: `dsfab check` would fail the file."""
+    part, _, _ = draft_of(surface := cylinder_strip(), grid(surface))
+    made, off = member_draft(part, made_of := SmoothPlan(part)), DEFLECTION * made_of.limits.distance
+    found, mesh = occt_check.whole_findings(None, made.text, off, 60)
+    assert [one["valid"] for one in here] == [True]
+    assert max(_asked_as_a_solid(made_of, made, found, mesh)) < made_of.limits.distance
+    turned = replace(mesh, F=np.concatenate([mesh.F[:1, ::-1], mesh.F[1:]]))
+    with pytest.raises(ExportError, match="3 edges have triangles that face opposite sides where OCCT draws it"):
+        _asked_as_a_solid(made_of, made, found, turned)
+    with pytest.raises(ExportError, match="no triangles of a face"):
+        _asked_as_a_solid(made_of, made, found, None)
 
 
 @pytest.mark.slow

@@ -8,8 +8,10 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from dsfab.export import step_mesh
 from dsfab.export.program import last_line
-from dsfab.export.smooth import check, occt_volume
+from dsfab.export.smooth import check, occt_check, occt_volume
+from dsfab.export.step_read import mesh_in
 from dsfab.slicing import cut
 from dsfab.surface.shapes.roofs import barrel_vault
 from tests.smooth import holed, written
@@ -117,3 +119,32 @@ def test_two_processes_share_the_solids_and_keep_their_order(tmp_path):
     files = [[path.read_bytes() for path in sorted(folder.iterdir())] for folder in (alone, shared)]
     assert files[0] == files[1]
     assert len(files[0]) == len(here)
+
+
+@pytest.mark.parametrize("solids", [1, 3])
+def test_what_is_judged_as_a_whole_is_drawn_as_check_draws_it(tmp_path, solids):
+    """Though OCCT may mend there what it reads: the same triangles of the same faces, and of the shape that is kept."""
+    surface = barrel_vault(2.0, 1.6, 0.5, 0.2)
+    sheet = holed(surface, [[0.5, 0, 0.5]], 0.25)
+    if solids > 1:
+        sheet = cut(surface, [surface.V[:, 0]], [np.array([-0.8, -0.6, -0.1, 0.2, 0.3, 0.7])]).kept()
+    written(surface, sheet, tmp_path / "a.step")
+    for name in ("judged", "read", "kept"):
+        (tmp_path / name).mkdir()
+    found = check.whole_findings(str(tmp_path / "a.step"), str(tmp_path / "judged"), 0.5)
+    assert [one["valid"] and one["tessellates"] for one in found] == [True] * solids
+    step_mesh.written(str(tmp_path / "a.step"), str(tmp_path / "read"), "0.5")
+    step_mesh.written(str(tmp_path / "judged" / "shape.bin"), str(tmp_path / "kept"), "0.5")
+    found = {"solids": solids, "deflection": 0.5}
+    judged, read, kept = (mesh_in(str(tmp_path / name), found, b"-") for name in ("judged", "read", "kept"))
+    assert judged.face.max() > 2
+    for other in (read, kept):
+        assert all(np.array_equal(getattr(judged, name), getattr(other, name)) for name in ("V", "F", "face"))
+
+
+def test_nothing_is_drawn_of_a_whole_that_is_not_valid(tmp_path, vault):
+    found = list(re.finditer(TURNED["a face"], vault))[-1]
+    (tmp_path / "a.step").write_text(vault[: found.end() - 5] + ".F." + vault[found.end() - 2 :])
+    judged = occt_check.whole_findings(occt_check.occt(), (tmp_path / "a.step").read_text(), 0.5, 60)
+    assert ([one.valid for one in judged[0]], judged[1]) == ([False], None)
+    assert not check.whole_findings(str(tmp_path / "none.step"), str(tmp_path), 0.5)

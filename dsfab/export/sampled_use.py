@@ -23,8 +23,8 @@ from dsfab.export.smooth.build import smooth_file
 from dsfab.export.smooth.limits import Limits
 
 MOST_FACES = 2000
-"""Of a file that is cut unasked: so many take OCCT 10 to 15 seconds to read again, to cut and to ask whether the halves
-are valid."""
+"""Of a file that is cut unasked: so many take OCCT 4 seconds to cut and to ask whether the halves are valid, and 10 to
+15 where the text is read again for it."""
 
 MOST_SMOOTH = 500
 """Of a smooth file: its skins have all openings' edges, and 1400 faces took OCCT half a minute."""
@@ -52,15 +52,16 @@ def smooth_use(part: Part) -> SampledUse:
     if part not in _TRIED:
         file = smooth_file(part)
         wanted = part.cut and file.faces <= MOST_SMOOTH
-        _TRIED[part] = sampled_use(part, file.text, file.faces, file.limits) if wanted else SampledUse(False)
+        text = file.text.encode("ascii")
+        _TRIED[part] = sampled_use(part, text, file.faces, file.limits) if wanted else SampledUse(False)
     return _TRIED[part]
 
 
-def sampled_use(part: Part, text: str, faces: int, limits: Limits) -> SampledUse:
-    """What becomes of one cut of a part's file with so many faces."""
+def sampled_use(part: Part, file: bytes, faces: int, limits: Limits, suffix: str = ".step") -> SampledUse:
+    """What becomes of one cut of a part's file with so many faces, or of what OCCT keeps of it once read (`.bin`)."""
     if faces > MOST_FACES:
         return SampledUse(False)
-    with _file(text) as path:
+    with _file(file, suffix) as path:
         fault, bounds = cut_fault(path, faces)
     return SampledUse(True, fault or box_fault(part, bounds, limits))
 
@@ -81,16 +82,16 @@ def cut_fault(path: Path, faces: int) -> tuple[str, list[float]]:
 
 def said_of_use(text: str, seconds: float) -> dict[str, Any]:
     """All that `use_check` says of a file; raises as `last_line`."""
-    with _file(text) as path:
+    with _file(text.encode("ascii")) as path:
         return dict(json.loads(last_line(use_check.__file__, str(path), seconds=seconds)))
 
 
 @contextmanager
-def _file(text: str) -> Iterator[Path]:
-    """A file with a text, for as long as it is looked at."""
+def _file(content: bytes, suffix: str = ".step") -> Iterator[Path]:
+    """A file with a content, for as long as it is looked at."""
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
-        path = Path(folder) / "a.step"
-        path.write_text(text, encoding="ascii")
+        path = Path(folder) / f"a{suffix}"
+        path.write_bytes(content)
         yield path
 
 

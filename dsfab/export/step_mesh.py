@@ -7,12 +7,14 @@ outside, and the face (m,) that each is of, counted through all solids; and one 
 "deflection": 0.1}, how many millimetres its triangles may be off curved faces, as told or, for 0, `ACROSS`. FACES is a
 `.npy` file of the numbers of those that are drawn, else all. Of a STEP file also `shape.bin`, what was read, as OCCT
 keeps it, which is read again in a fiftieth of the time. Vertices of neighbouring faces stand at the same place and are
-not made one. It imports nothing from dsfab.
+not made one. It imports nothing from dsfab. `smooth.check` draws with it what it has read already.
 """
 
+import gc
 import json
+import os
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -67,14 +69,35 @@ def tessellated(shape: Any, deflection: float = 0.0, only: Any = None) -> tuple[
 
     Faces alone are drawn together: those that share an edge share its points.
     """
-    from OCP.BRepMesh import BRepMesh_IncrementalMesh
     from OCP.TopAbs import TopAbs_ShapeEnum
 
     solids, deflection = list(_parts(shape, TopAbs_ShapeEnum.TopAbs_SOLID)), deflection or ACROSS * _diagonal(shape)
     faces = [face for solid in solids for face in _parts(solid, TopAbs_ShapeEnum.TopAbs_FACE)]
     numbers = list(range(len(faces)) if only is None else map(int, only))
-    for drawn in solids if only is None else [_together([faces[k] for k in numbers])]:
-        BRepMesh_IncrementalMesh(drawn, deflection, False, ANGLE, True)
+    for solid in solids if only is None else [_together([faces[k] for k in numbers])]:
+        draw(solid, deflection)
+    return _mesh(faces, numbers), {"solids": len(solids), "deflection": deflection}
+
+
+def draw(shape: Any, deflection: float) -> None:
+    """Let OCCT make triangles, which it keeps with the faces of a shape."""
+    from OCP.BRepMesh import BRepMesh_IncrementalMesh
+
+    BRepMesh_IncrementalMesh(shape, deflection, False, ANGLE, True)
+
+
+def keep_drawn(shape: Any, folder: Path) -> None:
+    """Write a shape whose solids are drawn, as `written` does."""
+    from OCP.TopAbs import TopAbs_ShapeEnum
+
+    solids = _parts(shape, TopAbs_ShapeEnum.TopAbs_SOLID)
+    faces = [face for solid in solids for face in _parts(solid, TopAbs_ShapeEnum.TopAbs_FACE)]
+    keep(shape, folder / "shape.bin")
+    np.savez(folder / "mesh.npz", **_mesh(faces, range(len(faces))))
+
+
+def _mesh(faces: list[Any], numbers: Iterable[int]) -> dict[str, Any]:
+    """V, F and `face` of some of the faces, all drawn."""
     V, F, of, count = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], [np.zeros(0, dtype=np.int64)], 0
     for k in numbers:
         points, corners = _triangles(faces[k])
@@ -82,8 +105,7 @@ def tessellated(shape: Any, deflection: float = 0.0, only: Any = None) -> tuple[
         F.append(corners + count)
         of.append(np.full(len(corners), k))
         count += len(points)
-    mesh = {"V": np.concatenate(V), "F": np.concatenate(F), "face": np.concatenate(of)}
-    return mesh, {"solids": len(solids), "deflection": deflection}
+    return {"V": np.concatenate(V), "F": np.concatenate(F), "face": np.concatenate(of)}
 
 
 def _together(faces: list[Any]) -> Any:
@@ -145,8 +167,11 @@ def written(path: str, folder: str, deflection: str = "0", faces: str = "") -> s
 
 
 if __name__ == "__main__":
+    gc.disable()  # a tenth of the time that importing OCCT takes
     try:
         said = written(*sys.argv[1:])
     except ValueError as error:
         sys.exit(str(error))  # its sentence is told, without Python's words
     sys.stdout.write(said + "\n")
+    sys.stdout.flush()
+    os._exit(0)  # taking the solids apart takes a quarter of a second

@@ -41,7 +41,7 @@ def read_step(path: Path, deflection: float = 0.0) -> StepMesh:
     """
     with tempfile.TemporaryDirectory() as folder:
         found = _drawn(path, folder, *((str(deflection),) if deflection else ()))
-        return _mesh(folder, found, (Path(folder) / "shape.bin").read_bytes())
+        return mesh_in(folder, found)
 
 
 def drawn_anew(shape: bytes, deflection: float, faces: Ints | None = None) -> StepMesh:
@@ -56,7 +56,7 @@ def drawn_anew(shape: bytes, deflection: float, faces: Ints | None = None) -> St
         if faces is not None:
             np.save(only, faces)
         found = _drawn(path, folder, str(deflection), *((str(only),) if faces is not None else ()))
-        return _mesh(folder, found, shape)
+        return mesh_in(folder, found, shape)
 
 
 def _drawn(path: Path, folder: str, *how: str) -> dict[str, float]:
@@ -70,6 +70,11 @@ def _drawn(path: Path, folder: str, *how: str) -> dict[str, float]:
     return found
 
 
-def _mesh(folder: str, found: dict[str, float], shape: bytes) -> StepMesh:
+def mesh_in(folder: str, found: dict[str, float], shape: bytes = b"") -> StepMesh:
+    """What `step_mesh` wrote to a folder, and said: `solids` and `deflection`; the shape where that is known already.
+
+    Raises OSError where it wrote nothing.
+    """
+    shape = shape or (Path(folder) / "shape.bin").read_bytes()
     with np.load(Path(folder) / "mesh.npz") as mesh:
         return StepMesh(mesh["V"], mesh["F"], mesh["face"], int(found["solids"]), float(found["deflection"]), shape)

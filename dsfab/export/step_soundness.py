@@ -74,7 +74,12 @@ def step_fault(path: Path, deflection: float) -> str:
     Raises ExportError when OCCT cannot read it or takes too long.
     """
     mesh = read_step(path, deflection / METRES_PER["mm"])
-    sound = curved_soundness(step_triangles(mesh), deflection, mesh.shape)
+    return drawn_fault(step_triangles(mesh), deflection, mesh.shape)
+
+
+def drawn_fault(first: StepTriangles, deflection: float, shape: bytes) -> str:
+    """The same of what OCCT has read and drawn: see `curved_soundness`."""
+    sound = curved_soundness(first, deflection, shape)
     if sound.sound:
         return ""
     fault = sound.faults[0]

@@ -7,7 +7,7 @@ r"""Round corners of openings as arcs that leave the walls beside them without a
        |                   |         arcs on the circle through the ends of both.
 """
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -79,14 +79,16 @@ def round_chains(net: ChainNet, chains: Mapping[int, SampledChain], within: Mapp
     """The chains of outlines that have a bent vertex inside, or are chords of arcs that are within tolerances of them
     (millimetres, by chain)."""
     nodes = _nodes(net)
-    angles = {node: _turn(chains[before], chains[after]) for node, (before, after) in nodes.items()}
+    angles = dict(
+        zip(nodes, _turns([(chains[before], chains[after]) for before, after in nodes.values()]), strict=True)
+    )
+    outlines = [k for k, chain in net.chains.items() if chain.right == VOID]
+    bent = dict(zip(outlines, _bends([chains[k] for k in outlines]), strict=True))
     found = set[int]()
-    for k, chain in net.chains.items():
-        if chain.right != VOID:
-            continue
-        two, line = [angles.get(int(chain.points[i]), 0.0) for i in (0, -1)], chains[k]
+    for k in outlines:
+        two, line = [angles.get(int(net.chains[k].points[i]), 0.0) for i in (0, -1)], chains[k]
         chord = min(two) > BENT and max(two) < CORNER and float(line.way[-1]) * sum(two) / 16 <= within[k]
-        if chord or _bends(line):
+        if chord or bent[k]:
             found.add(k)
     return found
 
@@ -159,19 +161,27 @@ class _Corners:
         return _unit(_middle(P[1] - P[0]) if end == 0 else _middle(P[2] - P[3]))
 
 
-def _turn(before: SampledChain, after: SampledChain) -> float:
+def _turns(pairs: Sequence[tuple[SampledChain, SampledChain]]) -> list[float]:
     """Radians that an outline turns, seen along the sheet's normal, from a chain's end to another's beginning."""
-    one, two = before.middle, after.middle
-    across = after.Q[:1, :3] - after.Q[:1, 3:]
-    cosine = float(turns(one[-1:] - one[-2:-1], two[1:2] - two[:1], across)[0])
-    return float(np.arccos(np.clip(cosine, -1, 1)))
+    if not pairs:
+        return []
+    Q = np.array([[before.Q[-2], before.Q[-1], after.Q[0], after.Q[1]] for before, after in pairs])
+    middle, across = (Q[..., :3] + Q[..., 3:]) / 2, Q[:, 2, :3] - Q[:, 2, 3:]
+    cosines = turns(middle[:, 1] - middle[:, 0], middle[:, 3] - middle[:, 2], across)
+    return [float(x) for x in np.arccos(np.clip(cosines, -1, 1))]
 
 
-def _bends(chain: SampledChain) -> bool:
-    """Whether a chain has a vertex inside at which it turns as round corners do, seen along the sheet's normal."""
-    Q = chain.Q[::BETWEEN]
+def _bends(chains: Sequence[SampledChain]) -> list[bool]:
+    """Whether chains have a vertex inside at which they turn as round corners do, seen along the sheet's normal."""
+    parts = [chain.Q[::BETWEEN] for chain in chains]
+    if not parts:
+        return []
+    Q, of = np.concatenate(parts), np.repeat(np.arange(len(parts)), [len(part) for part in parts])
     way = np.diff((Q[:, :3] + Q[:, 3:]) / 2, axis=0)
-    return bool((turns(way[:-1], way[1:], (Q[:, :3] - Q[:, 3:])[1:-1]) < np.cos(BENT)).any())
+    inside = np.flatnonzero(of[2:] == of[:-2])  # and the vertex before it, and the one after it
+    cosines = turns(way[inside], way[inside + 1], (Q[:, :3] - Q[:, 3:])[inside + 1])
+    bent = set(of[inside[cosines < np.cos(BENT)]].tolist())
+    return [i in bent for i in range(len(parts))]
 
 
 def _arc(start: Floats, end: Floats, one: Floats, two: Floats) -> ChainCurve | None:

@@ -14,9 +14,12 @@ from dsfab.export.program import ProgramError
 from dsfab.export.sampled_use import MOST_FACES, box_fault, said_of_use, sampled_use
 from dsfab.export.smooth.acceptance import GAP
 from dsfab.export.smooth.limits import Limits
-from dsfab.export.smooth.occt_check import OcctFinding, findings, occt
+from dsfab.export.smooth.occt_check import OcctFinding, occt, whole_findings
 from dsfab.export.smooth.plan import SmoothPlan
+from dsfab.export.step_read import StepMesh
+from dsfab.export.step_soundness import drawn_fault, step_triangles
 from dsfab.limits import CHANGED_VOLUME, DEFLECTION
+from dsfab.units import MM_PER_M
 
 SECONDS, SECONDS_PER_FACE = 120.0, 0.3
 """Of the processor, for each of both programs, many times what was measured."""
@@ -79,13 +82,14 @@ def member_file(part: Part) -> MemberFile:
 
 def _accepted(part: Part) -> MemberFile:
     plan = member_plan(part)
-    draft = member_draft(part, plan)
-    within(part, draft.faces, len(draft.text))
-    seconds = SECONDS + SECONDS_PER_FACE * draft.faces
-    with occt() as program:
-        found = findings(program, draft.text, DEFLECTION * plan.limits.distance, seconds)
-    there, back = _asked_as_a_solid(part, plan, draft, found)
-    used = _cut_once(part, plan, draft) if part.hurry else _used(part, plan, draft, seconds)
+    with occt() as program:  # which loads OCCT meanwhile
+        draft = member_draft(part, plan)
+        within(part, draft.faces, len(draft.text))
+        seconds, off = SECONDS + SECONDS_PER_FACE * draft.faces, DEFLECTION * plan.limits.distance
+        found, mesh = whole_findings(program, draft.text, off, seconds)
+    there, back = _asked_as_a_solid(plan, draft, found, mesh)
+    shape = mesh.shape if mesh else b""
+    used = _cut_once(part, plan, draft, shape) if part.hurry else _used(part, plan, draft, seconds)
     volume, gap = sum(one.volume for one in found), max(draft.gap, *(one.gap for one in found))
     return MemberFile(draft.text, draft.solids, draft.faces, draft.trimmed, gap, there, back, volume, used, plan.limits)
 
@@ -98,21 +102,23 @@ def _require(*tests: tuple[bool, str]) -> None:
 
 
 def _asked_as_a_solid(
-    part: Part, plan: SmoothPlan, draft: MemberDraft, found: list[OcctFinding]
+    plan: SmoothPlan, draft: MemberDraft, found: list[OcctFinding], mesh: StepMesh | None
 ) -> tuple[float, float]:
-    """The largest distances from the mesh and back; raises ExportError where the solids are not those of the part."""
+    """The largest distances from the mesh and back; raises ExportError where the solids are not those of the part, or
+    are none to `dsfab check`."""
     t, gap, faces = plan.limits.thickness, max((one.gap for one in found), default=0.0), sum(one.faces for one in found)
     _require(
         (len(found) == draft.solids, "OCCT did not read the solids by members within the time limit"),
         (all(one.valid and one.closed for one in found), "OCCT finds the solid by members invalid"),
         (faces == draft.faces, f"OCCT reads {faces} faces by members instead of {draft.faces}"),
-        (all(one.tessellates for one in found), "OCCT makes no triangles of a face by members"),
         (gap <= GAP * t, f"a gap by members of {gap:.3g} mm is wider than {GAP * t:.3g} mm"),
     )
-    gate = plan.gate
+    if mesh is None:
+        raise ExportError("OCCT makes no triangles of a face by members")
+    gate, drawn = plan.gate, step_triangles(mesh)
     volume, wanted = sum(one.volume for one in found), float(gate.volumes.sum())
     rounder = float((gate.rounder * gate.volumes).sum()) / wanted
-    there, back = gate.distances(found, part.F)
+    there, back = gate.distances(MM_PER_M * drawn.V, drawn.F)
     far = max(there, back, key=lambda way: way.worst - way.allowed)
     _require(
         (far.worst <= far.allowed, f"by members it is {far.worst:.2g} mm off the mesh, more than {far.allowed:.2g} mm"),
@@ -121,12 +127,15 @@ def _asked_as_a_solid(
             f"its volume by members is off by {volume / wanted - 1:.1%}",
         ),
     )
+    if fault := drawn_fault(drawn, mesh.deflection / MM_PER_M, mesh.shape):
+        raise ExportError(fault)
     return there.most, back.most
 
 
-def _cut_once(part: Part, plan: SmoothPlan, draft: MemberDraft) -> str:
-    """What became of one cut, where nobody asked for members by name; raises ExportError where it failed."""
-    use = sampled_use(part, draft.text, draft.faces, plan.limits)
+def _cut_once(part: Part, plan: SmoothPlan, draft: MemberDraft, shape: bytes) -> str:
+    """What became of one cut, where nobody asked for members by name, of the shape as OCCT keeps it: to read the text
+    again takes longer than the cut. Raises ExportError where it failed."""
+    use = sampled_use(part, shape, draft.faces, plan.limits, ".bin")
     if use.fault:
         raise ExportError(f"by members {use.fault}")
     return "a half-space cut valid" if use.tried else f"not cut here, since it has more than {MOST_FACES} faces"

@@ -90,8 +90,14 @@ class NetLines:
 
     def curve(self, k: int) -> ChainCurve:
         """Of a chain."""
-        i, a, b = self.place[k]
-        return self.lines[i].curve.between(a, b)
+        if k not in self._curves:
+            i, a, b = self.place[k]
+            self._curves[k] = self.lines[i].curve.between(a, b)
+        return self._curves[k]
+
+    @cached_property
+    def _curves(self) -> dict[int, ChainCurve]:
+        return {}
 
     def curves(self, regions: Iterable[int]) -> dict[int, ChainCurve]:
         """Of the chains around regions, by number."""

@@ -21,6 +21,7 @@ class NetText:
     def __init__(self, new: Entities, model: NetModel, thickness: float) -> None:
         self.new, self.model = new, model
         self.digits = int(np.clip(np.ceil(-np.log10(FINER * ROUNDING * thickness)), 2, 6))
+        self._numbers = dict[tuple[float, ...], int]()
         self.vertices = [
             [new.add(f"VERTEX_POINT('',#{p})") for p in self._points(both.reshape(2, 3))] for both in model.vertices
         ]
@@ -38,11 +39,11 @@ class NetText:
         found, posts = list[int](), dict[int, int]()
         for patch in self.model.patches:
             for s in (0, 1):
-                rows = [list(self._points(row)) for row in patch.poles[:, :, 3 * s : 3 * s + 3]]
+                rows = self._rows(patch.poles[:, :, 3 * s : 3 * s + 3])
                 found.append(self._skin([patch.loop], self._surface(rows, (3, 3)), s))
         for face in trimmed:
             for s, poles in enumerate((face.outer, face.inner)):
-                rows = [list(self._points(row)) for row in poles]
+                rows = self._rows(poles)
                 surface = self._surface(rows, (poles.shape[0] - 1, poles.shape[1] - 1))
                 found.append(self._skin(face.loops, surface, s))
         for wall in self.model.walls:
@@ -69,9 +70,17 @@ class NetText:
 
     def _points(self, points: Floats) -> Iterator[int]:
         """Of points (k, 3), those that are equal once."""
-        for p in (np.round(points, self.digits) + 0.0).tolist():
-            text = ",".join([f"{v:.{self.digits}f}".rstrip("0") for v in p])
-            yield self.new.once(f"CARTESIAN_POINT('',({text}))")
+        known = self._numbers
+        for p in map(tuple, (np.round(points, self.digits) + 0.0).tolist()):
+            if p not in known:
+                text = ",".join([f"{v:.{self.digits}f}".rstrip("0") for v in p])
+                known[p] = self.new.once(f"CARTESIAN_POINT('',({text}))")
+            yield known[p]
+
+    def _rows(self, poles: Floats) -> list[list[int]]:
+        """Of a grid of points (r, k, 3), row by row."""
+        found = list(self._points(poles.reshape(-1, 3)))
+        return [found[i : i + poles.shape[1]] for i in range(0, len(found), poles.shape[1])]
 
     def _curve(self, poles: list[int], start: int, end: int) -> int:
         curve = self.new.add(

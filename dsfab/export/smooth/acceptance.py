@@ -180,13 +180,10 @@ class Gate:
                 away[k] = (self._farthest(found[k].V, found[k].F, points, mesh), back)
         return away
 
-    def distances(self, found: list[OcctFinding], F: Ints) -> tuple[Away, Away]:
-        """Of all solids together from the part's triangles F (m, 3), and back."""
-        start = np.cumsum([0, *(len(one.V) for one in found)])
-        V = np.concatenate([one.V for one in found])
-        faces = np.concatenate([one.F + i for one, i in zip(found, start, strict=False)])
-        points = self.solids.part.V
-        return self._farthest(V, faces, points, F), self._farthest(points, F, V, faces)
+    def distances(self, V: Floats, F: Ints) -> tuple[Away, Away]:
+        """Of the triangles V (n, 3), F (m, 3) of all solids from those of the part, and back."""
+        part = self.solids.part
+        return self._farthest(V, F, part.V, part.F), self._farthest(part.V, part.F, V, F)
 
     def _farthest(self, V: Floats, F: Ints, V2: Floats, F2: Ints) -> Away:
         """Of the vertices and the middles of triangles, from the other triangles."""

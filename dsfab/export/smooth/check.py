@@ -1,12 +1,13 @@
 """What OCCT finds in a STEP file of smooth solids, one by one: a program of its own, because a check may not end.
 
-    python -P check.py FILE [FOLDER DEFLECTION]
+    python -P check.py FILE [FOLDER DEFLECTION [whole]]
 
 prints one line of JSON, {"solids": [{...}, ...]}, in the order of the file; each with `valid`, `closed`, `tessellates`,
 `faces`, `volume` (cubic millimetres), `gap` (millimetres: the largest distance between an edge and its curve on a face,
 measured, whatever tolerance it was given), and `bad`, the ends (k, 3) of the edges that cross others. A solid that is
 not valid gets no triangles, and one without them no volume: it is refused, and they take most of the time.
 The triangles of each solid, no farther than `DEFLECTION` millimetres from it, become `0.stl`, `1.stl` ... in `FOLDER`.
+With `whole` they are those that `step_mesh` draws of the file, and become what it writes, unless a solid is refused.
 Without arguments it loads OCCT and then reads them from its input, a list as one line of JSON.
 It imports nothing from dsfab, so that it is a second opinion, and can be started from anywhere.
 """
@@ -63,6 +64,25 @@ def solid_findings(path: str, folder: str = "", deflection: float = 0.0, copies:
     return [one for some in found for one in some]
 
 
+def whole_findings(path: str, folder: str, deflection: float, copies: bool = False) -> list[dict[str, Any]]:
+    """The findings for each solid of a file that is judged as a whole; empty when it cannot be read.
+
+    Its triangles are those that `dsfab check` draws, though that lets OCCT mend what it reads: on what is valid without
+    there is nothing to mend. They and the shape lie in the folder as `step_mesh` writes them.
+    """
+    from OCP.TopAbs import TopAbs_ShapeEnum
+
+    reader, drawing = _read(path), _beside("../step_mesh.py")
+    if reader is None or not reader.TransferRoots():
+        return []
+    shape = reader.OneShape()
+    solids, draw = _parts(shape, TopAbs_ShapeEnum.TopAbs_SOLID), partial(_drawn, drawing, deflection)
+    found = [_findings(solid, draw, copies) for solid in solids]
+    if all(one["tessellates"] for one in found):
+        drawing.keep_drawn(shape, Path(folder))
+    return found
+
+
 def _read(path: str) -> Any | None:
     """A reader that repairs nothing, with a file."""
     from OCP.collections import DataMap_TCollection_AsciiString_TCollection_AsciiString
@@ -90,7 +110,8 @@ def _root(reader: Any, folder: str, deflection: float, copies: bool, i: int) -> 
     if not reader.TransferRoot(i + 1):
         return []
     shape = reader.Shape(reader.NbShapes())
-    found = [_findings(solid, deflection, copies) for solid in _parts(shape, TopAbs_ShapeEnum.TopAbs_SOLID)]
+    draw = partial(_tessellates, deflection)
+    found = [_findings(solid, draw, copies) for solid in _parts(shape, TopAbs_ShapeEnum.TopAbs_SOLID)]
     if folder:
         writer = StlAPI_Writer()
         writer.ASCIIMode = False
@@ -155,7 +176,8 @@ class _Meanwhile:
         os.waitpid(self._copy, 0)
 
 
-def _findings(solid: Any, deflection: float, copies: bool) -> dict[str, Any]:
+def _findings(solid: Any, draw: Callable[[Any, list[Any]], bool], copies: bool) -> dict[str, Any]:
+    """About a solid; `draw` makes triangles of it and its faces, and says whether every face has some."""
     from OCP.BRep import BRep_Tool
     from OCP.BRepCheck import BRepCheck_Analyzer
     from OCP.TopAbs import TopAbs_ShapeEnum
@@ -165,7 +187,7 @@ def _findings(solid: Any, deflection: float, copies: bool) -> dict[str, Any]:
     meanwhile = _Meanwhile(partial(_measures, solid, faces)) if copies else None
     checked = BRepCheck_Analyzer(solid, True, True)
     valid = bool(checked.IsValid())
-    tessellates = valid and _tessellates(solid, faces, deflection)
+    tessellates = valid and draw(solid, faces)
     if meanwhile and not tessellates:
         meanwhile.stop()
         meanwhile = None
@@ -181,7 +203,16 @@ def _findings(solid: Any, deflection: float, copies: bool) -> dict[str, Any]:
     }
 
 
-def _tessellates(solid: Any, faces: list[Any], deflection: float) -> bool:
+def _drawn(drawing: ModuleType, deflection: float, solid: Any, faces: list[Any]) -> bool:
+    """Whether every face of a solid becomes triangles as `step_mesh` draws them."""
+    from OCP.BRep import BRep_Tool
+    from OCP.TopLoc import TopLoc_Location
+
+    drawing.draw(solid, deflection)
+    return all(BRep_Tool.Triangulation_s(face, TopLoc_Location()) is not None for face in faces)
+
+
+def _tessellates(deflection: float, solid: Any, faces: list[Any]) -> bool:
     """Whether every face becomes triangles, by Delabella's sweep; faces that it cannot do, by OCCT's own method.
 
     A skin with hundreds of holes takes the sweep a quarter of the time, for triangles as many and as close.
@@ -213,11 +244,12 @@ def _deflection(solid: Any) -> float:
 
 
 @cache
-def _volumes() -> ModuleType:
-    """`occt_volume`, which lies beside this file, by its path: as part of dsfab it would bring much with it."""
-    at = spec_from_file_location("occt_volume", Path(__file__).with_name("occt_volume.py"))
+def _beside(name: str) -> ModuleType:
+    """What lies beside this file by its path: as part of dsfab it would bring much with it."""
+    path = Path(__file__).parent / name
+    at = spec_from_file_location(path.stem, path)
     if at is None or at.loader is None:
-        raise ImportError("occt_volume.py is not beside check.py")
+        raise ImportError(f"{name} is not where check.py looks for it")
     found = module_from_spec(at)
     at.loader.exec_module(found)
     return found
@@ -226,7 +258,7 @@ def _volumes() -> ModuleType:
 def _measures(solid: Any, faces: list[Any], volume: bool = True) -> tuple[float, float]:
     """Its widest gap, millimetres, and its volume, cubic millimetres, or 0 where nobody wants to know."""
     gap = max((_gap(face) for face in faces), default=0.0)
-    return gap, float(_volumes().volume(solid)) if volume else 0.0
+    return gap, float(_beside("occt_volume.py").volume(solid)) if volume else 0.0
 
 
 def _gap(face: Any) -> float:
@@ -285,7 +317,7 @@ def _loaded() -> list[str]:
     import OCP.BRepMesh
     import OCP.STEPControl  # noqa: F401
 
-    _volumes()
+    _beside("occt_volume.py")
     return list(json.loads(sys.stdin.readline()))
 
 
@@ -294,6 +326,7 @@ if __name__ == "__main__":
     gc.disable()  # a tenth of the time that importing OCCT takes
     path, *more = sys.argv[1:] or _loaded()
     folder, deflection = (more[0], float(more[1])) if more else ("", 0.0)
-    sys.stdout.write(json.dumps({"solids": solid_findings(path, folder, deflection, COPIES)}) + "\n")
+    findings = whole_findings if "whole" in more[2:] else solid_findings
+    sys.stdout.write(json.dumps({"solids": findings(path, folder, deflection, COPIES)}) + "\n")
     sys.stdout.flush()
     os._exit(0)  # taking the solids apart takes a quarter of a second
