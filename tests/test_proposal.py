@@ -552,3 +552,18 @@ def test_members_of_a_sail_are_as_far_apart_as_was_asked():
     design = sliced(preset.model_copy(update={"statics": preset.statics.model_copy(update={"thickness": 0.1})}))
     for _, family in design.quality().families:
         assert family.spacing[1] == pytest.approx(preset.pattern.major.spacing, rel=0.25)
+
+
+def test_a_roof_around_a_courtyard_is_as_thick_as_its_span_asks_for():
+    """A ring vault of 20 m, 6 m from its inner to its outer edge, was 200 mm thick, for "the span of 20 m"."""
+    t, across = np.meshgrid(np.arange(48) / 48 * 2 * np.pi, np.linspace(0, 1, 9), indexing="ij")
+    r, z = 4 + 6 * across, 1.5 * np.sin(np.pi * across)
+    V = np.stack([r * np.cos(t), r * np.sin(t), z], axis=2).reshape(-1, 3)
+    at = np.arange(len(V)).reshape(48, 9)
+    a, b = at[:, :-1], np.roll(at, -1, axis=0)[:, :-1]
+    quads = np.stack([a, a + 1, b + 1, b], axis=2).reshape(-1, 4)
+    made = propose((V, np.concatenate([quads[:, :3], quads[:, [0, 2, 3]]])))
+    assert made.size.span == pytest.approx(6, rel=0.05)
+    assert made.size.thickness == 0.06
+    assert made.size.spacing < 1
+    assert "60 mm thick, 1/100 of the span of 5.99 m" in " ".join(made.lines)

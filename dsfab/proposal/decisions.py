@@ -37,6 +37,8 @@ class Proposal:
     given: GivenMesh
     size: Sizes
     stands: tuple[Foot, ...]
+    snow: bool
+    """Whether it carries snow: see `takes_snow`."""
     marks: Mapping[str, Marks] = field(default_factory=dict)
     """What is drawn beside the surface, by layer: see `drawn_marks`."""
 
@@ -44,11 +46,6 @@ class Proposal:
     def decisions(self) -> tuple[Decision, ...]:
         """All of them, in the order of the preset."""
         return (*self.given.decisions, *_decisions(self))
-
-    @cached_property
-    def snow(self) -> bool:
-        """Whether it carries snow: see `takes_snow`."""
-        return takes_snow(self.given.surface)
 
     @property
     def lines(self) -> tuple[str, ...]:
@@ -114,7 +111,9 @@ def propose(
     size = sizes(given.surface, name)
     marks = drawn_marks(given)
     stands = drawn_feet(marks) or feet(given.surface, size.span)
-    return Proposal(given, size.on(given.surface, [foot.points for foot in stands]), stands, marks)
+    snow = takes_snow(given.surface)
+    size = size.on(given.surface, [foot.points for foot in stands], roof=snow)
+    return Proposal(given, size, stands, snow, marks)
 
 
 def takes_snow(surface: Surface) -> bool:
