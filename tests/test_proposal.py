@@ -567,3 +567,21 @@ def test_a_roof_around_a_courtyard_is_as_thick_as_its_span_asks_for():
     assert made.size.thickness == 0.06
     assert made.size.spacing < 1
     assert "60 mm thick, 1/100 of the span of 5.99 m" in " ".join(made.lines)
+
+
+def sloping_folds(slope):
+    """A folded roof of 6 m x 4 m on posts, ridges .45 m over their valleys, whose back is higher by 4 m x slope."""
+    flat = grid(16, 8, 6.0, 4.0)
+    x, y = flat.V[:, 0] - flat.V[:, 0].min(), flat.V[:, 1] - flat.V[:, 1].min()
+    z = 2.6 + 0.45 * np.abs((x / 0.75 + 1) % 2 - 1) + slope * y
+    return Surface(np.column_stack([flat.V[:, :2], z]), flat.F)
+
+
+def test_what_would_tip_over_stands_on_its_higher_valleys_too():
+    """A folded roof with a fall stood on the lower ends of its valleys, and reached 4 m from them into the air."""
+    for slope in (0.04, 0.075, 0.2):
+        made = propose(sloping_folds(slope))
+        y = np.concatenate([foot.points for foot in made.stands])[:, 1]
+        behind = np.ptp(y) > 3.5
+        assert behind == (slope < 0.2), slope
+        assert ("they also hold it down" in " ".join(made.lines)) != behind

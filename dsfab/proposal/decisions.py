@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 from dsfab.materials import material_named
 from dsfab.preset import Preset
 from dsfab.preset_file import preset_from
-from dsfab.proposal.feet import Foot, feet
+from dsfab.proposal.feet import Foot, feet, tips
 from dsfab.proposal.marks import drawn_feet, drawn_marks, mark_decisions
 from dsfab.proposal.reading import Decision, GivenMesh, mesh_in_file, mesh_in_memory, vertical_axis
 from dsfab.proposal.sizes import Sizes, is_figure, sizes
@@ -136,7 +136,8 @@ def _decisions(proposal: Proposal) -> Iterator[Decision]:
         stem = "; dsfab new writes the lines for a stem, too"
         yield Decision("hangs from", where + free + stem, "surface.support")
     else:
-        yield Decision("stands on", where + free, "surface.support")
+        held = "; they also hold it down, for its middle is beside them" if tips(surface, stands) else ""
+        yield Decision("stands on", where + free + held, "surface.support")
     yield from mark_decisions(proposal.marks)
     yield from _unheld(surface, stands)
     snow = f" and snow of {SNOW / 1000:g} kPa on the plan, a placeholder for your local code"
