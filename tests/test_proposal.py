@@ -585,3 +585,11 @@ def test_what_would_tip_over_stands_on_its_higher_valleys_too():
         behind = np.ptp(y) > 3.5
         assert behind == (slope < 0.2), slope
         assert ("they also hold it down" in " ".join(made.lines)) != behind
+
+
+def test_feet_in_valleys_that_are_mirrored_are_mirrored():
+    """One side was longer by a step of 17 mm, held a vertex more, and the pattern lost its mirror."""
+    made = propose(sloping_folds(0.075))
+    across = [(foot.points[:, 0].min(), foot.points[:, 0].max()) for foot in made.stands]
+    middles = [(low + high) / 2 for low, high in across if low > 0.5 and high < 5.5]
+    assert sorted(middles) == pytest.approx([1.5, 1.5, 3.0, 3.0, 4.5, 4.5], abs=1e-6)

@@ -25,6 +25,8 @@ TIPS = 1.03
 """It does if all feet are within half a turn of the middle of its plan, by so much."""
 SHORTEST = 1 / 25
 """Share of the span that a foot is long at least."""
+ALIKE = 1e-4
+"""Share of the height by which two sides of a foot may differ and be as high."""
 RIM = "upper rim"
 """What a loop of boundary is called that a sheet hangs from."""
 STEP = 1 / 200
@@ -236,13 +238,16 @@ def _bridged(reach: Bools, low: Bools) -> Bools:
 
 
 def _widened(P: Floats, stretch: Bools, shortest: float) -> Ints:
-    """Indices along a closed line P (k, 3) of a stretch, in order, made longer on its lower side until long enough."""
+    """Indices along a closed line P (k, 3) of a stretch, in order, made longer on its lower side until long enough; on
+    both sides where they are as high: a foot on one side of its valley left a mirrored roof no mirror."""
     k, z = len(P), P[:, 2]
+    same = ALIKE * float(np.ptp(z))
     begin = int(np.flatnonzero(stretch & ~np.roll(stretch, 1))[0])
     run = [(begin + j) % k for j in range(int(stretch.sum()))]
     while _length(P[run]) < shortest and len(run) < k // 3:
         before, after = (run[0] - 1) % k, (run[-1] + 1) % k
-        run = [before, *run] if z[before] < z[after] else [*run, after]
+        left, right = z[before] <= z[after] + same, z[after] <= z[before] + same
+        run = [before] * int(left) + run + [after] * int(right)
     return np.array(run)
 
 
