@@ -593,3 +593,20 @@ def test_feet_in_valleys_that_are_mirrored_are_mirrored():
     across = [(foot.points[:, 0].min(), foot.points[:, 0].max()) for foot in made.stands]
     middles = [(low + high) / 2 for low, high in across if low > 0.5 and high < 5.5]
     assert sorted(middles) == pytest.approx([1.5, 1.5, 3.0, 3.0, 4.5, 4.5], abs=1e-6)
+
+
+def test_members_across_are_told_of_what_fills_its_plan_only():
+    """A bridge deck of three arms, 3 m wide, was told to have "about 16 across", those of the 19 m of its plan."""
+    flat = grid(40, 40, 20.0, 20.0)
+    x, y = (flat.V[flat.F].mean(axis=1)[:, :2] - flat.V[:, :2].mean(axis=0)).T
+    V = flat.V - flat.V.mean(axis=0)
+    V[:, 2] = -0.01 * (V**2).sum(axis=1)  # it stands on its corners, or on the ends of its arms
+    vault = Surface(V, flat.F)
+    cross = Surface(*_used(vault, (np.abs(x) < 1.5) | (np.abs(y) < 1.5)))
+    assert "across, along" in " ".join(propose(vault).lines)
+    assert "across, along" not in " ".join(propose(cross).lines)
+
+
+def _used(surface, faces):
+    used, F = np.unique(surface.F[faces], return_inverse=True)
+    return surface.V[used], F.reshape(-1, 3)

@@ -16,7 +16,7 @@ from dsfab.preset_file import preset_from
 from dsfab.proposal.feet import Foot, feet, tips
 from dsfab.proposal.marks import drawn_feet, drawn_marks, mark_decisions
 from dsfab.proposal.reading import Decision, GivenMesh, mesh_in_file, mesh_in_memory, vertical_axis
-from dsfab.proposal.sizes import Sizes, is_figure, sizes
+from dsfab.proposal.sizes import Sizes, is_figure, shorter_side, sizes
 from dsfab.proposal.stems import stems
 from dsfab.proposal.text import SHARE, SNOW, proposal_text
 from dsfab.surface import Marks, RawMesh, Surface
@@ -26,6 +26,8 @@ OWN = "roof"
 """The shipped preset that stands for any surface of one's own: with `--mesh` it is proposed anew for that mesh."""
 ROOF = 0.4
 """A surface is a roof if a plan shows it that share of its area at least."""
+FILLED = 0.5
+"""Share of the box around its plan that a surface covers at least, or it has arms: its width is not theirs."""
 ONCE = 1.2
 """The surface over a plan's area may be no more than this many times as large, or parts of it lie over others."""
 
@@ -146,13 +148,21 @@ def _decisions(proposal: Proposal) -> Iterator[Decision]:
     over = "" if figure else f", 1/{size.ratio} of the span of {length(size.bridged or size.span)}"
     made = f"{size.material}, {length(size.thickness)} thick{over}"
     yield Decision("made of", made, "statics.material, statics.thickness")
-    across = "" if figure else f", about {round(size.span / size.spacing)} across"
+    across = f", about {round(size.span / size.spacing)} across" if not figure and _fills(surface, size) else ""
     members = f"members every {length(size.spacing)}{across}, along the stress"
     yield Decision("pattern", members, "pattern.major.spacing, pattern.minor.spacing")
     rim = f", a rim of {length(size.rim)} along free edges" if surface.loops else ""
     widths = f"even, {SHARE:.0%} of the surface is material{rim}"
     yield Decision("widths", widths, "pattern.width.solid_fraction, pattern.rim")
     yield Decision("files", "STL, 3MF, and STEP where it is soon made", "export.formats, export.step")
+
+
+def _fills(surface: Surface, size: Sizes) -> bool:
+    """Whether its span is that of the sheet, and not the width of a box that arms or wings reach around."""
+    side = shorter_side(surface)
+    x, y = np.sort(np.ptp(surface.V, axis=0)[:2])
+    plan = float(np.abs(surface.normals[:, 2]) @ surface.areas)
+    return size.span != side or side > x or plan > FILLED * x * y
 
 
 def _unheld(surface: Surface, stands: tuple[Foot, ...]) -> Iterator[Decision]:
