@@ -138,7 +138,7 @@ def _decisions(proposal: Proposal) -> Iterator[Decision]:
         stem = "; dsfab new writes the lines for a stem, too"
         yield Decision("hangs from", where + free + stem, "surface.support")
     else:
-        held = "; they also hold it down, for its middle is beside them" if tips(surface, stands) else ""
+        held = "; it is also held down there, for its middle lies beside" if tips(surface, stands) else ""
         yield Decision("stands on", where + free + held, "surface.support")
     yield from mark_decisions(proposal.marks)
     yield from _unheld(surface, stands)
