@@ -47,7 +47,7 @@ def action_cases(preset: Preset, surface: Surface, statics: StaticsResult) -> di
             if one.case == case:
                 kinds.setdefault(_said(given.actions.get(case)) or _action(one), []).append(one)
         if len(kinds) == 1:
-            found[case] = ActionCase(case, *kinds, load)
+            found[case] = ActionCase(case, next(iter(kinds)), load)
             continue
         for action, loads in kinds.items():
             found[f"{case} {action}"] = ActionCase(case, action, load.under(surface, loads, preset.statics.weight))
