@@ -51,6 +51,13 @@ def length(metres: float) -> str:
     return f"{1000 * metres:.3g} mm" if abs(metres) < 1 else f"{metres:.3g} m"
 
 
+def duration(seconds: float) -> str:
+    """'2.7 s', '40 s', '12 min', '3.5 h'."""
+    if seconds < 99.5:
+        return f"{seconds:.2g} s"
+    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
+
+
 def force(newtons: float) -> str:
     """'830 N', '12.4 kN', '3.1 MN'."""
     for unit, scale in (("N", 1.0), ("kN", 1e3)):

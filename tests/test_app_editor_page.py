@@ -251,6 +251,20 @@ def test_springs_and_lines_in_a_case_of_their_own(tab):
 
 
 @pytest.mark.slow
+def test_why_a_build_is_refused_is_seen_without_a_click(tab):
+    """It stood among the notes, which are closed."""
+    seen = "(box => !box.hidden && box.checkVisibility() && box.textContent)(document.getElementById('refused'))"
+    assert tab.run(seen) is False
+    before = tab.run("(({thickness, young}) => [thickness, young])(dsfab.state.preset.statics)")
+    tab.run("dsfab.state.set({'statics.thickness': 1e-3, 'statics.young': 1e8})")
+    solved(tab)
+    assert tab.run(seen).startswith("Build refuses this: the sheet would move by ")
+    tab.run("dsfab.state.set({{'statics.thickness': {}, 'statics.young': {}}})".format(*before))
+    solved(tab)
+    assert tab.run(seen) is False
+
+
+@pytest.mark.slow
 def test_fingers_turn_move_and_zoom(tab):
     """One finger turns, two move and zoom, as on a telephone."""
 

@@ -181,6 +181,8 @@ def test_supports_point_away_from_the_structure() -> None:
     rim = np.isin(np.arange(surface.n), surface.loops[0])
     np.testing.assert_array_equal(marks.support_side(surface, weighed(surface, left), surface.size, Z), [-1, 0, 0])
     np.testing.assert_array_equal(marks.support_side(surface, weighed(surface, rim), surface.size, Z), [0, 0, -1])
+    both = left | (surface.V[:, 0] == surface.V[:, 0].max()) & (np.abs(surface.V[:, 1]) < 0.06)  # fewer on the right
+    np.testing.assert_array_equal(marks.support_side(surface, weighed(surface, both), surface.size, Z), [0, 0, -1])
     cones, _ = marks.support_cones(surface, weighed(surface, left), surface.size, Z, 0.0)
     assert cones[:, 0].max() == pytest.approx(surface.V[:, 0].min())
     assert cones[:, 0].min() == pytest.approx(surface.V[:, 0].min() - marks.CONE * surface.size)

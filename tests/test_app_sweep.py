@@ -10,7 +10,7 @@ from PIL import Image
 from dsfab.app import sweep as command
 from dsfab.app.cli import main
 from dsfab.app.options import Source
-from dsfab.app.sweep_progress import SweepProgress, duration
+from dsfab.app.sweep_progress import SweepProgress
 from dsfab.app.sweep_vary import vary_tables, with_options
 from dsfab.errors import DsfabError
 from dsfab.pipeline.design import Design
@@ -21,6 +21,7 @@ from dsfab.study.sweeps.folder import SweepFolder
 from dsfab.study.sweeps.plan_file import plan_from
 from dsfab.study.sweeps.scheduler import Progress
 from dsfab.study.sweeps.worker import Outcome
+from dsfab.wording import duration
 from tests.presets import DOME_MODES
 from tests.test_study_sweep_folder import Hands, deadly
 
@@ -290,4 +291,4 @@ def test_progress_tells_the_rate_and_the_best_so_far(capsys):
     assert len(lines[1]) < 140
     assert lines[2].startswith("3 done, 1 failed, 0 left; 4 runs/min")
     assert lines[2].endswith("best compliance 3 J (run 2)")
-    assert [duration(s) for s in (40, 720, 12600)] == ["40 s", "12 min", "3.5 h"]
+    assert [duration(s) for s in (2.68, 40, 790, 12600)] == ["2.7 s", "40 s", "13 min", "3.5 h"]

@@ -183,6 +183,9 @@ def test_what_was_tried_in_vain_is_said_when_the_rest_is_over_the_budget():
         "tried too: by members it is 9 mm off; a gap)",
         "tried too: by members, a region bends too much; a gap)",
     ]
+    many = NotByMembersError("by members it would have too many; ask", if_asked=True)
+    told = str(ladder.refusal([many, ExportError("a gap"), BudgetError(part, 1152)]))
+    assert told.endswith("(tried too: by members it would have too many: ask for step = 'members'; a gap)")
     assert str(ladder.refusal([ExportError("a gap; try this")])) == "a gap; try this"
 
 

@@ -12,11 +12,15 @@ from dsfab.delivery.beam_records import frame_records
 from dsfab.errors import ExportError
 from dsfab.export import FORMATS, Details, write
 from dsfab.frame import solve_frame
+from dsfab.pipeline import Design
+from dsfab.pipeline.beam_model import action_cases
+from dsfab.preset_file import load_preset
+from dsfab.surface import Cladding, Combination, Pressure, SelfWeight, Snow
 from dsfab.surface.shapes import plate
 from tests.designs import coarse_design
 from tests.opensees import solved_script
 from tests.pynite import solved_from
-from tests.saf import faults, read
+from tests.saf import faults, read, sums
 from tests.test_frame import CLAMPED, PINNED, frame
 
 WORDS = {"actions": {"dead": "permanent", "snow": "snow", "crowd": "variable"}, "description": "", "told": ["all good"]}
@@ -117,6 +121,36 @@ def test_another_program_solves_the_script_for_opensees(tmp_path):
         assert found[name].reaction[[0, 4]] == pytest.approx(ours[name].reaction[[0, 4]], abs=1e-9 * largest)
 
 
+def test_weight_is_in_no_group_of_snow(tmp_path):
+    """Of a case with both: each a case of its own, and the case their sum."""
+    preset = load_preset("slab", {"surface.edge": 0.5})
+    given = preset.surface
+    loads = (SelfWeight(), Cladding(250.0), Snow(1000.0), Pressure(500.0, case="crowd"))
+    sums = (Combination("ULS", {"load": 1.35, "crowd": 1.5}),)
+    said = preset.model_copy(update={"surface": given.model_copy(update={"load": loads, "combination": sums})})
+    design = Design.of(said)
+    cases = action_cases(said, design.surface, design.statics)
+    assert {name: (one.case, one.action) for name, one in cases.items()} == {
+        "load permanent": ("load", "permanent"),
+        "load snow": ("load", "snow"),
+        "crowd": ("crowd", "variable"),
+    }
+    area, weight = design.surface.area, said.statics.weight
+    for name, pressure in (("load permanent", weight + 250), ("load snow", 1000), ("crowd", 500)):
+        assert np.linalg.norm(cases[name].load.force.sum(axis=0)) == pytest.approx(pressure * area), name
+    told = said.model_copy(update={"surface": said.surface.model_copy(update={"actions": {"load": "permanent"}})})
+    assert list(action_cases(told, design.surface, design.statics)) == ["load", "crowd"]
+
+
+def test_of_cases_of_snow_one_acts_at_a_time(tmp_path):
+    groups = {row["Name"]: row for row in read(written(crooked(), tmp_path / "x.saf.xlsx"))["StructuralLoadGroup"]}
+    assert [groups[f"LG {kind}"]["Relation"] for kind in ("permanent", "snow", "variable")] == [
+        "Standard",
+        "Exclusive",
+        "Standard",
+    ]
+
+
 def test_the_same_design_gives_the_same_bytes(tmp_path):
     one, two = (written(crooked(), tmp_path / f"{k}.saf.xlsx").read_bytes() for k in range(2))
     assert one == two
@@ -152,7 +186,13 @@ def test_the_command_writes_a_design_and_tells_how_far_beams_are_right(tmp_path,
     path = tmp_path / "vault.saf.xlsx"
     coarse = ["--set", "surface.edge=0.5"]
     assert main(["export", "barrel_vault", "--to", "saf", "-o", str(path), *coarse]) == 0
-    assert faults(read(path)) == []
+    book = read(path)
+    assert faults(book) == []
+    assert [(row["Name"], row["Load group"]) for row in book["StructuralLoadCase"]] == [
+        ("load permanent", "LG permanent"),
+        ("load variable", "LG variable"),
+    ]
+    assert sums(book["StructuralLoadCombination"][0]) == {"load permanent": 1.0, "load variable": 1.0}
     assert "beams against the sheet, load: 1.0" in capsys.readouterr().out
 
 

@@ -178,7 +178,7 @@ def test_the_beams_of_a_vault_carry_what_its_sheet_carries(vault):
     made = vault.frame
     answers = solve_frame(made)
     sheet = vault.cut_loads["load"].force
-    load = made.loads["load"]
+    load = made.all_loads["load"]
     assert load[:, :3].sum(axis=0) == pytest.approx(sheet.sum(axis=0), abs=1e-9 * np.abs(sheet).sum())
     moment = (np.cross(made.points, load[:, :3]) + load[:, 3:]).sum(axis=0)
     theirs = np.cross(vault.sheet.surface.V, sheet).sum(axis=0)

@@ -89,7 +89,10 @@ def test_ifc_has_an_element_for_each_member_with_its_quantities(design, written)
     assert sorted(one.Name for one in elements) == sorted(members)
     for one in elements:
         member, found = members[one.Name], amounts(one)
-        assert found["NetVolume"] == pytest.approx(member.area * statics.thickness, rel=1e-3)
+        assert found["GrossVolume"] == pytest.approx(member.area * statics.thickness, rel=1e-3)
+        assert found["GrossWeight"] == pytest.approx(found["GrossVolume"] * statics.density)
+        assert found["NetArea"] / found["GrossArea"] == pytest.approx(found["NetVolume"] / found["GrossVolume"])
+        assert found["NetVolume"] <= found["GrossVolume"] * (1 + 1e-9)
         assert found["NetWeight"] == pytest.approx(found["NetVolume"] * statics.density)
         assert found["Thickness"] == pytest.approx(1000 * statics.thickness)
         assert found["Width"] == pytest.approx(1000 * member.mean_width, abs=0.1)
@@ -97,6 +100,16 @@ def test_ifc_has_an_element_for_each_member_with_its_quantities(design, written)
         assert one.is_a("IfcPlate") == (member.kind in ("disc", "plate", "fill"))
         (made_of,) = [x.RelatingMaterial for x in one.HasAssociations]
         assert made_of.Name == (statics.material or "material")
+    every = [amounts(one) for one in elements]
+    assert sum(one["NetVolume"] for one in every) == pytest.approx(design.solid.volume, rel=2e-3)
+    assert sum(one["NetArea"] for one in every) == pytest.approx(design.sheet.surface.area, rel=1e-6)
+    assert sum(one["GrossVolume"] for one in every) > 1.05 * design.solid.volume
+    by_name = {one.Name: found for one, found in zip(elements, every, strict=True)}
+    less = {name for name, found in by_name.items() if found["NetArea"] < found["GrossArea"]}
+    told = {name: found[key] for name, found in by_name.items() if (key := "Crossings counted with") in found}
+    assert less == set(told)
+    for name, others in told.items():
+        assert all(members[one].mean_width >= members[name].mean_width for one in others.split(", "))
     layers = {x.Name: len(x.AssignedItems) for x in model.by_type("IfcPresentationLayerAssignment")}
     assert layers == {name: [layer_of(m) for m in members.values()].count(name) for name in layers}
     assert sum(layers.values()) == len(members)

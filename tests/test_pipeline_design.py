@@ -15,6 +15,7 @@ from dsfab.export import last_line
 from dsfab.pipeline import Design, draft
 from dsfab.preset_file import load_preset, overridden
 from dsfab.report.design import save
+from dsfab.report.design.save import said_once
 from tests.presets import DOME_MODES
 
 SMALL = {"surface.edge": 1.2, "pattern.keep": 0.6, "export.formats": ["stl", "3mf"]}
@@ -188,3 +189,8 @@ def test_an_unknown_stage_and_a_wrong_key_are_refused(whole: Design) -> None:
         overridden(whole.preset, {"pattern.nothing": 1})
     with pytest.raises(ValueError, match="not in"):
         whole.until("cooking")
+
+
+def test_what_several_files_say_alike_is_said_once() -> None:
+    notes = {"saf.xlsx": ["beams are soft"], "stl": [], "tcl": ["beams are soft", "more"], "step": ["by members"]}
+    assert said_once(notes) == ["saf.xlsx, tcl: beams are soft", "more", "by members"]

@@ -305,6 +305,30 @@ def test_a_slab_becomes_the_sheet_in_its_middle(surface):
     assert "thick, made the sheet halfway between its two faces" in mesh.repairs[0]
 
 
+def barrel():
+    """Half a cylinder of 4 m radius, 6 m long: its edges stand upright."""
+    flat = grid(24, 12, np.pi, 6.0)
+    at = flat.V[:, 0] - flat.V[:, 0].min()
+    return Surface(np.column_stack([-4 * np.cos(at), flat.V[:, 1], 4 * np.sin(at)]), flat.F)
+
+
+HALF = dome(rise=4.9, span=10.0, edge=0.9)
+
+
+@pytest.mark.parametrize("way", [(0.0, 0.0, 0.2), (0.0, 0.15, -0.15)], ids=["up", "askew"])
+@pytest.mark.parametrize(
+    "surface", [barrel(), HYPAR, dome(rise=4.9, span=10.0, edge=0.9)], ids=["barrel", "hypar", "half"]
+)
+def test_an_extruded_slab_becomes_the_sheet_in_its_middle(surface, way):
+    """It is next to nothing thick where it stands upright: a half barrel was taken for a closed figure."""
+    _, F = slab(surface, 1.0)
+    mesh = mended(np.vstack([surface.V + way, surface.V]), F)
+    assert area(mesh.V, mesh.F) == pytest.approx(surface.area, rel=0.01)
+    off = nearest(mesh.V, surface.V + np.divide(way, 2), surface.F).distance
+    assert np.quantile(off, 0.98) < 0.02 * np.linalg.norm(way)
+    assert "thick, made the sheet halfway between its two faces" in mesh.repairs[0]
+
+
 def cushion():
     """Two sheets of one edge, .25 m apart in the middle of 4 m: an air cushion."""
     surface = grid(24, 24, 4.0, 4.0)

@@ -15,6 +15,7 @@ from dsfab.errors import DsfabError, SurfaceError
 from dsfab.surface import Surface, read_surface, refined, remeshed
 from dsfab.surface.creases import feature_edges
 from dsfab.surface.nearest import nearest
+from dsfab.surface.remesh import smoothing
 from dsfab.surface.remesh.features import design_features
 from dsfab.surface.topology import euler_characteristic, manifold_faults, pieces
 from tests.canopy import canopy
@@ -362,3 +363,27 @@ def test_a_preset_remeshes_its_mesh_and_keeps_its_keys(tmp_path):
 def test_keys_that_do_not_go_together_are_refused(keys, says):
     with pytest.raises(DsfabError, match=says):
         preset(**keys)
+
+
+@pytest.mark.parametrize("smooth", [False, True])
+def test_a_surface_has_one_tree_of_boxes(monkeypatch, smooth):
+    """Of a sphere a side is made anew too, with a tree of its own."""
+    made = []
+
+    class Counted:
+        def __init__(self):
+            self.inner = tree()
+
+        def init(self, V, F):
+            made.append(len(F))
+            self.inner.init(V, F)
+
+        def __getattr__(self, name):
+            return getattr(self.inner, name)
+
+    tree = smoothing.igl.AABB
+    monkeypatch.setattr(smoothing.igl, "AABB", Counted)
+    for surface in (jittered(grid(8, 6, 1.0, 0.8), 0.3), sphere(2)):
+        made.clear()
+        remeshed(surface, 0.3, smooth=smooth)
+        assert made.count(surface.m) == 1

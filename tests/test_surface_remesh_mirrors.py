@@ -8,6 +8,7 @@ from dsfab.surface import SizeField, Surface, mirror, remeshed
 from dsfab.surface.remesh.chamber import Chamber
 from dsfab.surface.remesh.mirrored import Mirrors
 from dsfab.surface.remesh.remeshing import SHARP, _sharpest
+from dsfab.surface.remesh.smoothing import NearestOnSurface
 from tests.test_surface_remesh import check_kept, fan
 from tests.zoo import grid, jittered, sphere
 
@@ -41,7 +42,7 @@ def off(surface: Surface, normal: np.ndarray, centre: np.ndarray) -> float:
 def test_a_mesh_of_a_symmetric_surface_is_symmetric(old, normals, sides, smooth):
     """Also where the file's own is not, as with one diagonal in each square or with scattered vertices."""
     edge = 0.1
-    mirrors = Mirrors.of(old, edge, smooth)
+    mirrors = Mirrors.of(NearestOnSurface(old), edge, smooth)
     assert mirrors is not None
     assert len(mirrors.group) == sides
     new = remeshed(old, edge, smooth=smooth)
@@ -72,10 +73,10 @@ def with_hole(plate: Surface, face: int) -> Surface:
 def test_what_leans_or_has_a_hole_on_one_side_has_no_mirror():
     bent = UMBRELLA.V.copy()
     bent[:, 2] += 0.02 * UMBRELLA.V[:, 0] + 0.05 * UMBRELLA.V[:, 0] ** 2 * UMBRELLA.V[:, 1]
-    assert Mirrors.of(Surface(bent, UMBRELLA.F), 0.1, smooth=False) is None
+    assert Mirrors.of(NearestOnSurface(Surface(bent, UMBRELLA.F)), 0.1, smooth=False) is None
     plate = grid(4, 3, 2.0, 1.3)
-    assert Mirrors.of(plate, 0.1, smooth=False) is not None
-    assert Mirrors.of(with_hole(plate, 2), 0.1, smooth=False) is None
+    assert Mirrors.of(NearestOnSurface(plate), 0.1, smooth=False) is not None
+    assert Mirrors.of(NearestOnSurface(with_hole(plate, 2)), 0.1, smooth=False) is None
 
 
 def test_lengths_that_are_given_may_differ_from_side_to_side():
@@ -86,17 +87,17 @@ def test_lengths_that_are_given_may_differ_from_side_to_side():
 
 
 def test_a_round_surface_has_two_mirrors_and_a_tip_none_that_makes_it_sharper():
-    dome = Mirrors.of(fan(64), 0.5, smooth=False)
+    dome = Mirrors.of(NearestOnSurface(fan(64)), 0.5, smooth=False)
     assert dome is not None
     assert len(dome.group) == 4
     assert abs(dome.normals[0] @ dome.normals[1]) < 1e-9
     tip = Surface([[0, 0, 0], [4, -0.5, 0], [4, 0.5, 0]], [[0, 1, 2]])
-    assert Mirrors.of(tip, 0.1, smooth=False) is not None
+    assert Mirrors.of(NearestOnSurface(tip), 0.1, smooth=False) is not None
     assert _sharpest(remeshed(tip, 0.1)) > 0.6 * SHARP
 
 
 def test_a_side_is_cut_out_along_the_planes():
-    mirrors = Mirrors.of(SADDLE, 0.1, smooth=False)
+    mirrors = Mirrors.of(NearestOnSurface(SADDLE), 0.1, smooth=False)
     chamber = Chamber.of(SADDLE, mirrors, 0.1)
     assert 4 * chamber.piece.area == pytest.approx(SADDLE.area, rel=1e-3)
     whole, of = chamber.all_sides(chamber.piece.V, chamber.piece.F)

@@ -5,6 +5,7 @@ import io
 import os
 import subprocess
 import sys
+from dataclasses import replace
 
 import numpy as np
 import openpyxl
@@ -263,6 +264,8 @@ def test_limits_of_a_sphere_are_those_of_its_radius():
     told = f"the thickest layer that can be bent is {1000 * found.thickest:.3g} mm"
     assert any(line.startswith("NOT POSSIBLE") and told in line for line in found.lines)
     assert any(line.startswith("NOT TO DRILL FROM") and "surface.edge to 0.12" in line for line in found.lines)
+    assert any("stretches strips by up to" in line for line in found.lines)
+    assert not any("stretches" in line for line in replace(found, shape=1e-6).lines)  # it would be "0.000%"
     thin = strip_limits(graph, made.surface, 0.012, 1.2e-3, 0.03)
     assert not any(line.startswith("NOT") for line in thin.lines)
 

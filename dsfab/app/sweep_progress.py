@@ -10,6 +10,7 @@ from rich.status import Status
 from dsfab.study.sweeps.constraints import Constraint
 from dsfab.study.sweeps.metrics import ABOUT
 from dsfab.study.sweeps.scheduler import Progress
+from dsfab.wording import duration
 
 EVERY = 10.0
 """Seconds between two lines in a pipe."""
@@ -79,10 +80,3 @@ class SweepProgress:
         if self._status:
             self._status.stop()
             self._status = None
-
-
-def duration(seconds: float) -> str:
-    """'40 s', '12 min', '3.5 h'."""
-    if seconds < 100:
-        return f"{seconds:.0f} s"
-    return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"

@@ -128,10 +128,11 @@ def members_ifc(plan: "WorkshopPlan", design: "Design") -> bytes:
             "with: dsfab export ... --to members.ifc"
         )
     details = body_details(design)
+    whole = [one | {"own_area": one["area"], "counted_with": []} for one in details.records["members"]]  # in layers
     details = replace(
         details,
         shapes=built_shapes(plan, details.shapes, SHIFT[design.preset.thickening.side]),
-        records={**details.records, "files": drawing_files(plan)},
+        records={**details.records, "members": whole, "files": drawing_files(plan)},
         measures={**details.measures, "thickness": plan.thickness},
     )
     with temporary_folder("dsfab") as folder:

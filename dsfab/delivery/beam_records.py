@@ -8,9 +8,6 @@ from dsfab.pipeline import Design
 if TYPE_CHECKING:
     from dsfab.frame import Frame
 
-PERMANENT = {"self_weight", "cladding"}
-"""Kinds of loads that are always there."""
-
 
 def beam_records(design: Design) -> dict[str, Any]:
     """`frame_records` of a design, and `actions`, by case, permanent, snow, wind or variable; `description`; `told`,
@@ -19,7 +16,7 @@ def beam_records(design: Design) -> dict[str, Any]:
     Raises StaticsError where there are no members with an axis, or nothing carries their loads.
     """
     return frame_records(design.frame) | {
-        "actions": {name: _action(design, name) for name in design.frame.loads},
+        "actions": dict(design.frame.actions),
         "description": design.preset.description,
         "told": [one.told for one in design.frame_agreement()],
     }
@@ -49,12 +46,3 @@ def frame_records(frame: "Frame") -> dict[str, Any]:
             "expansion": named.expansion if named else None,
         },
     }
-
-
-def _action(design: Design, case: str) -> str:
-    """What a case is, by the kinds of its loads: permanent, if all of them are; snow; wind; else variable."""
-    kinds = {load.kind for load in design.preset.surface.load if load.case == case}
-    if kinds <= PERMANENT:
-        return "permanent"
-    variable = kinds - PERMANENT
-    return variable.pop() if len(variable) == 1 and variable <= {"snow", "wind"} else "variable"

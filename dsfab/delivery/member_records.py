@@ -16,7 +16,7 @@ def graph_records(graph: MemberGraph) -> dict[str, Any]:
     """What a file says of a graph: notes, members and nodes."""
     return {
         "notes": list(graph.notes),
-        "members": [_member(graph, member) for member in graph.members],
+        "members": [_member(graph, member) | _counted(graph, k) for k, member in enumerate(graph.members)],
         "nodes": [_node(node) for node in graph.nodes],
     }
 
@@ -42,6 +42,15 @@ def _member(graph: MemberGraph, member: Member) -> dict[str, Any]:
         "bays": _rounded(MM_PER_M * graph.bays(member.id)),
         "axis": _axis(member.axis, member.sides) if member.axis else None,
     }
+
+
+def _counted(graph: MemberGraph, k: int) -> dict[str, Any]:
+    """Of the area of a member what it does not leave to those that cross it, and who these are."""
+    cells = graph.members[k].cells
+    owner = graph.owner[cells]
+    own = float(graph.sheet.surface.areas[cells[owner == k]].sum())
+    others = [graph.members[other].id for other in np.unique(owner).tolist() if other != k]
+    return {"own_area": round(MM_PER_M**2 * own, 1), "counted_with": others}
 
 
 def _axis(axis: MemberAxis, sides: Floats) -> dict[str, Any]:

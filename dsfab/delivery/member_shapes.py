@@ -14,8 +14,8 @@ PLATES = ("disc", "plate", "fill")
 
 
 def member_shapes(design: Design) -> tuple[MemberShape, ...]:
-    """In the order of the names, metres. Where two members cross both are there, so that all together have more volume
-    than the solid."""
+    """In the order of the names, metres. Where two members cross both are there, so that all bodies together have more
+    volume than the solid; `own_area` of `member_records` says what each is counted with."""
     sheet, ask = design.members.sheet, design.preset.thickening
     offset = offsets(design.surface, design.preset.statics.thickness, ask.side)
     D = sheet.carry_corners(offset.at_corners(design.surface.F), design.surface.F)

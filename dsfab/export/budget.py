@@ -9,6 +9,7 @@ from dataclasses import dataclass
 
 from dsfab.errors import ExportError
 from dsfab.export.part import Part
+from dsfab.wording import duration
 
 START = 1.5
 """Seconds that reading back takes at least: a process that loads OCCT."""
@@ -80,7 +81,7 @@ class BudgetError(ExportError):
         """What this way would cost without a limit."""
         size = f"{self.size / 1e6:.3g} MB, " if self.size else ""
         seconds = writing(self.part, self.way, self.faces)
-        return f"{self.made} {self.faces:,} faces ({size}about {seconds:.2g} s to write and check)"
+        return f"{self.made} {self.faces:,} faces ({size}about {duration(seconds)} to write and check)"
 
 
 def within(part: Part, faces: int, size: float = 0.0) -> None:

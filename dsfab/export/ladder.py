@@ -241,6 +241,8 @@ def refusal(refused: Sequence[ExportError]) -> ExportError:
         return refused[-1]
     others = [one for one in refused if not isinstance(one, (BudgetError, NotFlatError))]
     last = {_by_members(one): str(one).split("; ")[0] for one in others}
+    asked = {str(one).split("; ")[0] for one in others if isinstance(one, NotByMembersError) and one.if_asked}
     told = [f"by members, {why}" if members and "by members" not in why else why for members, why in last.items()]
+    told = [f"{why}: ask for step = 'members'" if why in asked else why for why in told]
     tried = f" (tried too: {'; '.join(told)})" if told else ""
     return ExportError(f"{none_within(over) if len({one.way for one in over}) > 1 else over[-1]}{tried}")

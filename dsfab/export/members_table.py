@@ -50,6 +50,7 @@ def _member_row(entry: Mapping[str, Any]) -> dict[str, Any]:
         "length_mm": entry["length"],
         **{f"{key}_width_mm": entry["width"][key] for key in ("median", "least", "greatest")},
         "area_mm2": entry["area"],
+        "own_area_mm2": entry["own_area"],
         "nodes": len(entry["nodes"]),
         **{f"{end}": what for end, what in zip(("start", "end"), ends, strict=True)},
         **{f"start_{axis_name}_mm": x for axis_name, x in zip("xyz", first, strict=True)},

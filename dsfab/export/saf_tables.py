@@ -188,12 +188,12 @@ def _supports(frame: Mapping[str, Any]) -> Iterator[dict[str, Cell | None]]:
 
 
 def _groups(actions: Mapping[str, str]) -> list[dict[str, Cell | None]]:
-    """A group for each kind of action."""
+    """A group for each kind of action; of cases of snow, and of wind, one acts at a time, as in EN 1990 here."""
     return [
         {
             "Name": f"LG {kind}",
             "Load group type": ACTIONS[kind][0],
-            "Relation": "Standard",
+            "Relation": "Exclusive" if kind in ("snow", "wind") else "Standard",
             "Load type": GROUPS.get(kind),
         }
         for kind in dict.fromkeys(actions.values())
@@ -202,9 +202,10 @@ def _groups(actions: Mapping[str, str]) -> list[dict[str, Cell | None]]:
 
 def _case(name: str, kind: str) -> dict[str, Cell | None]:
     action, load = ACTIONS[kind]
+    weight = "; what the structure weighs is among them" if kind == "permanent" else ""
     return {
         "Name": name,
-        "Description": "loads on nodes, of tributary areas; what the structure weighs is among them",
+        "Description": f"loads on nodes, of tributary areas{weight}",
         "Action type": action,
         "Load group": f"LG {kind}",
         "Load type": load,

@@ -60,7 +60,8 @@ class Frame:
     members   : their names.
     fixed     : (n, 6) True where a node may not move or turn.    spring : (n, 6) N/m and Nm.
     loads     : by case, (n, 6) newtons and newton metres on the nodes, of tributary areas.
-    combinations : by name, the factor of each case.
+    combinations : by name, the factor of each case.    actions : by case, permanent, snow, wind or variable; empty
+                where that is not known.
     eccentricity : (b,) metres by which the middle of the material lies to the left of the beam, along local y. Beams
                 are in the middle of the sheet: none along local z.
     stout     : (b,) the width of the member over the length of the bay that the beam is a piece of, 1 where it grazes
@@ -82,6 +83,7 @@ class Frame:
     combinations: Combinations = field(default_factory=dict)
     eccentricity: Floats = field(default_factory=lambda: np.zeros(0))
     stout: Floats = field(default_factory=lambda: np.zeros(0))
+    actions: Mapping[str, str] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         n, b = len(self.points), len(self.ends)

@@ -126,6 +126,15 @@ class MemberGraph:
                     found[name].append((s, node))
         return {name: tuple(node for _, node in sorted(some, key=lambda one: one[0])) for name, some in found.items()}
 
+    @cached_property
+    def owner(self) -> Ints:
+        """(m,) the number of the member that each cell of the sheet is counted with: the widest of those that it is in,
+        of as wide ones the first. So all together have the area of the sheet."""
+        found = np.full(self.sheet.surface.m, -1)
+        for k in sorted(range(len(self.members)), key=lambda k: (self.members[k].mean_width, -k)):
+            found[self.members[k].cells] = k
+        return found
+
     def bays(self, name: str) -> Floats:
         """(b,) arc lengths from node to node along a member, metres; of a closed one the last goes on to the first."""
         axis, nodes = self.by_id[name].axis, self.along[name]

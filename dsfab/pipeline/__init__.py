@@ -1,5 +1,6 @@
 """The order of the stages: `run` makes a `Design` of a preset, `revise` remakes it from the first changed section."""
 
+from dsfab.pipeline.buildable import refusal
 from dsfab.pipeline.design import PARTS, ROWS, Design
 from dsfab.pipeline.handover import held_vertices, loads_on, sheet_load, sheet_loads, sheet_supports
 from dsfab.pipeline.log import Log, Progress, silent
@@ -21,6 +22,7 @@ __all__ = [
     "held_vertices",
     "least_widths",
     "loads_on",
+    "refusal",
     "revise",
     "run",
     "sheet_load",

@@ -1,26 +1,81 @@
 """The beam model of a design, and how far it answers as the cut sheet does."""
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
+from dataclasses import replace
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
 
 from dsfab.arrays import Bools
 from dsfab.errors import StaticsError
+from dsfab.pipeline.regions import acting_on
 from dsfab.preset import Preset
 from dsfab.results import StaticsResult
 from dsfab.statics import Equilibrium, SheetModel, sheet_stress, solve_cases, solve_for
-from dsfab.surface import LoadCase, Surface
+from dsfab.surface import Load, LoadCase, Surface
 
 if TYPE_CHECKING:
     from dsfab.frame import Frame, FrameAgreement
     from dsfab.members import MemberGraph
 
 
+PERMANENT = {"self_weight", "cladding"}
+"""Kinds of loads that are always there."""
+
+
+class ActionCase(NamedTuple):
+    """Loads of one case that are one kind of action.
+
+    case : its name in the preset.    action : permanent, snow, wind or variable.    load : on the uncut surface.
+    """
+
+    case: str
+    action: str
+    load: LoadCase
+
+
+def action_cases(preset: Preset, surface: Surface, statics: StaticsResult) -> dict[str, ActionCase]:
+    """The cases of a preset by name, each of one kind of action: one that holds several is taken apart.
+
+    Programs for frames combine cases by their kinds: weight that is in a case of snow would come and go with it. What
+    `surface.actions` says of a case holds for all of it.
+    """
+    given, found = preset.surface, dict[str, ActionCase]()
+    for case in (name for name, one in statics.cases.items() if one.factors is None):
+        load, kinds = statics.cases[case].load, dict[str, list[Load]]()
+        for one in acting_on(preset, surface).load:
+            if one.case == case:
+                kinds.setdefault(_said(given.actions.get(case)) or _action(one), []).append(one)
+        if len(kinds) == 1:
+            found[case] = ActionCase(case, next(iter(kinds)), load)
+            continue
+        for action, loads in kinds.items():
+            found[f"{case} {action}"] = ActionCase(case, action, load.under(surface, loads, preset.statics.weight))
+    return found
+
+
+def _action(load: Load) -> str:
+    if load.kind in PERMANENT:
+        return "permanent"
+    return load.kind if load.kind in ("snow", "wind") else "variable"
+
+
+def _said(kind: str | None) -> str:
+    """Of the kinds of EN 1990: snow of either height is snow, what people and heat do varies."""
+    if kind is None or kind in ("permanent", "wind"):
+        return kind or ""
+    return "snow" if kind.startswith("snow") else "variable"
+
+
 def beam_model(
-    preset: Preset, sheet: Surface, graph: "MemberGraph", statics: StaticsResult, loads: Mapping[str, LoadCase]
+    preset: Preset,
+    sheet: Surface,
+    graph: "MemberGraph",
+    statics: StaticsResult,
+    cases: Mapping[str, ActionCase],
+    loads: Mapping[str, LoadCase],
 ) -> "Frame":
-    """Of a cut sheet with its members, under the loads of its cases.
+    """Of a cut sheet with its members, under the loads on it of these cases; one that was taken apart is their sum.
 
     Raises StaticsError where there are no members with an axis.
     """
@@ -28,9 +83,14 @@ def beam_model(
 
     given = preset.statics
     material = BeamMaterial(given.young, given.poisson, given.density, given.material or "")
-    cases = {name: load for name, load in loads.items() if statics.cases[name].factors is None}
-    sums = {name: dict(case.factors) for name, case in statics.cases.items() if case.factors is not None}
-    return frame_of(graph, sheet, cases, sums, given.thickness, material)
+    sums = {one.case: {one.case: 1.0} for name, one in cases.items() if name != one.case}
+    sums |= {name: dict(case.factors) for name, case in statics.cases.items() if case.factors is not None}
+    apart = {
+        name: {part: factors[one.case] for part, one in cases.items() if one.case in factors}
+        for name, factors in sums.items()
+    }
+    made = frame_of(graph, sheet, loads, apart, given.thickness, material)
+    return replace(made, actions={name: one.action for name, one in cases.items()})
 
 
 def beam_agreement(

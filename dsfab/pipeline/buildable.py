@@ -40,8 +40,13 @@ def objections(preset: Preset, surface: Surface, cases: Mapping[str, CaseResult]
 
 def require_buildable(preset: Preset, statics: StaticsResult) -> None:
     """Raise StaticsError with the gravest reason not to build a sheet, unless `statics.check` is false."""
-    if preset.statics.check and statics.objections:
-        raise StaticsError(f"{statics.objections[0]} {NEVERTHELESS}")
+    if why := refusal(preset, statics):
+        raise StaticsError(why)
+
+
+def refusal(preset: Preset, statics: StaticsResult) -> str:
+    """The gravest reason not to build a sheet, a sentence; empty where there is none or `statics.check` is false."""
+    return f"{statics.objections[0]} {NEVERTHELESS}" if preset.statics.check and statics.objections else ""
 
 
 def off_surface(preset: Preset, surface: Surface) -> tuple[str, ...]:

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 from dsfab import ways_out
 from dsfab.arrays import Floats
 from dsfab.errors import PatternError, PresetError
-from dsfab.pipeline.beam_model import beam_agreement, beam_model
+from dsfab.pipeline.beam_model import action_cases, beam_agreement, beam_model
 from dsfab.pipeline.buildable import require_buildable
 from dsfab.pipeline.directions import diffusion_step, without_modes
 from dsfab.pipeline.early import Early
@@ -261,8 +261,9 @@ class Design:
         return self.once("slicing", "frame", self._frame)
 
     def _frame(self) -> "Frame":
-        loads = self._loads_on_sheet(self.statics.cases)
-        return beam_model(self.preset, self.sheet.surface, self.members, self.statics, loads)
+        cases, drawn = action_cases(self.preset, self.surface, self.statics), self.slicing.cells.kept()
+        loads = sheet_loads(self.surface, drawn, self.sheet, {name: one.load for name, one in cases.items()})
+        return beam_model(self.preset, self.sheet.surface, self.members, self.statics, cases, loads)
 
     @property
     def member_forces(self) -> "dict[str, MemberForces]":

@@ -13,10 +13,10 @@ from scipy.spatial import cKDTree
 from dsfab.materials import material_named
 from dsfab.preset import Preset
 from dsfab.preset_file import preset_from
-from dsfab.proposal.feet import Foot, feet
+from dsfab.proposal.feet import Foot, feet, tips
 from dsfab.proposal.marks import drawn_feet, drawn_marks, mark_decisions
 from dsfab.proposal.reading import Decision, GivenMesh, mesh_in_file, mesh_in_memory, vertical_axis
-from dsfab.proposal.sizes import Sizes, is_figure, sizes
+from dsfab.proposal.sizes import Sizes, is_figure, shorter_side, sizes
 from dsfab.proposal.stems import stems
 from dsfab.proposal.text import SHARE, SNOW, proposal_text
 from dsfab.surface import Marks, RawMesh, Surface
@@ -26,6 +26,8 @@ OWN = "roof"
 """The shipped preset that stands for any surface of one's own: with `--mesh` it is proposed anew for that mesh."""
 ROOF = 0.4
 """A surface is a roof if a plan shows it that share of its area at least."""
+FILLED = 0.5
+"""Share of the box around its plan that a surface covers at least, or it has arms: its width is not theirs."""
 ONCE = 1.2
 """The surface over a plan's area may be no more than this many times as large, or parts of it lie over others."""
 
@@ -37,6 +39,8 @@ class Proposal:
     given: GivenMesh
     size: Sizes
     stands: tuple[Foot, ...]
+    snow: bool
+    """Whether it carries snow: see `takes_snow`."""
     marks: Mapping[str, Marks] = field(default_factory=dict)
     """What is drawn beside the surface, by layer: see `drawn_marks`."""
 
@@ -44,11 +48,6 @@ class Proposal:
     def decisions(self) -> tuple[Decision, ...]:
         """All of them, in the order of the preset."""
         return (*self.given.decisions, *_decisions(self))
-
-    @cached_property
-    def snow(self) -> bool:
-        """Whether it carries snow: see `takes_snow`."""
-        return takes_snow(self.given.surface)
 
     @property
     def lines(self) -> tuple[str, ...]:
@@ -114,7 +113,9 @@ def propose(
     size = sizes(given.surface, name)
     marks = drawn_marks(given)
     stands = drawn_feet(marks) or feet(given.surface, size.span)
-    return Proposal(given, size.on(given.surface, [foot.points for foot in stands]), stands, marks)
+    snow = takes_snow(given.surface)
+    size = size.on(given.surface, [foot.points for foot in stands], roof=snow)
+    return Proposal(given, size, stands, snow, marks)
 
 
 def takes_snow(surface: Surface) -> bool:
@@ -137,7 +138,8 @@ def _decisions(proposal: Proposal) -> Iterator[Decision]:
         stem = "; dsfab new writes the lines for a stem, too"
         yield Decision("hangs from", where + free + stem, "surface.support")
     else:
-        yield Decision("stands on", where + free, "surface.support")
+        held = "; it is also held down there, for its middle lies beside" if tips(surface, stands) else ""
+        yield Decision("stands on", where + free + held, "surface.support")
     yield from mark_decisions(proposal.marks)
     yield from _unheld(surface, stands)
     snow = f" and snow of {SNOW / 1000:g} kPa on the plan, a placeholder for your local code"
@@ -146,13 +148,21 @@ def _decisions(proposal: Proposal) -> Iterator[Decision]:
     over = "" if figure else f", 1/{size.ratio} of the span of {length(size.bridged or size.span)}"
     made = f"{size.material}, {length(size.thickness)} thick{over}"
     yield Decision("made of", made, "statics.material, statics.thickness")
-    across = "" if figure else f", about {round(size.span / size.spacing)} across"
+    across = f", about {round(size.span / size.spacing)} across" if not figure and _fills(surface, size) else ""
     members = f"members every {length(size.spacing)}{across}, along the stress"
     yield Decision("pattern", members, "pattern.major.spacing, pattern.minor.spacing")
     rim = f", a rim of {length(size.rim)} along free edges" if surface.loops else ""
     widths = f"even, {SHARE:.0%} of the surface is material{rim}"
     yield Decision("widths", widths, "pattern.width.solid_fraction, pattern.rim")
     yield Decision("files", "STL, 3MF, and STEP where it is soon made", "export.formats, export.step")
+
+
+def _fills(surface: Surface, size: Sizes) -> bool:
+    """Whether its span is that of the sheet, and not the width of a box that arms or wings reach around."""
+    side = shorter_side(surface)
+    x, y = np.sort(np.ptp(surface.V, axis=0)[:2])
+    plan = float(np.abs(surface.normals[:, 2]) @ surface.areas)
+    return size.span != side or side > x or plan > FILLED * x * y
 
 
 def _unheld(surface: Surface, stands: tuple[Foot, ...]) -> Iterator[Decision]:

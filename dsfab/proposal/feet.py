@@ -18,8 +18,15 @@ DIP = 0.15
 """Share of the height by which the boundary has to rise between two feet."""
 LOW = 0.35
 """Share of the height over the lowest foot in which others may begin."""
+HIGHEST = 0.6
+"""The same for what would tip over on those alone, as a folded roof that slopes does
+on the lower ends of its valleys."""
+TIPS = 1.03
+"""It does if all feet are within half a turn of the middle of its plan, by so much."""
 SHORTEST = 1 / 25
 """Share of the span that a foot is long at least."""
+ALIKE = 1e-4
+"""Share of the height by which two sides of a foot may differ and be as high."""
 RIM = "upper rim"
 """What a loop of boundary is called that a sheet hangs from."""
 STEP = 1 / 200
@@ -68,12 +75,38 @@ def feet(surface: Surface, span: float) -> tuple[Foot, ...]:
     found = _masts(surface, outer, height, span)
     if found:
         return _named(surface, found, span)
-    for k, loop in enumerate(surface.loops):
-        highest = ground + LOW * height
-        if outer[k] or _stands(surface, loop, highest):
-            line = _resampled(surface.V[loop], STEP * span)
-            found += _stretches(k, line, height, highest, span)
+    low = ground + LOW * height
+    standing = [k for k, loop in enumerate(surface.loops) if outer[k] or _stands(surface, loop, low)]
+    lines = {k: _resampled(surface.V[surface.loops[k]], STEP * span) for k in standing}
+    found = [foot for k in standing for foot in _stretches(k, lines[k], height, low, span)]
+    if tips(surface, found):
+        found = _propped(surface, lines, found, ground, span)
     return _named(surface, found, span)
+
+
+def tips(surface: Surface, found: Sequence[Foot]) -> bool:
+    """Whether the middle of a surface's plan is beside all feet: on those alone it would have to be held down."""
+    if not found:
+        return False
+    middle = surface.areas @ surface.centroids / surface.area
+    x, y = (np.concatenate([foot.points for foot in found]) - middle)[:, :2].T
+    angle = np.sort(np.arctan2(y, x))
+    return bool(np.diff(angle, append=angle[0] + 2 * np.pi).max() > TIPS * np.pi)
+
+
+def _propped(surface: Surface, lines: dict[int, Floats], found: list[Foot], ground: float, span: float) -> list[Foot]:
+    """The feet with the next higher low points of the outer edges, up to `HIGHEST`, by which it no longer tips over;
+    as they were where there are none."""
+    height = float(np.ptp(surface.V[:, 2]))
+    outer = _outer(surface)
+    places = sorted({float(P[at, 2]) for k, P in lines.items() if outer[k] for at in _valleys(P[:, 2], DIP * height)})
+    for z in places:
+        if ground + LOW * height < z <= ground + HIGHEST * height:
+            highest = z + LEVEL * height
+            more = [foot for k, P in lines.items() for foot in _stretches(k, P, height, highest, span)]
+            if not tips(surface, more):
+                return more
+    return found
 
 
 def _hangs(surface: Surface, loop: int) -> bool:
@@ -205,13 +238,16 @@ def _bridged(reach: Bools, low: Bools) -> Bools:
 
 
 def _widened(P: Floats, stretch: Bools, shortest: float) -> Ints:
-    """Indices along a closed line P (k, 3) of a stretch, in order, made longer on its lower side until long enough."""
+    """Indices along a closed line P (k, 3) of a stretch, in order, made longer on its lower side until long enough; on
+    both sides where they are as high: a foot on one side of its valley left a mirrored roof no mirror."""
     k, z = len(P), P[:, 2]
+    same = ALIKE * float(np.ptp(z))
     begin = int(np.flatnonzero(stretch & ~np.roll(stretch, 1))[0])
     run = [(begin + j) % k for j in range(int(stretch.sum()))]
     while _length(P[run]) < shortest and len(run) < k // 3:
         before, after = (run[0] - 1) % k, (run[-1] + 1) % k
-        run = [before, *run] if z[before] < z[after] else [*run, after]
+        left, right = z[before] <= z[after] + same, z[after] <= z[before] + same
+        run = [before] * int(left) + run + [after] * int(right)
     return np.array(run)
 
 

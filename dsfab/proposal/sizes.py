@@ -45,7 +45,7 @@ SHARPEST = 15.0
 class Sizes:
     """Lengths in metres. edge is 0 where the mesh is good as it is; coarse: whether its own edges are much longer.
 
-    span    : the shorter side of the plan: see `shorter_side`.
+    span    : the shorter side of the plan, see `shorter_side`, or what a roof spans if that is far less.
     bridged : how far it spans between what it stands on, where that is far longer.
     """
 
@@ -62,8 +62,9 @@ class Sizes:
         """Span over thickness."""
         return round(self.bridged / self.thickness) if self.bridged else slenderness(self.material)
 
-    def on(self, surface: Surface, feet: Sequence[Floats]) -> "Sizes":
-        """The same for a surface on feet (k, 3): thicker where it spans far more than the shorter side of its plan.
+    def on(self, surface: Surface, feet: Sequence[Floats], roof: bool = False) -> "Sizes":
+        """The same for a surface on feet (k, 3): thicker where it spans far more than the shorter side of its plan, and
+        of a roof that spans far less, as around a courtyard, those of its span.
 
         Its span is twice the way in plan from its furthest vertex to the feet, as far as a cantilever of that length,
         and it is as thick as the geometric mean of span and side asks for. Measured on uncut sheets of steel, how many
@@ -74,6 +75,8 @@ class Sizes:
             return self
         way, _ = cKDTree(np.concatenate(feet)[:, :2]).query(surface.V[:, :2])
         span = 2 * float(np.max(way))
+        if roof and LONG * span < self.span:
+            return sizes(surface, self.material, span)
         if span <= LONG * self.span:
             return self
         between = float(np.sqrt(self.span * span))
@@ -96,10 +99,13 @@ class Sizes:
         return two_digits(max(0.06 * self.spacing, ROUND * self.thickness))
 
 
-def sizes(surface: Surface, material: str | None = None) -> Sizes:
-    """The sizes for a surface with z up; the material is GL24h, or PLA for a model, where none is named."""
+def sizes(surface: Surface, material: str | None = None, span: float = 0.0) -> Sizes:
+    """The sizes for a surface with z up; the material is GL24h, or PLA for a model, where none is named.
+
+    span : metres; that of the shorter side of its plan where it is 0.
+    """
     figure = is_figure(surface)
-    span = shorter_side(surface)
+    span = span or shorter_side(surface)
     square = float(np.sqrt(surface.area))
     spacing = two_digits(max(square / MEMBERS_AROUND if figure else span / MEMBERS, square / np.sqrt(CELLS)))
     material = material or ("PLA" if surface.size < MODEL else "GL24h")

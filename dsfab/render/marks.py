@@ -149,12 +149,13 @@ def gradient_arrows(surface: Surface, gradient: Floats, size: float, lift: float
 
 def support_side(surface: Surface, load: LoadCase, size: float, up: Floats) -> Floats:
     """(3,) unit vector along an axis, from the structure to its supports; down when they lie all around it."""
-    middle = centroid(surface)
-    offset = surface.V[load.held].mean(axis=0) - middle
-    if np.linalg.norm(offset) < 0.08 * size:
-        return -up
+    held = surface.V[load.held] - centroid(surface)
+    offset = held[thinned(held, size, SUPPORTS)].mean(axis=0)  # not of more vertices where the mesh is finer
     axis = int(np.argmax(np.abs(offset)))
-    return np.asarray(np.eye(3)[axis] * np.sign(offset[axis]))
+    side = np.sign(offset[axis])
+    if np.linalg.norm(offset) < 0.08 * size or (side * held[:, axis]).min() < 0:
+        return -up
+    return np.asarray(np.eye(3)[axis] * side)
 
 
 def _nearest(points: Floats, centres: Floats) -> Ints:

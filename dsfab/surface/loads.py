@@ -277,6 +277,10 @@ class LoadCase:
         """The same supports under other loads."""
         return replace(self, force=parts.forces(surface), parts=parts)
 
+    def under(self, surface: Surface, loads: Sequence[Load], weight: float) -> Self:
+        """The same supports under these loads; `weight` of the sheet, newtons per square metre."""
+        return self.with_parts(surface, load_parts(surface, loads, weight))
+
     def of_thickness(self, surface: Surface, share: float) -> Self:
         """The same on a sheet that is `share` times as thick: it weighs as much less."""
         if self.parts is None or share == 1:

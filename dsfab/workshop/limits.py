@@ -21,6 +21,9 @@ Measured on surfaces in closed form and by unrolling: at .2 mm off, bays are rig
 USUAL = 0.95
 """Curvatures that are passed by less than one in twenty places are not what a mesh is judged by."""
 
+NOTHING = 5e-6
+"""Stretching under this share would be told as 0.000 %: it is not told."""
+
 ALIKE = 0.999
 """Of two members that mirror each other, which differ by round-off, the first is named."""
 
@@ -63,7 +66,8 @@ class StripLimits:
             )
         else:
             found.append(f"{how}, of {self.limit:.2%} allowed; up to {length(self.thickest)} could be bent")
-        found.append(f"the curvature of the surface stretches strips by up to {self.shape:.3%}")
+        if self.shape >= NOTHING:
+            found.append(f"the curvature of the surface stretches strips by up to {self.shape:.3%}")
         if self.edge > self.wanted * 1.05:
             found.append(
                 f"NOT TO DRILL FROM: edges of {length(self.edge)} are too coarse a mesh, holes may be centimetres off; "

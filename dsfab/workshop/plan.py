@@ -17,7 +17,7 @@ from dsfab.workshop.ground import Ground
 from dsfab.workshop.hints import sheet_hints
 from dsfab.workshop.layering import OWN, Layering
 from dsfab.workshop.legs import leg_lines, leg_plates
-from dsfab.workshop.limits import strip_limits
+from dsfab.workshop.limits import NOTHING, strip_limits
 from dsfab.workshop.model import CARD, LETTERS, model_notes, packing_parts, scaled_graph, scaled_surface
 from dsfab.workshop.nesting import NestedSheet, emptied, nested, require_spyrrow
 from dsfab.workshop.panels import panel_parts
@@ -248,7 +248,8 @@ def _plate_notes(plates: list[FlatPart]) -> list[str]:
     if not plates:
         return []
     worst = max(plates, key=lambda plate: plate.strain)
-    return [f"{_count(len(plates), 'plate')}, stretched by up to {worst.strain:.2%} ({worst.id})"]
+    stretched = f", stretched by up to {worst.strain:.2%} ({worst.id})" if worst.strain >= 10 * NOTHING else ""
+    return [f"{_count(len(plates), 'plate')}{stretched}"]
 
 
 def _strip_notes(strips: StripParts, graph: MemberGraph, layering: Layering) -> list[str]:

@@ -19,7 +19,7 @@ from dsfab.pattern import (
     slopes,
     vertex_means,
 )
-from dsfab.pipeline import Design
+from dsfab.pipeline import Design, refusal
 from dsfab.pipeline.patterns import least_width, stripe_stresses
 from dsfab.render.colouring import STEEPEST, diverging, rising, signed
 from dsfab.render.marks import POINT_LOAD, SPREAD_LOAD, SUPPORTS, Spacing, thinned
@@ -118,6 +118,7 @@ def widths(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         "member": ask.width.widths(np.sqrt(surface.area)).member,
         "pattern": ask.model_dump(mode="json"),
         "notes": [f"{note.stage}: {note.text}" for note in draft.notes],
+        "refused": refusal(draft.preset, draft.statics),
         "seconds": sum(draft.seconds.values()),
     }
     arrays = {"half": mesh.half_widths(pattern), "slope": _slopes(draft, mesh)}

@@ -2,7 +2,9 @@
 
 Lengths are in millimetres, areas, volumes and masses in m2, m3 and kg. Families are presentation layers.
 `Dsfab_MemberQuantities` has length, width and thickness by these names, for plates too, where the standard's set has
-others. `files` of the records, by the names of members, become document references.
+others. Gross is all of a member's body; net is without the crossings that are counted with wider members, so that the
+net volumes of all members are that of the structure. `files` of the records, by the names of members, become document
+references.
 """
 
 from collections.abc import Iterator, Mapping
@@ -25,7 +27,7 @@ from dsfab.surface import connected, signed_volume
 from dsfab.units import MM_PER_M
 
 KINDS = {"Length": "LENGTH", "Width": "LENGTH", "Thickness": "LENGTH", "NetArea": "AREA", "NetVolume": "VOLUME"}
-KINDS |= {"NetWeight": "WEIGHT"}
+KINDS |= {"NetWeight": "WEIGHT", "GrossArea": "AREA", "GrossVolume": "VOLUME", "GrossWeight": "WEIGHT"}
 """Kinds of quantities by their names."""
 
 
@@ -100,21 +102,25 @@ def _element(new: Numbered, at: Place, shape: MemberShape, body: int, naming: Na
 
 def _amounts(shape: MemberShape, entry: Mapping[str, Any], measures: Mapping[str, float]) -> dict[str, float]:
     """Of one member: millimetres, m2, m3, kg."""
-    volume = signed_volume(shape.V, shape.F) / MM3
+    volume, area = signed_volume(shape.V, shape.F) / MM3, entry["area"] / MM2
+    own = entry["own_area"] / entry["area"] if entry["area"] else 1.0
     found = {"Length": entry["length"], "Width": entry["width"]["median"]}
     found = {key: value for key, value in found.items() if value}
     if measures.get("thickness", 0) > 0:
         found["Thickness"] = MM_PER_M * measures["thickness"]
-    found |= {"NetArea": entry["area"] / MM2, "NetVolume": volume}
-    return found | ({"NetWeight": volume * measures["density"]} if measures.get("density", 0) > 0 else {})
+    for word, share in (("Gross", 1.0), ("Net", own)):
+        found |= {f"{word}Area": share * area, f"{word}Volume": share * volume}
+        if measures.get("density", 0) > 0:
+            found[f"{word}Weight"] = share * volume * measures["density"]
+    return found
 
 
 def _measured(new: Numbered, made: int, amounts: Mapping[str, float], shape: MemberShape, naming: Naming) -> None:
     """The standard's set of quantities, and all of them by plain names."""
     title = "Qto_PlateBaseQuantities" if shape.plate else "Qto_MemberBaseQuantities"
-    usual = {key: amounts[key] for key in ("NetVolume", "NetWeight") if key in amounts}
+    usual = {key: value for key, value in amounts.items() if key.endswith(("Volume", "Weight"))}
     if shape.plate:
-        usual |= {"NetArea": amounts["NetArea"]}
+        usual |= {key: value for key, value in amounts.items() if key.endswith("Area")}
         usual |= {"Width": amounts["Thickness"]} if "Thickness" in amounts else {}  # so the standard calls it
     elif "Length" in amounts:
         usual |= {"Length": amounts["Length"]}
@@ -128,9 +134,12 @@ def _measured(new: Numbered, made: int, amounts: Mapping[str, float], shape: Mem
 def _described(new: Numbered, made: int, entry: Mapping[str, Any], naming: Naming) -> None:
     """What it is, and what it meets."""
     facts = {key: value for key, value in member_facts(entry).items() if not key.endswith("_mm")}
+    if entry["counted_with"]:
+        facts["crossings counted with"] = ", ".join(entry["counted_with"])
     values = []
     for key, value in facts.items():
-        text = f"IFCTEXT('{quoted(value)}')" if key == "nodes" else f"IFCLABEL('{quoted(value)}')"
+        kind = "IFCTEXT" if key == "nodes" or key.startswith("crossings") else "IFCLABEL"  # of any length
+        text = f"{kind}('{quoted(value)}')"
         values.append(new.add(f"IFCPROPERTYSINGLEVALUE('{key.capitalize()}',$,{text},$)"))
     name = entry["id"]
     one = new.add(f"IFCPROPERTYSET('{naming(f'facts of {name}')}',$,'Dsfab_Member',$,({_listed(values)}))")

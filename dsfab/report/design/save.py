@@ -3,7 +3,7 @@
 import json
 import shutil
 import time
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any, NamedTuple
@@ -153,7 +153,17 @@ def _written(design: Design, folder: Path, progress: Progress, numbers: Callable
                 judged.append(f"{design.preset.name}.{suffix}")
                 found[suffix] = _one_written(design, folder, suffix, progress)
         judged.clear()
-    return _Files(*([each for suffix in asked for each in found[suffix][k]] for k in range(len(_Files._fields))))
+    every = _Files(*([each for suffix in asked for each in found[suffix][k]] for k in range(len(_Files._fields))))
+    return every._replace(notes=said_once({suffix: found[suffix].notes for suffix in asked}))
+
+
+def said_once(notes: Mapping[str, Sequence[str]]) -> list[str]:
+    """Notes by suffixes of files; what several files say alike is said once, behind their suffixes."""
+    by_note: dict[str, list[str]] = {}
+    for suffix, lines in notes.items():
+        for line in lines:
+            by_note.setdefault(line, []).append(suffix)
+    return [f"{', '.join(of)}: {line}" if len(of) > 1 else line for line, of in by_note.items()]
 
 
 def _one_written(design: Design, folder: Path, suffix: str, progress: Progress) -> _Files:

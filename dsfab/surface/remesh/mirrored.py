@@ -41,15 +41,15 @@ class Mirrors:
     group: Floats
 
     @classmethod
-    def of(cls, surface: Surface, edge: float, smooth: bool) -> Self | None:
+    def of(cls, on: NearestOnSurface, edge: float, smooth: bool) -> Self | None:
         """Those that were found; None where there is none, or where sides of the surface are not told apart.
 
         edge   : metres, of the new mesh: a share of it makes no difference.
         smooth : whether the surface is the smooth one through its vertices.
         """
-        if len(misoriented_edges(surface.F, surface.edges)):
+        if len(misoriented_edges(on.surface.F, on.surface.edges)):
             return None
-        found = _Look(surface, edge, smooth)
+        found = _Look(on.surface, on, edge, smooth)
         group, normals = np.eye(3)[None], list[Floats]()
         for normal in _candidates(found):
             with suppress(OverflowError):  # of planes that fit nearly, but not together
@@ -65,6 +65,7 @@ class _Look:
     """A surface that is compared with its images."""
 
     surface: Surface
+    find: NearestOnSurface
     edge: float
     smooth: bool
 
@@ -78,7 +79,7 @@ class _Look:
     @cached_property
     def on(self) -> Callable[[Floats], tuple[Floats, Floats]]:
         """Takes points (k, 3) to the nearest places (k, 3) of the surface, and to the normals (k, 3) there."""
-        surface, find = self.surface, NearestOnSurface(self.surface)
+        surface, find = self.surface, self.find
         patches = SmoothPatches(surface) if self.smooth else None
 
         def places(points: Floats) -> tuple[Floats, Floats]:

@@ -75,11 +75,12 @@ def remeshed(
     for one in sizes or [SizeField(surface, np.full(surface.n, edge))]:
         _check_count(one, finest or float(one.length.min()))
     surface = with_ears_turned(surface)
-    found = _by_sides(surface, edge, smooth, sizes) if mirrored else None
+    nearest_to = NearestOnSurface(surface)
+    found = _by_sides(nearest_to, edge, smooth, sizes) if mirrored else None
     if found and _sharpest(found) > SHARP:
         return found
-    net = _net(surface, sizes, edge)
-    whole = Surface(_smoothed(net, surface).V if smooth else net.V, net.F)
+    net = _net(nearest_to, sizes, edge)
+    whole = Surface(_smoothed(net, nearest_to).V if smooth else net.V, net.F)
     return found if found and _sharpest(found) > NOT_SHARPER * _sharpest(whole) else whole
 
 
@@ -88,18 +89,19 @@ def _sharpest(surface: Surface) -> float:
     return float(np.degrees(face_angles(surface.V, surface.F).min()))
 
 
-def _by_sides(surface: Surface, edge: float, smooth: bool, sizes: Sequence[SizeField]) -> Surface | None:
+def _by_sides(on: NearestOnSurface, edge: float, smooth: bool, sizes: Sequence[SizeField]) -> Surface | None:
     """One side of all mirrors of the surface made anew, and its images; None where there is no mirror, where a side is
     too small for that, or where something of the surface would be lost."""
-    mirrors = Mirrors.of(surface, edge, smooth)
+    surface = on.surface
+    mirrors = Mirrors.of(on, edge, smooth)
     chamber = Chamber.of(surface, mirrors, edge) if mirrors else None
     piece = chamber.piece if chamber else None
     if chamber is None or piece is None or piece.area < LEAST_SIDE * np.sqrt(3) / 4 * edge**2:
         return None
-    net = _net(piece, sizes, edge)
+    net = _net(NearestOnSurface(piece), sizes, edge)
     planes = chamber.within(net.V)
     moved = (net.kind == FREE) | planes.any(axis=0)
-    goal = np.where(moved[:, None], _places(net.V, surface, smooth), net.V) if smooth else net.V
+    goal = np.where(moved[:, None], _places(net.V, on, smooth), net.V) if smooth else net.V
     net = with_vertices_at(net, chamber.flat(goal, planes), net.at)
     found = chamber.all_sides(net.V, net.F)
     if found is None:
@@ -107,18 +109,19 @@ def _by_sides(surface: Surface, edge: float, smooth: bool, sizes: Sequence[SizeF
     every, of = found
     none = net.node[:0]
     whole = Net(every.V, NetFaces(every.F), net.kind[of], none, net.at[:0], none, net.size[of])
-    V = with_vertices_at(whole, _on_whole(whole, surface, edge, smooth), whole.at).V
+    V = with_vertices_at(whole, _on_whole(whole, on, edge, smooth), whole.at).V
     box, new = ((x.min(axis=0), x.max(axis=0)) for x in (surface.V, V))
     with suppress(SurfaceError):  # of faces in a narrow tip, where two vertices are at the same corner
         return Surface(V, every.F) if np.abs(np.subtract(box, new)).max() < TOLERANCE * edge else None
     return None
 
 
-def _on_whole(net: Net, surface: Surface, edge: float, smooth: bool) -> Floats:
+def _on_whole(net: Net, on: NearestOnSurface, edge: float, smooth: bool) -> Floats:
     """(n, 3) the places of a net's vertices on the boundaries, creases and corners of the surface, and on its facets if
     it is not smooth: the images of one side are a little beside them where another side's are."""
+    surface = on.surface
     lines = surface.edges.ends[design_features(surface, edge)]
-    goal = net.V.copy() if smooth else _places(net.V, surface, smooth)
+    goal = net.V.copy() if smooth else _places(net.V, on, smooth)
     held, fixed = np.flatnonzero(net.kind > FREE), feature_curves(surface, edge).fixed
     for some, there in ((held, lines), (held[net.kind[held] == FIXED], fixed[:, None])):
         if len(some) and len(there):
@@ -131,10 +134,10 @@ def _on_whole(net: Net, surface: Surface, edge: float, smooth: bool) -> Floats:
     return goal
 
 
-def _net(surface: Surface, sizes: Sequence[SizeField], edge: float) -> Net:
+def _net(on: NearestOnSurface, sizes: Sequence[SizeField], edge: float) -> Net:
     """The surface made anew of even triangles on its facets."""
-    curves = feature_curves(surface, edge)
-    net = _even(Net.of(surface, curves, edge), curves, NearestOnSurface(surface), sizes, edge)
+    curves = feature_curves(on.surface, edge)
+    net = _even(Net.of(on.surface, curves, edge), curves, on, sizes, edge)
     return with_edges_flipped(net, by_valence=False, rounds=3)
 
 
@@ -184,18 +187,18 @@ def _shortest(points: Floats, sizes: Sequence[SizeField], trees: Sequence[Neares
     return np.asarray(np.min(found, axis=0))
 
 
-def _smoothed(net: Net, surface: Surface) -> Net:
+def _smoothed(net: Net, on: NearestOnSurface) -> Net:
     """The net with its free vertices on the smooth surface through those of the old one."""
     free = np.flatnonzero(net.kind == FREE)
     goal = net.V.copy()
-    goal[free] = _places(net.V[free], surface, smooth=True)
+    goal[free] = _places(net.V[free], on, smooth=True)
     return with_vertices_at(net, goal, net.at)
 
 
-def _places(points: Floats, surface: Surface, smooth: bool) -> Floats:
+def _places(points: Floats, on: NearestOnSurface, smooth: bool) -> Floats:
     """(k, 3) the places nearest to points (k, 3) on the facets, or above these on the smooth surface, metres."""
-    face, place = NearestOnSurface(surface)(points)
-    return SmoothPatches(surface).points(face, place) if smooth else place
+    face, place = on(points)
+    return SmoothPatches(on.surface).points(face, place) if smooth else place
 
 
 def _check(surface: Surface, edge: float, finest: float) -> None:

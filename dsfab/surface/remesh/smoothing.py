@@ -1,6 +1,8 @@
 """Vertices moved to even triangles: free ones within the surface, those on curves along these."""
 
 from dataclasses import replace
+from functools import cached_property
+from typing import Any
 
 import igl
 import numpy as np
@@ -19,12 +21,16 @@ RETREATS = 6
 
 
 class NearestOnSurface:
-    """The places of a surface nearest to points, by a tree of boxes that is made once."""
+    """The places of a surface nearest to points, by a tree of boxes that is made once, when it is first asked."""
 
     def __init__(self, surface: Surface) -> None:
         self.surface = surface
-        self._tree = igl.AABB()
-        self._tree.init(surface.V, surface.F)
+
+    @cached_property
+    def _tree(self) -> Any:
+        tree = igl.AABB()
+        tree.init(self.surface.V, self.surface.F)
+        return tree
 
     def __call__(self, points: Floats) -> tuple[Ints, Floats]:
         """(k,) the faces nearest to points (k, 3), and the places (k, 3) on them, metres."""

@@ -12,7 +12,7 @@ import { Making } from './making.js';
 import { Materials } from './materials.js';
 import { drawn, Sampler } from './pattern.js';
 import { isMeasure, Members } from './members.js';
-import { decisions, notes, notice, outdated } from './notices.js';
+import { decisions, notes, notice, outdated, refused } from './notices.js';
 import { Picking } from './picking.js';
 import { Pictures } from './pictures.js';
 import { State } from './state.js';
@@ -177,6 +177,7 @@ class Editor {
     outdated(!there && !this.stripes());
     this.stale = false;
     notes(facts.notes);
+    refused(facts.refused);
     this.figures(); // adds those of the cut sheet
     this.pictures?.ask(this.state.changes);
     this.done = job; // what is shown is what this job made

@@ -16,6 +16,12 @@ export function notes(list) {
   by('notes').replaceChildren(...list.map((textContent) => make('li', { textContent })));
 }
 
+/** Why a build of what is shown is refused: it stands until something else is shown. */
+export function refused(text) {
+  by('refused').textContent = text ? `Build refuses this: ${text}` : '';
+  by('refused').hidden = !text;
+}
+
 /** What was decided for a mesh, each with the key that changes it. */
 export function decisions(list) {
   by('decided-box').hidden = !list.length;
