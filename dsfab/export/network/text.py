@@ -12,7 +12,12 @@ from dsfab.export.plate_text import Entities, references
 from dsfab.export.smooth.text import ROUNDING
 
 FINER = 1 / 10
-"""Share of the usual rounding: an edge that is a part of a patch's side has other poles than this."""
+"""Share of the usual rounding of poles inside faces."""
+
+ALONG = 7
+"""Digits after the point of millimetres along edges. An edge that is a part of a patch's side has other poles than the
+side, and OCCT takes what is off by less than 1e-7 as exact. What is off by more it measures at some points of an edge;
+of one that a fillet makes shorter at others, and where it is off by a thousandth more there, that is invalid."""
 
 
 class NetText:
@@ -38,11 +43,11 @@ class NetText:
         found, posts = list[int](), dict[int, int]()
         for patch in self.model.patches:
             for s in (0, 1):
-                rows = [list(self._points(row)) for row in patch.poles[:, :, 3 * s : 3 * s + 3]]
+                rows = self._rows(patch.poles[:, :, 3 * s : 3 * s + 3])
                 found.append(self._skin([patch.loop], self._surface(rows, (3, 3)), s))
         for face in trimmed:
             for s, poles in enumerate((face.outer, face.inner)):
-                rows = [list(self._points(row)) for row in poles]
+                rows = [list(self._points(row, self.digits)) for row in poles]
                 surface = self._surface(rows, (poles.shape[0] - 1, poles.shape[1] - 1))
                 found.append(self._skin(face.loops, surface, s))
         for wall in self.model.walls:
@@ -67,10 +72,18 @@ class NetText:
             wires.append(self.new.wire(steps, "FACE_BOUND" if i else "FACE_OUTER_BOUND"))
         return self.new.face(wires, surface, same=not s)
 
-    def _points(self, points: Floats) -> Iterator[int]:
+    def _rows(self, poles: Floats) -> list[list[int]]:
+        """Of a patch's poles (4, 4, 3), which are on edges but for the inner ones."""
+        digits = [[ALONG, *[self.digits if 0 < i < 3 else ALONG] * 2, ALONG] for i in range(4)]
+        return [
+            [next(self._points(p[None], d)) for p, d in zip(row, some, strict=True)]
+            for row, some in zip(poles, digits, strict=True)
+        ]
+
+    def _points(self, points: Floats, digits: int = ALONG) -> Iterator[int]:
         """Of points (k, 3), those that are equal once."""
-        for p in (np.round(points, self.digits) + 0.0).tolist():
-            text = ",".join([f"{v:.{self.digits}f}".rstrip("0") for v in p])
+        for p in (np.round(points, digits) + 0.0).tolist():
+            text = ",".join([f"{v:.{digits}f}".rstrip("0") for v in p])
             yield self.new.once(f"CARTESIAN_POINT('',({text}))")
 
     def _curve(self, poles: list[int], start: int, end: int) -> int:
