@@ -1,8 +1,10 @@
 """STEP by members: curves, patches, lifting and nets by closed forms; the solids by OCCT (slow)."""
 
 import json
+import re
 from dataclasses import replace
 from functools import partial
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -17,7 +19,7 @@ from dsfab.export.ladder import prepare
 from dsfab.export.network import draft, line_fits, straightening, use_check
 from dsfab.export.network.build import _asked_as_a_solid
 from dsfab.export.network.crossings import without_crossings
-from dsfab.export.network.curves import ChainCurve, SampledChain, curves_through, on_skins
+from dsfab.export.network.curves import ChainCurve, SampledChain, curves_through, on_skins, parts_of
 from dsfab.export.network.dividing import _narrow, divided
 from dsfab.export.network.draft import ManyFacesError, member_draft
 from dsfab.export.network.fillets import without_fillets
@@ -25,13 +27,15 @@ from dsfab.export.network.graph import VOID, Chain, ChainNet, net_of
 from dsfab.export.network.joining import joined_outlines, without_lenses
 from dsfab.export.network.lifting import Lifting
 from dsfab.export.network.lines import ChainLine, NetLines, with_ends_on_lines
-from dsfab.export.network.model import NetEdge, NetModel
+from dsfab.export.network.model import NetEdge, NetModel, NetPatch
 from dsfab.export.network.patches import coons, least_jacobian, pulled
 from dsfab.export.network.quads import quads_of
 from dsfab.export.network.stations import Stations, paired
 from dsfab.export.network.straightening import straightened
+from dsfab.export.network.text import NetText
 from dsfab.export.network.trimmed import _powers, _surface, trimmed_face
 from dsfab.export.part import part_of
+from dsfab.export.plate_text import Entities
 from dsfab.export.program import run_program
 from dsfab.export.smooth import occt_check
 from dsfab.export.smooth.plan import SmoothPlan
@@ -601,6 +605,35 @@ def test_regions_are_one_where_a_chain_between_them_comes_near_a_corner_of_an_ou
     assert (done is net) == (not one)
     assert sorted(done.loops) == ([0] if one else [0, 1])
     assert (1 in done.chains) == (not one)
+
+
+def test_edges_that_are_parts_of_a_patchs_side_are_written_on_it():
+    """A side that is two edges: OCCT takes as exact what is off by less than 1e-7 mm."""
+    P = np.random.default_rng(1).uniform(-1e3, 1e3, (4, 4, 6))
+    sides = [P[:, 0], P[3], P[::-1, 3], P[0, ::-1]]
+    ends = np.array([0.0, 0.37, 1.0])
+    parts = [*parts_of(np.array([P[:, 0]] * 2), ends[:-1], ends[1:]), *sides[1:]]
+    model = NetModel(vertices=[part[0] for part in parts])
+    model.edges += [NetEdge(i, (i + 1) % 5, part) for i, part in enumerate(parts)]
+    model.patches.append(NetPatch([(i, True) for i in range(5)], P))
+    NetText(new := Entities(), model, 40.0).faces([])
+    points = {
+        int(n): np.array(x.split(","), float)
+        for n, x in re.findall(r"#(\d+)=CARTESIAN_POINT\('',\((.*?)\)\)", "".join(new.text))
+    }
+    curves, surfaces = (
+        [
+            np.array([points[int(n)] for n in re.findall(r"#(\d+)", line.split("=", 1)[1])])
+            for line in new.text
+            if kind in line
+        ]
+        for kind in ("B_SPLINE_CURVE", "B_SPLINE_SURFACE")
+    )
+    x = bernstein(np.linspace(0, 1, 23))
+    for s in (0, 1):
+        for i, (a, b) in enumerate(pairwise(ends)):
+            side = bernstein(np.linspace(a, b, 23)) @ surfaces[s].reshape(4, 4, 3)[:, 0]
+            np.testing.assert_allclose(x @ curves[2 * i + s], side, atol=1e-7, rtol=0)
 
 
 def test_many_faces_are_made_only_where_they_are_asked_for(monkeypatch):

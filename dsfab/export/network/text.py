@@ -12,7 +12,12 @@ from dsfab.export.plate_text import Entities, references
 from dsfab.export.smooth.text import ROUNDING
 
 FINER = 1 / 10
-"""Share of the usual rounding: an edge that is a part of a patch's side has other poles than this."""
+"""Share of the usual rounding of poles inside faces."""
+
+ALONG = 7
+"""Digits after the point of millimetres along edges. An edge that is a part of a patch's side has other poles than the
+side, and OCCT takes what is off by less than 1e-7 as exact. What is off by more it measures at some points of an edge;
+of one that a fillet makes shorter at others, and where it is off by a thousandth more there, that is invalid."""
 
 
 class NetText:
@@ -43,7 +48,7 @@ class NetText:
                 found.append(self._skin([patch.loop], self._surface(rows, (3, 3)), s))
         for face in trimmed:
             for s, poles in enumerate((face.outer, face.inner)):
-                rows = self._rows(poles)
+                rows = self._grid(poles, self.digits)
                 surface = self._surface(rows, (poles.shape[0] - 1, poles.shape[1] - 1))
                 found.append(self._skin(face.loops, surface, s))
         for wall in self.model.walls:
@@ -68,18 +73,24 @@ class NetText:
             wires.append(self.new.wire(steps, "FACE_BOUND" if i else "FACE_OUTER_BOUND"))
         return self.new.face(wires, surface, same=not s)
 
-    def _points(self, points: Floats) -> Iterator[int]:
+    def _rows(self, poles: Floats) -> list[list[int]]:
+        """Of a patch's poles (4, 4, 3), which are on edges but for the inner ones."""
+        poles = poles.copy()
+        poles[1:3, 1:3] = np.round(poles[1:3, 1:3], self.digits)
+        return self._grid(poles, ALONG)
+
+    def _points(self, points: Floats, digits: int = ALONG) -> Iterator[int]:
         """Of points (k, 3), those that are equal once."""
         known = self._numbers
-        for p in map(tuple, (np.round(points, self.digits) + 0.0).tolist()):
+        for p in map(tuple, (np.round(points, digits) + 0.0).tolist()):
             if p not in known:
-                text = ",".join([f"{v:.{self.digits}f}".rstrip("0") for v in p])
+                text = ",".join([f"{v:.{digits}f}".rstrip("0") for v in p])
                 known[p] = self.new.once(f"CARTESIAN_POINT('',({text}))")
             yield known[p]
 
-    def _rows(self, poles: Floats) -> list[list[int]]:
+    def _grid(self, poles: Floats, digits: int) -> list[list[int]]:
         """Of a grid of points (r, k, 3), row by row."""
-        found = list(self._points(poles.reshape(-1, 3)))
+        found = list(self._points(poles.reshape(-1, 3), digits))
         return [found[i : i + poles.shape[1]] for i in range(0, len(found), poles.shape[1])]
 
     def _curve(self, poles: list[int], start: int, end: int) -> int:
