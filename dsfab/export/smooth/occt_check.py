@@ -30,6 +30,7 @@ class OcctFinding:
     faces: int
     volume: float
     gap: float
+    box: list[float]
     bad: Floats
     V: Floats
     F: Ints
