@@ -7,6 +7,7 @@ from dataclasses import replace
 from functools import partial
 from itertools import islice
 
+import numpy as np
 import pytest
 
 from dsfab.delivery.files import curved_sheet
@@ -24,10 +25,13 @@ from dsfab.export import (
     write,
 )
 from dsfab.export.budget import BudgetError
+from dsfab.export.network import build as network_build
 from dsfab.export.network.build import MemberFile, NotByMembersError
+from dsfab.export.network.draft import MemberDraft
 from dsfab.export.part import part_of
 from dsfab.export.plate import NotFlatError
 from dsfab.export.smooth import build, plan
+from dsfab.export.smooth.occt_check import OcctFinding
 from dsfab.limits import OFF_SURFACE
 from dsfab.surface.shapes.roofs import barrel_vault
 from tests.smooth import THICKNESS, holed, thickened
@@ -263,6 +267,19 @@ def test_halves_and_the_box_of_a_cut_decide_about_it_and_large_files_are_not_cut
         cut.update(answer)
         assert sampled_use.sampled_use(part, b"", 5, limits) == sampled_use.SampledUse(True, fault)
     assert sampled_use.sampled_use(part, b"", sampled_use.MOST_FACES + 1, limits) == sampled_use.SampledUse(False)
+
+
+def test_by_members_the_box_of_a_file_of_any_size_decides(slow_vault):
+    """Two solids together have the box of the part, but for one side of one of them."""
+    solid, curved = slow_vault
+    part = replace(ladder.prepare(part_of(solid, "a", STEP_FACES)), curved=curved)
+    low, high = part.box.tolist()
+    nothing = np.zeros((0, 3))
+    draft = MemberDraft("", 2, 9000, 0, 0.0)
+    two = [[*low, low[0], *high[1:]], [high[0], *low[1:], *high[:2], high[2] + 300.0]]
+    found = [OcctFinding(True, True, True, 4500, 1e6, 0.0, box, nothing, nothing, nothing) for box in two]
+    with pytest.raises(ExportError, match="by members OCCT's box of it is 300 mm off"):
+        network_build._asked_as_a_solid(part, plan.SmoothPlan(part), draft, found, None)
 
 
 def test_compact_is_smooth_and_says_which_way_can_be_cut(tmp_path, slow_vault, here):

@@ -33,7 +33,7 @@ from dsfab.export.network.quads import quads_of
 from dsfab.export.network.stations import Stations, paired
 from dsfab.export.network.straightening import straightened
 from dsfab.export.network.text import NetText
-from dsfab.export.network.trimmed import _powers, _surface, trimmed_face
+from dsfab.export.network.trimmed import SPLIT, _powers, _surface, trimmed_face
 from dsfab.export.part import part_of
 from dsfab.export.plate_text import Entities
 from dsfab.export.program import run_program
@@ -241,11 +241,11 @@ def test_a_part_of_a_region_does_not_bend_where_the_rest_does():
     """A triangle, points in and beside it, and one beyond where the sheet has turned by 90 degrees."""
     model, loop = flat_model(np.array([[0, 0], [300, 0], [0, 300.0]]))
     points = np.array([[50.0, 50, 20, 50, 50, -20], [900, 0, 50, 900, 0, 10], [900, 0, -400, 860, 0, -400]])
-    face = trimmed_face(model, [loop], points, 0.01, part=True)
+    face = trimmed_face(model, [loop], points, 0.01, 1.0, part=True)
     assert face.gap < 1e-6
     np.testing.assert_allclose(face.outer[..., 2], 20, atol=1e-6)
     with pytest.raises(ExportError, match="bends too much"):
-        trimmed_face(model, [loop], points, 0.01)
+        trimmed_face(model, [loop], points, 0.01, 1.0)
 
 
 def test_a_trimmed_face_does_not_wave_to_meet_edges_that_no_surface_meets():
@@ -254,11 +254,71 @@ def test_a_trimmed_face_does_not_wave_to_meet_edges_that_no_surface_meets():
     edges = np.concatenate([ring(turn, 600), ring(turn, 1200), ring(0, r), ring(np.pi, r)])
     edges[:, 2] = 0.2 * np.sign(np.sin(9 * np.arctan2(edges[:, 1], edges[:, 0])))
     inside = ring(np.linspace(0, np.pi, 7)[1:-1], np.array([[800.0], [1000]]))
-    poles, gap, _ = _surface(inside, edges, np.eye(3), 1e-3)
+    poles, gap, _ = _surface(inside, edges, np.eye(3), 1e-3, 1.0)
     u, v = ((ring(np.linspace(0, np.pi, 61), r[:, None]) - poles[0, 0]) / (poles[-1, -1] - poles[0, 0]))[:, :2].T
     B, C = (_powers(x, len(poles) - 1) for x in (u, v))
     assert np.abs(np.einsum("ka,kb,ab->k", B, C, poles[..., 2])).max() < 0.5
     assert gap < 0.4
+
+
+def test_the_gap_of_a_trimmed_face_is_found_along_a_long_edge():
+    """A long curved edge and four short ones of a region on a ball of 4 m; eight steps of each saw half of the gap."""
+    corners = np.array([[0, 0], [2400, 0], [2400, 300], [2200, 500], [200, 500], [0, 300.0]])
+    model, loop = flat_model(corners)
+    for i, edge in enumerate(model.edges):
+        P = edge.poles.copy()
+        if i == 0:
+            P[1:3, [1, 4]] -= 700
+        x = np.linalg.norm(P[:, :2] - [1200, 200], axis=1)
+        P[:, 2], P[:, 5] = (np.sqrt(4000**2 - x**2) + z for z in (20, -20))
+        model.edges[i] = replace(edge, poles=P)
+    inside = np.array([[x, y, 0, x, y, 0] for x in np.linspace(300, 2100, 9) for y in (0, 150, 300.0)])
+    height = np.sqrt(4000**2 - ((inside[:, :2] - [1200, 200]) ** 2).sum(axis=1))
+    inside[:, 2], inside[:, 5] = height + 20, height - 20
+    face = trimmed_face(model, [loop], inside, 0.01, 5.0)
+    lines = np.concatenate([bernstein(np.linspace(0, 1, 400)) @ edge.poles for edge in model.edges])
+    assert face.gap == pytest.approx(float(heights_off(face.outer, lines[:, :3]).max()), rel=0.1)
+
+
+def heights_off(poles: np.ndarray, points: np.ndarray) -> np.ndarray:
+    """(k,) how far points (k, 3) are above or below a surface over a rectangle of the plan."""
+    ways = (poles[[-1, 0], [0, -1]] - poles[0, 0])[:, :2]
+    u, v = (ways / (ways**2).sum(axis=1)[:, None]) @ (points - poles[0, 0])[:, :2].T
+    B, C = (_powers(x, len(poles) - 1) for x in (u, v))
+    return np.abs(np.einsum("ka,kb,ab->k", B, C, poles[..., 2]) - points[:, 2])
+
+
+def test_edges_that_waves_keep_from_a_surface_are_near_enough_to_be_split():
+    """Waves of 1.5 mm along a strip of 3 m: no surface of the usual degrees is within .045 mm of its edges."""
+    x = np.linspace(-1500, 1500, 241)
+    edges = np.concatenate([np.stack(np.broadcast_arrays(x, y, 1.5 * np.sin(x / 160)), axis=1) for y in (-150, 150.0)])
+    inside = np.stack(np.broadcast_arrays(x[::8], 0.0, 1.5 * np.sin(x[::8] / 160)), axis=1)
+    _, gap, off = _surface(inside, edges, np.eye(3), 1e-3, 1.0)
+    assert gap <= SPLIT
+    assert off <= 1.0
+
+
+def test_a_parabola_is_itself_however_little_of_its_square_is_a_region():
+    """Poles that no point holds are those of the parabola, which second differences alone would flatten."""
+    x, y = np.meshgrid(np.linspace(0, 1000, 41), (0.0, 1.0), indexing="ij")
+    edges, inside = (
+        np.stack([a, 40 * b + 0.2 * a, a**2 / 2000 + a * b], axis=2).reshape(-1, 3) for a, b in ((x, y), (x, y / 2))
+    )
+    edges[:, 2], inside[:, 2] = ((P[:, 0] ** 2 + P[:, 1] ** 2) / 4000 for P in (edges, inside))
+    poles, gap, off = _surface(inside, edges, np.eye(3), 1e-3, 1.0)
+    assert max(gap, off) < 1e-3
+    corners = poles[[0, 0, -1, -1], [0, -1, 0, -1]]
+    np.testing.assert_allclose(corners[:, 2], (corners[:, :2] ** 2).sum(axis=1) / 4000, atol=1)
+
+
+def test_the_rectangle_of_a_strip_lies_along_it():
+    """At 30 degrees to both axes; a rectangle along them has six times the strip's area."""
+    strip = np.array([[x, y, 0.0] for x in np.linspace(0, 900, 46) for y in (-30, 30)])
+    c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
+    edges = strip @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
+    poles, _, _ = _surface(edges[:2], edges, np.eye(3), 1e-3, 1.0)
+    long, wide = np.linalg.norm(poles[[-1, 0], [0, -1]] - poles[0, 0], axis=1)
+    assert sorted([long, wide]) == pytest.approx([62, 902], abs=1e-6)
 
 
 def ring(turn, r) -> np.ndarray:
@@ -681,12 +741,12 @@ def test_members_of_which_occt_draws_no_solid_are_refused(here):
     made, off = member_draft(part, made_of := SmoothPlan(part)), DEFLECTION * made_of.limits.distance
     found, mesh = occt_check.whole_findings(None, made.text, off, 60)
     assert [one["valid"] for one in here] == [True]
-    assert max(_asked_as_a_solid(made_of, made, found, mesh)) < made_of.limits.distance
+    assert max(_asked_as_a_solid(part, made_of, made, found, mesh)) < made_of.limits.distance
     turned = replace(mesh, F=np.concatenate([mesh.F[:1, ::-1], mesh.F[1:]]))
     with pytest.raises(ExportError, match="3 edges have triangles that face opposite sides where OCCT draws it"):
-        _asked_as_a_solid(made_of, made, found, turned)
+        _asked_as_a_solid(part, made_of, made, found, turned)
     with pytest.raises(ExportError, match="no triangles of a face"):
-        _asked_as_a_solid(made_of, made, found, None)
+        _asked_as_a_solid(part, made_of, made, found, None)
 
 
 @pytest.mark.slow

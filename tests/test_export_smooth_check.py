@@ -24,6 +24,8 @@ def test_the_program_that_asks_occt_finds_what_is_found_here(tmp_path):
     there = json.loads(last_line(check.__file__, str(tmp_path / "a.step"), seconds=60))["solids"]
     assert there == here
     assert here[0]["volume"] == pytest.approx(shape.volume, rel=1e-3)
+    around = shape.bounding_box()
+    assert here[0]["box"] == pytest.approx([*around.min, *around.max], abs=40)
 
 
 COPIED = """

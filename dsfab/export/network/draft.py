@@ -22,7 +22,7 @@ from dsfab.export.network.quads import REACH, quads_of
 from dsfab.export.network.seams import with_steep_ends
 from dsfab.export.network.straightening import straightened
 from dsfab.export.network.text import NetText
-from dsfab.export.network.trimmed import TrimmedFace, trimmed_face
+from dsfab.export.network.trimmed import SPLIT, TrimmedFace, trimmed_face
 from dsfab.export.part import Part
 from dsfab.export.plate_text import Entities
 from dsfab.export.smooth.edges import FLAT
@@ -170,9 +170,10 @@ def _trimmed_faces(
         if len(loops) == 1 and (known := fits.faces.get((region, outlines[region]))):
             found[region] = replace(known, loops=loops)
     new = [region for region in model.trimmed if region not in found]
+    wanted, near = NARROW * plan.limits.thickness, plan.limits.distance
     for region, inside in _inside(net, sheet, fits.lifting, new).items():
         try:
-            face = trimmed_face(model, model.trimmed[region], inside, NARROW * plan.limits.thickness, region in parts)
+            face = trimmed_face(model, model.trimmed[region], inside, wanted, near, region in parts)
             found[region] = fits.faces[region, outlines[region]] = face
         except ExportError:
             if region not in model.compact:
@@ -181,9 +182,9 @@ def _trimmed_faces(
 
 
 def _close(face: TrimmedFace | None, plan: SmoothPlan) -> bool:
-    """Whether a trimmed face is as near to its edges and to the sheet as patches would be."""
+    """Whether a trimmed face can be cut wherever patches can, and is as near to the sheet."""
     near = FLAT * plan.limits.distance
-    return face is not None and face.gap <= NARROW * plan.limits.thickness and face.off <= near
+    return face is not None and face.gap <= SPLIT and face.off <= near
 
 
 def _divided(

@@ -3,9 +3,10 @@
     python -P check.py FILE [FOLDER DEFLECTION [whole]]
 
 prints one line of JSON, {"solids": [{...}, ...]}, in the order of the file; each with `valid`, `closed`, `tessellates`,
-`faces`, `volume` (cubic millimetres), `gap` (millimetres: the largest distance between an edge and its curve on a face,
-measured, whatever tolerance it was given), and `bad`, the ends (k, 3) of the edges that cross others. A solid that is
-not valid gets no triangles, and one without them no volume: it is refused, and they take most of the time.
+`faces`, `volume` (cubic millimetres), `box` (its lowest corner and its highest one, as OCCT bounds it), `gap`
+(millimetres: the largest distance between an edge and its curve on a face, measured, whatever tolerance it was given),
+and `bad`, the ends (k, 3) of the edges that cross others. A solid that is not valid gets no triangles, and one without
+them no volume: it is refused, and they take most of the time.
 The triangles of each solid, no farther than `DEFLECTION` millimetres from it, become `0.stl`, `1.stl` ... in `FOLDER`.
 With `whole` they are those that `step_mesh` draws of the file, and become what it writes, unless a solid is refused.
 Without arguments it loads OCCT and then reads them from its input, a list as one line of JSON.
@@ -184,6 +185,7 @@ def _findings(solid: Any, draw: Callable[[Any, list[Any]], bool], copies: bool) 
     from OCP.TopoDS import TopoDS
 
     faces = [TopoDS.Face(face) for face in _parts(solid, TopAbs_ShapeEnum.TopAbs_FACE)]
+    box = _box(solid)
     meanwhile = _Meanwhile(partial(_measures, solid, faces)) if copies else None
     checked = BRepCheck_Analyzer(solid, True, True)
     valid = bool(checked.IsValid())
@@ -199,6 +201,7 @@ def _findings(solid: Any, draw: Callable[[Any, list[Any]], bool], copies: bool) 
         "faces": len(faces),
         "volume": volume,
         "gap": gap,
+        "box": box,
         "bad": [] if valid else _crossing([face for face in faces if not checked.IsValid(face)] or faces),
     }
 
@@ -259,6 +262,17 @@ def _measures(solid: Any, faces: list[Any], volume: bool = True) -> tuple[float,
     """Its widest gap, millimetres, and its volume, cubic millimetres, or 0 where nobody wants to know."""
     gap = max((_gap(face) for face in faces), default=0.0)
     return gap, float(_beside("occt_volume.py").volume(solid)) if volume else 0.0
+
+
+def _box(solid: Any) -> list[float]:
+    """Its lowest corner and its highest one: surfaces beside their faces count, as they do in most programs."""
+    from OCP.Bnd import Bnd_Box
+    from OCP.BRepBndLib import BRepBndLib
+
+    box = Bnd_Box()
+    BRepBndLib.Add_s(solid, box, False)
+    low, high = box.CornerMin(), box.CornerMax()
+    return [low.X(), low.Y(), low.Z(), high.X(), high.Y(), high.Z()]
 
 
 def _gap(face: Any) -> float:

@@ -31,6 +31,7 @@ class OcctFinding:
     faces: int
     volume: float
     gap: float
+    box: list[float]
     bad: Floats
     V: Floats
     F: Ints
