@@ -5,6 +5,7 @@ creases     : where patches have to end; sides : what is different on both sides
 graph       : the sheet's regions, and the chains of edges between them.
 fillets     : round corners of openings taken into the members beside them.
 joining     : chains of an outline that are one.
+bends       : regions that bend too much, divided by seams.
 seams       : borders between members, ended where they meet round corners steeply.
 straightening : chains between material, without those that run out and back.
 curves      : the chains as cubics, one for both skins.

@@ -14,7 +14,7 @@ import numpy as np
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.export.network.curves import ChainCurve
 from dsfab.export.network.graph import VOID, ChainNet, Loop
-from dsfab.export.network.trimmed import axes_of, middle_normal
+from dsfab.export.network.trimmed import axes_of, middle_normal, signed_area
 from dsfab.export.splines import bernstein
 
 SEGMENTS = 600
@@ -29,7 +29,7 @@ TOUCHING = 1 / 400
 
 def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int, near: float = 0.0) -> set[int]:
     """The chains of a region that cross others of it, seen along the normal of its middle; or that come within `near`,
-    millimetres, of a corner where they do not end, and those that end there."""
+    millimetres, of a corner where they do not end, and those that end there. All of one that is inside out."""
     steps = [step for loop in net.loops[region] for step in loop]
     spans = [len(curves[k].spans) for k, _ in steps]
     fine = int(np.clip(SEGMENTS // sum(spans), 4, FINEST))
@@ -41,6 +41,8 @@ def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int
     found = set[int]()
     for some in (slice(3), slice(3, 6)):
         seen = [line[:, some] @ plane for line in lines]
+        if sum(signed_area(line) for line in seen) <= 0:
+            return set(chain.tolist())  # so narrow that its sides are on the wrong side of each other
         found.update(chain[crossing_segments(seen)].tolist())
         corner, segment = np.nonzero(away & (_distances(seen, first) < near))
         found.update(chain[segment].tolist())

@@ -8,6 +8,7 @@ from scipy.sparse import csr_array, vstack
 
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError
+from dsfab.export.network.bends import level
 from dsfab.export.network.crossings import TOUCHING, crossing_chains, without_crossings
 from dsfab.export.network.curves import SampledChain, sampled_chains
 from dsfab.export.network.dividing import divided
@@ -58,6 +59,10 @@ FEWER_WALLS = 3 / 4
 others."""
 
 
+FEWER_FACES = 0.95
+"""Of a first model that are left, at least, once regions whose outlines cross themselves have joined others."""
+
+
 class ManyFacesError(ExportError):
     """A file with more faces than are made unasked; asked for by name, it is made."""
 
@@ -95,7 +100,7 @@ def _draft(part: Part, plan: SmoothPlan) -> MemberDraft:
         net = _net(sheet, lifting, plan)
         walls = sum(chain.right == VOID for chain in net.chains.values())
         _require_few(part, 2 * len(net.loops) + int(FEWER_WALLS * walls))
-        model, surfaces = _solid(net, sheet, lifting, plan)
+        model, surfaces = _solid(part, net, sheet, lifting, plan)
         added = NetText(new, model, plan.limits.thickness).faces(surfaces)
         faces += added
         shells += [count] * len(added)
@@ -131,16 +136,17 @@ def _net(sheet: StripedSheet, lifting: Lifting, plan: SmoothPlan) -> ChainNet:
     net = net_of(sheet, plan.surface.V, skins.normals, t / MM_PER_M, creased)
     net = without_fillets(net, lifting)
     P, N = (np.asarray(net.weights @ x) for x in (skins.points, skins.normals))
-    net = joined_outlines(without_lenses(net, P, LENS * t), P, N)
-    return straightened(with_steep_ends(net, lifting, t), lifting, t)
+    net = with_steep_ends(joined_outlines(without_lenses(net, P, LENS * t), P, N), lifting, t)
+    return straightened(level(net, sheet, lifting, plan.limits), lifting, t)
 
 
 def _solid(
-    net: ChainNet, sheet: StripedSheet, lifting: Lifting, plan: SmoothPlan
+    part: Part, net: ChainNet, sheet: StripedSheet, lifting: Lifting, plan: SmoothPlan
 ) -> tuple[NetModel, list[TrimmedFace]]:
     """The model of a piece, and its faces without four sides."""
     fits = _Fits(lifting, plan)
     lines, model = fits.model(net)
+    _require_few(part, int(FEWER_FACES * model.faces))
     known = dict[int, bytes]()
     for _ in range(PASSES):
         outlines = _outlines(net, lines, model)

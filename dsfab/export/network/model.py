@@ -63,6 +63,11 @@ class NetModel:
     trimmed: dict[int, list[Loop]] = field(default_factory=dict)
     compact: frozenset[int] = frozenset()
 
+    @property
+    def faces(self) -> int:
+        """How many the solid has."""
+        return 2 * (len(self.patches) + len(self.trimmed)) + len(self.walls)
+
     def outline(self, loops: Iterable[Loop]) -> bytes:
         """The poles along loops of edges: equal where the curves are, whatever the edges' numbers."""
         steps = [step for loop in loops for step in loop]

@@ -80,7 +80,7 @@ def trimmed_face(
     if (_across(allowed) @ mean).min() < SEEN:
         raise ExportError("a region without four sides bends too much for one surface")
     axes = axes_of(mean)
-    area = [_area(line[:, :3] @ axes[:2].T) for line in lines]
+    area = [signed_area(line[:, :3] @ axes[:2].T) for line in lines]
     order = sorted(range(len(loops)), key=lambda i: -area[i])
     if sum(a > 0 for a in area) != 1:
         raise ExportError("a region without four sides has no single outline")
@@ -129,7 +129,7 @@ def axes_of(normal: Floats) -> Floats:
     return np.stack([along, np.cross(normal, along), normal])
 
 
-def _area(P: Floats) -> float:
+def signed_area(P: Floats) -> float:
     """Of a closed line in the plane (k, 2), positive counter-clockwise."""
     x, y = P.T
     return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
