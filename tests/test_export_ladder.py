@@ -27,7 +27,7 @@ from dsfab.export import (
 from dsfab.export.budget import BudgetError
 from dsfab.export.network import build as network_build
 from dsfab.export.network.build import MemberFile, NotByMembersError
-from dsfab.export.network.draft import MemberDraft
+from dsfab.export.network.draft import ManyFacesError, MemberDraft, _require_few
 from dsfab.export.part import part_of
 from dsfab.export.plate import NotFlatError
 from dsfab.export.smooth import build, plan
@@ -98,6 +98,29 @@ def test_members_are_tried_before_the_smooth_solid_and_facets(slow_vault):
     assert tried("auto", lambda: striped) == [("members", 1), ("smooth", 1), ("faceted", 0)]
     assert tried("auto", lambda: replace(striped, striped=None))[:2] == [("smooth", 1), ("faceted", 0)]
     assert tried("quick", lambda: striped)[:2] == [("smooth", ladder.LONGER), ("faceted", 0)]
+
+
+def test_members_too_many_to_be_tried_at_first_are_made_before_smooth_however_long(slow_vault, monkeypatch):
+    """Where facets are over the budget, and members were refused for their number alone."""
+    solid, curved = slow_vault
+    part = replace(ladder.prepare(part_of(solid, "a", 60)), step="auto")
+    striped = replace(curved(), striped=lambda: pytest.fail("stripes were asked for"))
+
+    def last():
+        asked = list[tuple[str, int]]()
+        for one in ladder.attempts(replace(part, curved=lambda: striped)):
+            if not isinstance(one, BudgetError) and one.step != "faceted":
+                asked.append((one.step, one.hurry))
+            if asked == [("members", 1)] and many:
+                with pytest.raises(ManyFacesError, match="more than 7000"):
+                    _require_few(one, 7001)
+        return asked[2:]
+
+    many = False
+    assert last() == [("smooth", 0)]
+    many = True
+    assert last() == [("members", ladder.MANY), ("smooth", 0)]
+    _require_few(replace(part, hurry=ladder.MANY), 7001)
 
 
 def test_quick_gives_up_what_takes_however_long(tmp_path, slow_vault, here, unread, monkeypatch):

@@ -1,11 +1,11 @@
 """In which ways a STEP file is tried, the best first, and what is said about the one that was taken.
 
 planar -> planar, tighter -> by members, where these are few -> smooth, where it is soon made -> faceted -> simplified
-                                                         -> smooth, however long it takes -> simplified further
+                            -> by members, where these are many -> smooth, however long it takes -> simplified further
 by members -> smooth, however long it takes -> faceted, where it is asked for by name
 
-That is `auto`, by members only where the stripes are known. `quick` is the same without the smooth one that takes
-however long, and by members only where an open sheet has creases: a smooth file rounds them off. The next way is tried
+That is `auto`, by members only where the stripes are known. `quick` is the same without the last two that take long,
+and by members only where an open sheet has creases: a smooth file rounds them off. The next way is tried
 when one is refused: for the shape, by the budget, before anything is written, or for what OCCT finds in the file.
 """
 
@@ -20,6 +20,7 @@ from dsfab.export.budget import BudgetError, none_within
 from dsfab.export.folds import flat_facets, folded_sheet
 from dsfab.export.network.build import NotByMembersError, member_file
 from dsfab.export.network.creases import crease_edges
+from dsfab.export.network.draft import has_too_many
 from dsfab.export.part import Part, without_collapsed
 from dsfab.export.plate import NotFlatError, outlines_of
 from dsfab.export.sampled_use import smooth_use
@@ -38,6 +39,10 @@ TIGHTER = 1 / 4
 
 LONGER = 3
 """Times the walls that `auto` tries to make smooth at first: `quick` has no other chance."""
+
+MANY = 2
+"""Times the faces that `auto` makes by members at first, where facets are over the budget: what is left is smooth only,
+and CAD programs fail to cut that (of eight cuts of a cylinder at 45 degrees all)."""
 
 FAR = 2
 """Times the faces of the budget: what has more is not halved by simplifying it further."""
@@ -77,8 +82,9 @@ def attempts(part: Part) -> Iterator[Part | BudgetError]:
             if planar.tolerance:
                 yield replace(planar, tolerance=TIGHTER * planar.tolerance)
     curved, quick = chosen and part.curved is not None and not flat, part.step == "quick"
+    members = replace(part, step="members", hurry=1)
     if curved and _worth_members(part):
-        yield replace(part, step="members", hurry=1)
+        yield members
     if part.step == "smooth" or curved:
         yield replace(part, step="smooth", hurry=(LONGER if quick else 1) if curved else 0, cut=curved and not quick)
     if part.step == "tessellated":
@@ -90,7 +96,7 @@ def attempts(part: Part) -> Iterator[Part | BudgetError]:
         else:
             yield faceted
     if chosen:
-        yield from _last(faceted, curved and part.step == "auto", part.step == "quick")
+        yield from _last(faceted, members if curved and not quick else None, quick)
 
 
 def _worth_members(part: Part) -> bool:
@@ -117,17 +123,20 @@ def _curved(part: Part) -> Curved | None:
         return None
 
 
-def _last(part: Part, curved: bool, quick: bool) -> Iterator[Part | BudgetError]:
-    """What is left for a faceted part that was refused; smooth, however long that takes, if `curved`.
+def _last(part: Part, members: Part | None, quick: bool) -> Iterator[Part | BudgetError]:
+    """What is left for a faceted part that was refused.
 
-    quick : whether nothing more is tried where the first simplification is far over the budget.
+    members : the same by members, where ways that take long are tried too.
+    quick   : whether nothing more is tried where the first simplification is far over the budget.
     """
     far = False
     if not part.tolerance:
         for simple in _simpler(part, usual_tolerance(part)):
             far = isinstance(simple, BudgetError) and simple.faces > FAR * part.step_faces
             yield simple
-    if curved:
+    if members:
+        if has_too_many(members):
+            yield replace(members, hurry=MANY)
         yield replace(part, step="smooth", cut=True)
     if not part.tolerance and not (quick and far):
         yield from _simpler(part, FURTHER * usual_tolerance(part))
@@ -188,14 +197,19 @@ def route_sentence(part: Part, refused: Sequence[ExportError]) -> str:
     if part.step == "tessellated":
         return f"STEP is tessellated: {tessellated.WARNING}"
     if part.step == "members":
-        return f"STEP is by members, {member_file(part).told}"
+        return f"STEP is by members, {member_file(part).told}{_slow(refused) if part.hurry > 1 else ''}"
     if part.step == "smooth":
-        over = " and ".join(reasons([one for one in refused if isinstance(one, BudgetError)]))
-        slow = f"; made however long it took, since {over}" if over and not part.hurry else ""
+        slow = "" if part.hurry else _slow(refused)
         return f"STEP is smooth, {smooth_file(part).told}{slow}{_not_by_members(refused)}; {_cut_told(part, refused)}"
     why = "; ".join(reasons(refused))
     note = f", {part.note}" if part.note else ""
     return f"STEP is faceted{note}" + (f": {why}" if why else "")
+
+
+def _slow(refused: Sequence[ExportError]) -> str:
+    """Why a way that takes long was taken: what is quicker was over the budget."""
+    over = " and ".join(reasons([one for one in refused if isinstance(one, BudgetError)]))
+    return f"; made however long it took, since {over}" if over else ""
 
 
 def _cut_told(part: Part, refused: Sequence[ExportError]) -> str:

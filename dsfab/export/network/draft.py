@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from weakref import WeakSet
 
 import numpy as np
 from scipy.sparse import csr_array, vstack
@@ -52,7 +53,7 @@ PASSES = 3
 """Looks at outlines that cross themselves; what one pass joins or leaves whole may cross anew."""
 
 UNASKED = 7000
-"""Faces of a file that nobody asked for by name: making it and having OCCT read it takes 26 CPU seconds."""
+"""Faces of a file that nobody asked for by name, where a part is in a hurry of 1: more take half a minute."""
 
 FEWER_WALLS = 3 / 4
 """Walls for each chain of an outline, at least: a fifteenth of those of `hypar.obj` and of a cylinder are one with
@@ -112,11 +113,21 @@ def _draft(part: Part, plan: SmoothPlan) -> MemberDraft:
     return MemberDraft(text, count, len(faces), 2 * len(trimmed), max((one.gap for one in trimmed), default=0.0))
 
 
+_MANY = WeakSet[Part]()
+
+
+def has_too_many(part: Part) -> bool:
+    """Whether a part was refused for its number of faces alone."""
+    return part in _MANY
+
+
 def _require_few(part: Part, faces: int) -> None:
     """Raise ExportError where nobody asked for so many faces, or more."""
-    if part.hurry and faces > UNASKED:
+    most = part.hurry * UNASKED
+    if part.hurry and faces > most:
+        _MANY.add(part)
         raise ManyFacesError(
-            f"by members it would have at least {faces} faces, more than {UNASKED}, which take too long to be tried "
+            f"by members it would have at least {faces} faces, more than {most}, which take too long to be tried "
             "unasked; ask for step = 'members'"
         )
 
