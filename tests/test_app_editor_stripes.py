@@ -349,6 +349,7 @@ CUT = "!!dsfab.viewer.sheet.cut && !dsfab.stale"
 
 
 @seen_in_a_page
+@pytest.mark.slow
 def test_at_rest_the_page_shows_the_sheet_that_is_built(page):
     """Seen from above: material where the server's sheet has it, and openings where it has none."""
     round_ = {**SPACED, "pattern.minor.spacing": 1.1, "pattern.fillet": 0.25}
