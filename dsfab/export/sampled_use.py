@@ -95,8 +95,11 @@ def _file(content: bytes, suffix: str = ".step") -> Iterator[Path]:
         yield path
 
 
-def box_fault(part: Part, bounds: list[float], limits: Limits) -> str:
-    """What is wrong with a box, six numbers in millimetres, that OCCT finds around a part's file; "" if nothing is."""
+def box_fault(part: Part, bounds: list[float], limits: Limits, share: float = BOX) -> str:
+    """What is wrong with a box, six numbers in millimetres, that OCCT finds around a part's file; "" if nothing is.
+
+    share : of the part's size that it may be off.
+    """
     size = float(np.linalg.norm(np.ptp(part.box, axis=0)))
     off = float(np.abs(np.array(bounds).reshape(2, 3) - part.box).max())
-    return f"OCCT's box of it is {off:.3g} mm off" if off > BOX * size + limits.distance + limits.usual else ""
+    return f"OCCT's box of it is {off:.3g} mm off" if off > share * size + limits.distance + limits.usual else ""
