@@ -330,7 +330,7 @@ def test_the_figures_are_those_of_the_tidied_sheet(loose):
 
 def test_the_page_gets_the_sheet_that_is_built(loose):
     made, cut, _ = loose
-    arrays = unpacked(packed(*settled(made, cut.sheet)))[1]
+    arrays = unpacked(packed({}, settled(made, cut.sheet)))[1]
     sheet, chart = cut.sheet.surface, made.pattern.even.chart.surface
     middle = (made.surface.V.min(axis=0) + made.surface.V.max(axis=0)) / 2
     F = arrays["F"].reshape(-1, 3)

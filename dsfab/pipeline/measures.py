@@ -5,7 +5,6 @@ from dataclasses import replace
 from functools import partial
 from typing import NamedTuple, Protocol
 
-import igl
 import numpy as np
 from scipy.sparse import csr_array, eye_array
 from scipy.spatial import cKDTree
@@ -22,7 +21,7 @@ from dsfab.slicing.arms import Arms, arms
 from dsfab.slicing.dead_ends import DeadEnds
 from dsfab.slicing.drawn import Drawn
 from dsfab.slicing.pattern_quality import FamilyQuality, PatternQuality, pattern_quality
-from dsfab.surface import Surface, centroid, connected, nearest
+from dsfab.surface import Surface, centroid, connected, nearest, weights_at
 from dsfab.surface.corner_field import CornerField
 from dsfab.surface.divided import DividedField
 
@@ -223,8 +222,7 @@ def _material(drawn: Drawn, points: Floats) -> Bools:
     """(p,) whether the nearest point of the sheet to points (p, 3) is material."""
     V, F = drawn.surface.V, drawn.surface.F
     _, face, place = nearest(points, V, F)
-    corner = F[face]
-    at = igl.barycentric_coordinates(place, *(np.ascontiguousarray(V[corner[:, i]]) for i in range(3)))
+    at = weights_at(place, V, F[face])
     return drawn.inside(0, face, at) | drawn.inside(1, face, at) | drawn.is_kept(face, at)
 
 

@@ -39,7 +39,7 @@ from dsfab.surface.mirrors import (
     round_axis,
 )
 from dsfab.surface.names import load_names, support_names
-from dsfab.surface.nearest import NearestPlaces, nearest
+from dsfab.surface.nearest import NearestPlaces, nearest, weights_at
 from dsfab.surface.neighbours import spanned_edges
 from dsfab.surface.orientation import Up, upright
 from dsfab.surface.outlines import Brush, ClosedCurves, PlanPolygon, self_contained
@@ -183,5 +183,6 @@ __all__ = [
     "twin_remarks",
     "unit_guess",
     "upright",
+    "weights_at",
     "with_regions",
 ]

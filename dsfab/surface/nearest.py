@@ -31,3 +31,8 @@ def nearest(points: Floats, V: Floats, simplices: Ints) -> NearestPlaces:
     given = (np.ascontiguousarray(x) for x in (points, V, simplices))
     squared, simplex, place = igl.point_mesh_squared_distance(*given)
     return NearestPlaces(np.asarray(squared), np.asarray(simplex, dtype=np.int64), np.asarray(place))
+
+
+def weights_at(places: Floats, V: Floats, corners: Ints) -> Floats:
+    """(k, 3) barycentric weights of places (k, 3) in triangles with corners (k, 3) of V (n, 3)."""
+    return np.asarray(igl.barycentric_coordinates(places, *(np.ascontiguousarray(V[corners[:, i]]) for i in range(3))))

@@ -239,7 +239,7 @@ class Session:
 
         with self._lock:
             last = self._cut
-        return packed(*settled(last[0].draft, last[1])) if last and last[0].number == draft else b""
+        return packed({}, settled(last[0].draft, last[1])) if last and last[0].number == draft else b""
 
     def _model(self, shown: SessionView, have: int) -> bytes:
         facts, arrays = widths(shown.draft)

@@ -9,52 +9,39 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dsfab.arrays import Floats, Ints
 from dsfab.pipeline import Design
 from dsfab.render.striped_mesh import StripedMesh
 from dsfab.slicing import Sheet
-from dsfab.surface import Surface
-from dsfab.surface.nearest import nearest
+from dsfab.surface import nearest, weights_at
 
 TINTS = ("major", "minor")
 """Families that have colours of their own; what else is kept shares the one after these."""
 
 
-def settled(made: Design, sheet: Sheet) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """No facts, and arrays of a sheet of k vertices, one for each family that meets there, and m faces.
+def settled(made: Design, sheet: Sheet) -> dict[str, NDArray[Any]]:
+    """Arrays of a sheet of k vertices, one for each family that meets there, and m faces.
 
     V : (k, 3) metres from the middle of the surface.    F : (m, 3).    E : (e, 2) sides of its outlines.
     tint : (k,) 0 major, 1 minor, 2 what else is kept.    normals : (k, 3) unit, of the uncut surface.
     corners, shares : (k, 3) each, vertices of the mesh that stripes are drawn on, and barycentric weights there.
     """
-    surface, drawn = sheet.surface, StripedMesh.of(made)
+    surface, drawn = sheet.surface, StripedMesh.of(made).surface
     tints = np.array([TINTS.index(name) if name in TINTS else len(TINTS) for name in made.pattern.names])
     tint = np.repeat(tints[sheet.family], 3)
     pairs, F = np.unique(surface.F.ravel() * (len(TINTS) + 1) + tint, return_inverse=True)
     vertex = pairs // (len(TINTS) + 1)
     V = surface.V[vertex]
-    corners, shares = _places(V, drawn.surface)
+    there = nearest(V, drawn.V, drawn.F)
+    corners = drawn.F[there.simplex]
     normals = sheet.carry_corners(made.surface.vertex_normals[made.surface.F], made.surface.F)[vertex]
     middle = (made.surface.V.min(axis=0) + made.surface.V.max(axis=0)) / 2
     outline = surface.edges.ends[surface.edges.count == 1]
-    return {}, {
+    return {
         "V": V - middle,
         "F": F.reshape(-1, 3),
         "E": np.searchsorted(vertex, outline),
         "tint": (pairs % (len(TINTS) + 1)).astype(float),
         "normals": normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny),
         "corners": corners,
-        "shares": shares,
+        "shares": np.clip(weights_at(there.place, drawn.V, corners), 0.0, 1.0),
     }
-
-
-def _places(points: Floats, surface: Surface) -> tuple[Ints, Floats]:
-    """Vertices (k, 3) of the faces next to points (k, 3), and the points' barycentric weights (k, 3) in them."""
-    found = nearest(points, surface.V, surface.F)
-    corners = surface.F[found.simplex]
-    a, b, c = (surface.V[corners[:, i]] for i in range(3))
-    u, v, w = b - a, c - a, found.place - a
-    uu, uv, vv, wu, wv = (np.einsum("ij,ij->i", x, y) for x, y in ((u, u), (u, v), (v, v), (w, u), (w, v)))
-    area = np.maximum(uu * vv - uv * uv, np.finfo(float).tiny)
-    one, two = (vv * wu - uv * wv) / area, (uu * wv - uv * wu) / area
-    return corners, np.clip(np.stack([1 - one - two, one, two], axis=1), 0.0, 1.0)

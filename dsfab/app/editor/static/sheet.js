@@ -73,17 +73,12 @@ export class Sheet extends THREE.Mesh {
   /** Another structure, see payload.py. */
   shape({ facts, arrays }) {
     const n = arrays.V.length / 3;
-    const made = new THREE.BufferGeometry();
-    const add = (name, array, size) => made.setAttribute(name, new THREE.BufferAttribute(array, size));
-    made.setIndex(new THREE.BufferAttribute(arrays.F, 1));
-    add('position', arrays.V, 3);
-    add('normal', arrays.normals, 3);
-    add('kept', arrays.kept, 2);
-    add('moved', arrays.u, 3);
-    add('modeU', arrays.major.subarray(0, n), 1);
-    add('modeW', arrays.minor.subarray(0, n), 1);
-    add('halfWidth', arrays.kept, 2); // until widths are known
-    add('value', arrays.stress, 1);
+    const made = geometryOf(arrays.F, {
+      position: [arrays.V, 3], normal: [arrays.normals, 3], kept: [arrays.kept, 2], moved: [arrays.u, 3],
+      modeU: [arrays.major.subarray(0, n), 1], modeW: [arrays.minor.subarray(0, n), 1],
+      halfWidth: [arrays.kept, 2], // until widths are known
+      value: [arrays.stress, 1],
+    });
     this.live.dispose();
     this.live = made;
     this.modes = [1, 1];
@@ -95,16 +90,14 @@ export class Sheet extends THREE.Mesh {
   /** The sheet that was cut of what is drawn, see settled.py, drawn in its place. */
   settle({ arrays }) {
     this.uncut();
-    const made = new THREE.BufferGeometry();
-    const add = (name, array, size) => made.setAttribute(name, new THREE.BufferAttribute(array, size));
-    made.setIndex(new THREE.BufferAttribute(arrays.F, 1));
-    add('position', arrays.V, 3);
-    add('normal', arrays.normals, 3);
-    add('tint', arrays.tint, 1);
-    this.cut = { geometry: made, arrays };
-    for (const name of ['moved', 'value']) add(name, this.carried(this.live.getAttribute(name)), this.live.getAttribute(name).itemSize);
+    const here = (name) => carried(this.live.getAttribute(name), arrays);
+    const geometry = geometryOf(arrays.F, {
+      position: [arrays.V, 3], normal: [arrays.normals, 3], tint: [arrays.tint, 1],
+      moved: [here('moved'), 3], value: [here('value'), 1],
+    });
+    this.cut = { geometry, arrays };
     const edges = new THREE.BufferGeometry();
-    for (const name of Object.keys(made.attributes)) edges.setAttribute(name, made.getAttribute(name));
+    Object.assign(edges.attributes, geometry.attributes); // the same, of which another index draws lines
     edges.setIndex(new THREE.BufferAttribute(arrays.E, 1));
     this.outline.geometry = edges;
     this.want({});
@@ -116,17 +109,6 @@ export class Sheet extends THREE.Mesh {
     this.outline.geometry.dispose();
     this.cut = null;
     this.want({});
-  }
-
-  /** Values at the vertices of the whole surface, at those of the cut sheet. */
-  carried({ array, itemSize }) {
-    const { corners, shares } = this.cut.arrays;
-    const found = new Float32Array((corners.length / 3) * itemSize);
-    for (let i = 0; i < corners.length; i += 1) {
-      const to = Math.trunc(i / 3) * itemSize;
-      for (let k = 0; k < itemSize; k += 1) found[to + k] += shares[i] * array[corners[i] * itemSize + k];
-    }
-    return found;
   }
 
   /** What pattern.js makes of a pattern. */
@@ -150,7 +132,7 @@ export class Sheet extends THREE.Mesh {
   put(name, values) {
     replace(this.live.getAttribute(name), values);
     const there = this.cut?.geometry.getAttribute(name);
-    if (there) replace(there, this.carried(this.live.getAttribute(name)));
+    if (there) replace(there, carried(this.live.getAttribute(name), this.cut.arrays));
   }
 
   /** Colours: three of families; or values (n,) from low x limit to limit on a ramp [[r, g, b], ...] of bytes. */
@@ -173,6 +155,24 @@ export class Sheet extends THREE.Mesh {
     if (plane) this.uniforms.uSection.value = plane;
     this.want({ SECTION: Boolean(plane) });
   }
+}
+
+/** Triangles F with columns { name: [array, numbers of each vertex] }. */
+function geometryOf(F, columns) {
+  const made = new THREE.BufferGeometry();
+  made.setIndex(new THREE.BufferAttribute(F, 1));
+  for (const [name, [array, size]] of Object.entries(columns)) made.setAttribute(name, new THREE.BufferAttribute(array, size));
+  return made;
+}
+
+/** Values at the vertices of the whole surface, at those of the cut sheet. */
+function carried({ array, itemSize }, { corners, shares }) {
+  const found = new Float32Array((corners.length / 3) * itemSize);
+  for (let i = 0; i < corners.length; i += 1) {
+    const to = Math.trunc(i / 3) * itemSize;
+    for (let k = 0; k < itemSize; k += 1) found[to + k] += shares[i] * array[corners[i] * itemSize + k];
+  }
+  return found;
 }
 
 function replace(attribute, values) {
