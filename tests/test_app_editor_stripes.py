@@ -408,3 +408,28 @@ def test_the_sheet_has_the_values_of_the_surface(page):
 def test_nothing_went_wrong(page):
     until(page, READY)
     assert page.errors == []
+
+
+LINES = """(() => { const { viewer } = dsfab, { gl, canvas } = viewer, { outline } = viewer.sheet, w = canvas.width;
+    const bytes = () => { viewer.draw(); const out = new Uint8Array(4 * w * canvas.height);
+        gl.readPixels(0, 0, w, canvas.height, gl.RGBA, gl.UNSIGNED_BYTE, out); return out; };
+    outline.visible = false; const plain = bytes();
+    outline.visible = true; const lined = bytes();
+    const apart = (a, i, b, j) => Math.max(...[0, 1, 2].map((c) => Math.abs(a[i + c] - b[j + c])));
+    const around = [-2, -1, 0, 1, 2].flatMap((x) => [-2, -1, 0, 1, 2].map((y) => 4 * (x + w * y)));
+    let [drawn, inside] = [0, 0];
+    for (let i = 8 * w + 8; i < plain.length - 8 * w - 8; i += 4) {
+        if (apart(plain, i, lined, i) < 16) continue;
+        drawn += 1;
+        inside += around.every((j) => apart(plain, i, plain, i + j) < 8);
+    }
+    return drawn && [drawn, inside]; })()  // 0 until there are lines"""
+
+
+@seen_in_a_page
+def test_no_line_is_seen_through_the_sheet(page):
+    """Outlines behind the crown stood on it: a line is drawn where the sheet ends, not where all around is sheet."""
+    until(page, CUT)
+    page.run("dsfab.views.view({layers: [], colour: 'plain'}); dsfab.views.look('iso')")
+    drawn, inside = until(page, LINES)
+    assert inside < 0.001 * drawn

@@ -4,6 +4,9 @@ import numpy as np
 import pytest
 
 from dsfab.slicing import Sheet, Tidy, cut, material_area, straight_bars
+from dsfab.slicing.cells import Cells
+from dsfab.slicing.fair_bar import FairBar
+from dsfab.slicing.polygon_mesh import PolygonMesh
 from dsfab.surface.corner_field import CornerField
 from dsfab.surface.topology import manifold_faults
 from tests.test_slicing_stubs import FRAME, HALF, HIGH, LONG, PLATE, blank_face, material, parts
@@ -13,13 +16,13 @@ LEFT, RIGHT = 1.1, 3.9
 """Where the two posts, .2 wide, end towards each other."""
 
 
-def sheet_of(rise: float, snap: float = 0.0) -> Sheet:
+def sheet_of(rise: float, snap: float = 0.0, blank: tuple[float, float] = (AT + 0.2, 1.5)) -> Sheet:
     """A stripe .3 wide from the left, that goes on higher by `rise` behind one column of faces; one of these is blank,
-    so that it is two stripes that meet in a node."""
+    so that it is two stripes that meet in a node, or passes by."""
     x, y, _ = PLATE.V.T
     z = y - LOW - rise * np.clip((x - AT) / STEP, 0, 1)
     band = np.stack([z + HALF, z - HALF], axis=1)
-    stripe = CornerField(band, np.ones((PLATE.m, 3)), np.zeros((PLATE.m, 3)), blank_face(AT + 0.2, 1.5))
+    stripe = CornerField(band, np.ones((PLATE.m, 3)), np.zeros((PLATE.m, 3)), blank_face(*blank))
     d = np.full(PLATE.n, 0.1)
     fields = [-np.minimum(y, HIGH - y), stripe, np.stack([x + d, x - d], axis=1)]
     levels = [[-FRAME], [0.0], [LEFT - 0.1, RIGHT + 0.1]]
@@ -69,3 +72,63 @@ def test_a_member_that_bends_stays(monkeypatch):
 def test_a_bar_that_would_lose_most_of_itself_stays(monkeypatch):
     monkeypatch.setattr(straight_bars, "LARGER", 1.0)
     assert sheet_of(0.2).stubs == 0
+
+
+BESIDE = (AT + 0.2, 1.85)
+"""In the row of faces above the stripe."""
+
+
+@pytest.mark.parametrize("rise", [0.2, -0.2])
+def test_a_stripe_that_is_thrown_aside_by_a_singular_point_gets_an_even_bow(rise, monkeypatch):
+    sheet = sheet_of(rise, blank=BESIDE)
+    assert sheet.stubs == 1
+    monkeypatch.setattr(straight_bars, "UNEVEN", 9.0)
+    jog = sheet_of(rise, blank=BESIDE)
+    assert jog.stubs == 0
+    steepest = [steepness(each) for each in (sheet, jog)]
+    assert steepest[1] == pytest.approx(abs(rise) / STEP)
+    assert steepest[0] < 0.4 * steepest[1]
+
+
+def test_a_stripe_beside_a_singular_point_that_is_even_stays():
+    assert sheet_of(0.03, blank=BESIDE).stubs == 0
+
+
+def test_a_jog_that_no_singular_point_explains_stays():
+    assert sheet_of(0.2, blank=(0.2, 2.7)).stubs == 0
+
+
+def steepness(sheet: Sheet) -> float:
+    """How steep the bar's walls are at most between the posts, of pieces that are longer than a few millimetres."""
+    surface, found = sheet.surface, []
+    for f, other in zip(*(side // 3 for side in surface.edges.pairs.T), strict=True):
+        if sheet.material[f] != sheet.material[other]:
+            a, b = surface.V[np.intersect1d(surface.F[f], surface.F[other])]
+            low, high = sorted((a[0], b[0]))
+            if low > LEFT + 0.1 and high < RIGHT - 0.1 and min(a[1], b[1]) > 1 and high - low > 0.02:
+                found.append(abs((b[1] - a[1]) / (b[0] - a[0])))
+    return max(found)
+
+
+def test_the_bow_of_a_bar_is_that_of_its_walls():
+    """A cubic through both ends, in quads between two posts, seen from above and from the other side."""
+    t = np.linspace(0, 1, 41)
+    middle = t * (1 - t) * (0.3 - 0.8 * t)
+    X = np.concatenate([np.stack([2 * t, middle + side, 0 * t], axis=1) for side in (-0.05, 0.05)])
+    X = np.vstack([X, [[-1, -1, 0], [-1, 1, 0], [3, -1, 0], [3, 1, 0]]])
+    quads = [[k, k + 1, k + 42, k + 41] for k in range(40)]
+    posts = [[82, 0, 41, 83], [40, 84, 85, 81]]
+    open_ = [[82, 84, *range(40, -1, -1)], [83, *range(41, 82), 85]]
+    polygons = [*quads, *posts, *open_]
+    for corners, sign in ((polygons, 1), ([polygon[::-1] for polygon in polygons], -1)):
+        sizes = [len(polygon) for polygon in corners]
+        cells = Cells(np.cumsum([0, *sizes]), np.concatenate(corners))
+        count = len(corners)
+        family = np.array([0] * 40 + [1] * 2 + [-1] * 2)
+        mesh = PolygonMesh.plain(np.zeros((0, 3), int), cells, X, None, np.zeros(count, int), family)
+        bar = FairBar.of(mesh, family == 0).bent(mesh)
+        assert bar.width == pytest.approx(0.1)
+        ahead = sign * (1 if bar.ends[1][0] > bar.ends[0][0] else -1)
+        a, b = bar.bow if bar.ends[1][0] > bar.ends[0][0] else (sum(bar.bow), -bar.bow[1])
+        assert (ahead * a, ahead * b) == pytest.approx((0.3, -0.8), abs=0.01)
+        assert bar.off(mesh) < 0.05

@@ -1,9 +1,12 @@
 """Loose ends of stripes: taken off as far as the member that they cross last, on a plate where areas are known."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 from dsfab.slicing import Tidy, cut, material_area
+from dsfab.slicing.polygon_mesh import PolygonMesh
 from dsfab.surface import Surface
 from dsfab.surface.topology import manifold_faults
 from tests.zoo import grid
@@ -98,3 +101,14 @@ def test_an_end_that_touches_two_others_beside_each_other_is_held_in_one_place(p
     whole, kept = (material_area(plate, drawn, levels, 0, tidy) for tidy in (None, loose))
     assert kept == pytest.approx((1 - 0.9**2 + 0.05**2) * plate.area, abs=1e-6)
     assert whole > kept * 1.2
+
+
+def test_a_stripe_that_meets_another_before_a_singular_point_is_divided_as_one_that_meets_it():
+    """Where both overlap it belongs to both: later members are to divide it as well, so that it has crossings."""
+    strip = grid(6, 1, 6.0, 1.0)
+    square = strip.V[strip.F].mean(axis=1)[:, 0].astype(int)
+    family, also = np.where(square < 3, 0, 1), np.where(square == 2, 1, -1)
+    mesh = replace(PolygonMesh.of(strip), family=family, also=also)
+    tidy = Tidy((True, True), (None, None), np.zeros(strip.n, dtype=bool))
+    assert np.array_equal(tidy.ends(mesh, 1, square == 1), square >= 2)
+    assert not tidy.ends(mesh, 1, square == 0).any()

@@ -98,7 +98,7 @@ def cut_polygons(
     if not 0 <= snap <= 0.4:
         raise PatternError(f"snap = {snap} must lie between 0 and 0.4")
     divided, on_parts = _division(fields)
-    mesh = PolygonMesh.of(surface, divided)
+    mesh, beside = PolygonMesh.of(surface, divided), list[Bools]()
     for k, (field, x, lines) in enumerate(zip(fields, values, steps, strict=True)):
         blank = np.zeros(surface.m, dtype=bool)
         if isinstance(field, CornerField):
@@ -112,15 +112,24 @@ def cut_polygons(
                 on_parts = {j: split.extended(y) for j, y in on_parts.items() if j > k}
         mesh = mesh.with_material(k, material, blank)
         if tidy:
-            mesh = replace(mesh, again=mesh.again | tidy.ends(mesh, k, blank))
+            beside.append(_beside(surface, blank))
+            mesh = replace(mesh, again=mesh.again | tidy.ends(mesh, k, blank | beside[k]))
     if not tidy:
         return mesh
     mesh = with_meeting_ends(mesh, fields, steps)
     nodes = (mesh.also == mesh.family) & ~mesh.void
     mesh, stubs = without_stubs(tidied(with_closed(mesh, tidy.closed), tidy), nodes, tidy)
     nodes = (mesh.also == mesh.family) & ~mesh.void
-    mesh, straight = with_straight_bars(mesh, nodes, tidy, surface.size)
+    near = ~mesh.void & np.array(beside)[mesh.family, mesh.parent]
+    mesh, straight = with_straight_bars(mesh, nodes, near, tidy, surface.size)
     return replace(mesh, stubs=stubs + straight)
+
+
+def _beside(surface: Surface, faces: Bools) -> Bools:
+    """(m,) faces that share a vertex with some (m,), and are none of them."""
+    touched = np.zeros(surface.n, dtype=bool)
+    touched[surface.F[faces]] = True
+    return np.asarray(touched[surface.F].any(axis=1) & ~faces)
 
 
 def _division(fields: Sequence[Field]) -> tuple[Divided | None, dict[int, Floats]]:

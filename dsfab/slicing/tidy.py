@@ -44,7 +44,7 @@ class Tidy:
 
     def ends(self, mesh: PolygonMesh, k: int, blank: Bools) -> Bools:
         """(c,) the material of field k that later fields must divide: stripes that meet a blank face (m,) or go off."""
-        mine = mesh.family == k
+        mine = (mesh.family == k) | (mesh.also == k)
         if not self.striped[k] or not mine.any():
             return np.zeros_like(mine)
         astray = self.astray[k]

@@ -71,9 +71,6 @@ void main() {
 #endif
 #endif
   gl_Position = projectionMatrix * eye;
-#ifdef EDGE
-  gl_Position.z -= 4e-4 * gl_Position.w;  // before the faces that it bounds
-#endif
 }`.replace('LIGHT', light());
 
 /** Of a normal towards the eye: a lamp over the left shoulder and a sky. */

@@ -45,6 +45,8 @@ export class Sheet extends THREE.Mesh {
       this.materials.set(key, new THREE.RawShaderMaterial({
         ...this.sources, uniforms: this.uniforms, defines: Object.fromEntries(names.map((name) => [name, ''])),
         glslVersion: THREE.GLSL3, side: THREE.DoubleSide, alphaToCoverage: Boolean(flags.SOFT),
+        // by a pixel of their slope behind the lines that bound them, which nothing else then lets through
+        polygonOffset: Boolean(flags.CUT && !flags.EDGE), polygonOffsetFactor: 1, polygonOffsetUnits: 4,
       }));
     }
     return this.materials.get(key);

@@ -1,0 +1,132 @@
+"""`FairBar`: a stretch of a stripe between two members, and the band of even width that it is meant to be.
+
+             across
+              |            ends  : the middles of both contacts
+======+       |     +==    bow   : how the middle leaves the straight line between them, a cubic through both ends
+      +--.    |  .--+      width : that of the narrower contact
+ ends o   `------`  o
+      +--.       .--+
+======+   `-----`   +==
+"""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from dsfab.arrays import Bools, Floats, Ints
+from dsfab.slicing.contacts import meeting
+from dsfab.slicing.polygon_mesh import PolygonMesh
+from dsfab.surface import connected
+
+OBLIQUE = 0.4
+"""No bar touches a member along more than so many times less than its width: it is a share of that length."""
+TINY = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class FairBar:
+    """A bar between two contacts as it will be.
+
+    cells : (c,) the polygons that it is now.    ends : (2, 3) the middles of its contacts, metres.
+    across, normal : (3,) unit.    width : metres.
+    bow   : (2,) a, b: its middle is t (1 - t) (a + b t) metres to the left at the share t of its length.
+    """
+
+    cells: Bools
+    ends: Floats
+    across: Floats
+    normal: Floats
+    width: float
+    bow: tuple[float, float] = (0.0, 0.0)
+
+    @classmethod
+    def of(cls, mesh: PolygonMesh, cells: Bools) -> Self | None:
+        """The straight bar of polygons (c,); None where it has not two contacts, or touches a member obliquely."""
+        contacts = _contacts(mesh, cells)
+        if len(contacts) != 2:
+            return None
+        ends, step = contacts.mean(axis=1), np.diff(contacts, axis=1)[:, 0]
+        here = cells[mesh.cells.owner]
+        spoke, ahead = (mesh.X[at[here]] - ends[0] for at in (mesh.cells.corner, mesh.cells.ahead(mesh.cells.corner)))
+        normal = np.cross(spoke, ahead).sum(axis=0)
+        normal /= np.linalg.norm(normal)
+        axis = ends[1] - ends[0]
+        across = np.cross(normal, axis / max(float(np.linalg.norm(axis)), TINY))
+        across /= max(float(np.linalg.norm(across)), TINY)
+        widths, lengths = np.abs(step @ across), np.linalg.norm(step, axis=1)
+        if (widths < OBLIQUE * lengths).any():
+            return None
+        return cls(cells, ends, across, normal, float(widths.min()))
+
+    def bent(self, mesh: PolygonMesh) -> Self:
+        """The bar with the bow that its walls have in the mean: least squares along them, by their length."""
+        start, end = _walls(mesh, self.cells)
+        step, t = end - start, self._along((start + end) / 2)
+        axis = np.cross(self.across, self.normal)
+        side = np.where(step @ axis > 0, 1, -1)  # counter-clockwise around it: ahead along its right side
+        y = ((start + end) / 2 - self.ends[0]) @ self.across + side * self.width / 2
+        inside, weight = (t > 0) & (t < 1), np.sqrt(np.linalg.norm(step, axis=1))
+        basis = (t * (1 - t))[:, None] * np.stack([np.ones_like(t), t], axis=1) * weight[:, None]
+        a, b = np.linalg.lstsq(basis[inside], (y * weight)[inside], rcond=None)[0]
+        return replace(self, bow=(float(a), float(b)))
+
+    def heights(self, X: Floats) -> Floats:
+        """(2, k) metres of places X (k, 3) inside each of its sides."""
+        (a, b), t = self.bow, np.clip(self._along(X), 0, 1)
+        slope = ((1 - 2 * t) * (a + b * t) + t * (1 - t) * b) / self.length
+        y = ((X - self.ends[0]) @ self.across - t * (1 - t) * (a + b * t)) / np.hypot(1, slope)
+        return np.array([self.width / 2 + y, self.width / 2 - y])
+
+    def beside(self, X: Floats) -> Bools:
+        """(k,) which places X (k, 3) lie between the contacts, or not farther beyond them than the bar is wide."""
+        beyond = self.width / self.length
+        t = self._along(X)
+        return np.asarray((t > -beyond) & (t < 1 + beyond))
+
+    def off(self, mesh: PolygonMesh) -> float:
+        """How far its outline leaves the one that it is to have at most, over its width."""
+        corners = np.unique(mesh.cells.corner[self.cells[mesh.cells.owner]])
+        return float(-self.heights(mesh.X[corners]).min()) / self.width
+
+    @property
+    def length(self) -> float:
+        """Metres from contact to contact."""
+        return max(float(np.linalg.norm(self.ends[1] - self.ends[0])), TINY)
+
+    def _along(self, X: Floats) -> Floats:
+        axis = self.ends[1] - self.ends[0]
+        return np.asarray((X - self.ends[0]) @ axis / self.length**2)
+
+
+def _walls(mesh: PolygonMesh, bar: Bools) -> tuple[Floats, Floats]:
+    """(k, 3) metres: where the sides of polygons (c,) begin and end beyond which is void, counter-clockwise."""
+    mine, beyond = _beyond(mesh, bar)
+    wall = np.flatnonzero(mine & (beyond >= 0) & mesh.void[beyond])
+    return mesh.X[mesh.cells.corner[wall]], mesh.X[mesh.cells.ahead(mesh.cells.corner)[wall]]
+
+
+def _beyond(mesh: PolygonMesh, bar: Bools) -> tuple[Bools, Ints]:
+    """Which slots are of polygons (c,), and the polygon beyond each slot, -1 beyond the surface."""
+    one, two, _ = mesh.neighbours
+    cells, beyond = mesh.cells, np.full(len(mesh.cells.corner), -1)
+    beyond[one], beyond[two] = cells.owner[two], cells.owner[one]
+    return bar[cells.owner], beyond
+
+
+def _contacts(mesh: PolygonMesh, bar: Bools) -> Floats:
+    """(k, 2, 3) metres: where each stretch begins and ends along which polygons (c,) touch other material, seen
+    counter-clockwise around them; none where they touch an edge of the surface."""
+    cells, (mine, beyond) = mesh.cells, _beyond(mesh, bar)
+    held = np.flatnonzero(mine & (beyond >= 0) & ~mesh.void[beyond] & ~bar[beyond])
+    if (mine & (beyond < 0)).any() or not len(held):
+        return np.empty((0, 2, 3))
+    start, end = cells.corner[held], cells.ahead(cells.corner)[held]
+    count, place = connected(len(held), *meeting(np.zeros_like(held), np.stack([start, end], axis=1), len(mesh.X)))
+    found = []
+    for k in range(count):
+        first, last = np.setdiff1d(start[place == k], end[place == k]), np.setdiff1d(end[place == k], start[place == k])
+        if len(first) != 1 or len(last) != 1:  # around it, or in one point with another
+            return np.empty((0, 2, 3))
+        found.append(mesh.X[[first[0], last[0]]])
+    return np.array(found)
