@@ -1,9 +1,9 @@
-"""`FairBar`: a stretch of a stripe between two members, and the band of even width that it is meant to be.
+"""`FairBar`: a stretch of a stripe between two members, and the fair band that it is meant to be.
 
              across
-              |            ends  : the middles of both contacts
-======+       |     +==    bow   : how the middle leaves the straight line between them, a cubic through both ends
-      +--.    |  .--+      width : that of the narrower contact
+              |            ends : the middles of both contacts
+======+       |     +==    bow  : how the middle leaves the straight line between them, a cubic through both ends
+      +--.    |  .--+      half : how far both sides are from it, at one end and at the other
  ends o   `------`  o
       +--.       .--+
 ======+   `-----`   +==
@@ -21,6 +21,10 @@ from dsfab.surface import connected
 
 OBLIQUE = 0.4
 """No bar touches a member along more than so many times less than its width: it is a share of that length."""
+STEEP = 1.0
+"""No bow is steeper than this: it would not be the graph of a cubic."""
+SAMPLES = 21
+"""Places at which that is looked at."""
 TINY = 1e-12
 
 
@@ -29,7 +33,7 @@ class FairBar:
     """A bar between two contacts as it will be.
 
     cells : (c,) the polygons that it is now.    ends : (2, 3) the middles of its contacts, metres.
-    across, normal : (3,) unit.    width : metres.
+    across, normal : (3,) unit.    half : (2,) metres across to its sides, at each end.
     bow   : (2,) a, b: its middle is t (1 - t) (a + b t) metres to the left at the share t of its length.
     """
 
@@ -37,12 +41,13 @@ class FairBar:
     ends: Floats
     across: Floats
     normal: Floats
-    width: float
+    half: tuple[float, float]
     bow: tuple[float, float] = (0.0, 0.0)
 
     @classmethod
     def of(cls, mesh: PolygonMesh, cells: Bools) -> Self | None:
-        """The straight bar of polygons (c,); None where it has not two contacts, or touches a member obliquely."""
+        """The straight bar of polygons (c,), as wide as the narrower contact; None where it has not two contacts, or
+        touches a member obliquely."""
         contacts = _contacts(mesh, cells)
         if len(contacts) != 2:
             return None
@@ -57,31 +62,39 @@ class FairBar:
         widths, lengths = np.abs(step @ across), np.linalg.norm(step, axis=1)
         if (widths < OBLIQUE * lengths).any():
             return None
-        return cls(cells, ends, across, normal, float(widths.min()))
+        return cls(cells, ends, across, normal, (float(widths.min()) / 2,) * 2)
 
-    def bent(self, mesh: PolygonMesh) -> Self:
-        """The bar with the bow that its walls have in the mean: least squares along them, by their length."""
+    def bent(self, mesh: PolygonMesh) -> Self | None:
+        """The bar with the bow and the widths that its walls have in the mean, by least squares; None where that is
+        steep against the line between its ends."""
         start, end = _walls(mesh, self.cells)
-        step, t = end - start, self._along((start + end) / 2)
-        axis = np.cross(self.across, self.normal)
-        side = np.where(step @ axis > 0, 1, -1)  # counter-clockwise around it: ahead along its right side
-        y = ((start + end) / 2 - self.ends[0]) @ self.across + side * self.width / 2
-        inside, weight = (t > 0) & (t < 1), np.sqrt(np.linalg.norm(step, axis=1))
-        basis = (t * (1 - t))[:, None] * np.stack([np.ones_like(t), t], axis=1) * weight[:, None]
-        a, b = np.linalg.lstsq(basis[inside], (y * weight)[inside], rcond=None)[0]
-        return replace(self, bow=(float(a), float(b)))
+        t, y = self._places((start + end) / 2)
+        ahead = (end - start) @ np.cross(self.across, self.normal)
+        side = np.where(ahead > 0, -1, 1)  # counter-clockwise around it: ahead along its right side
+        here, weight = (t > 0) & (t < 1), np.sqrt(np.abs(ahead))
+        basis = np.stack([t * (1 - t), t**2 * (1 - t), side * (1 - t), side * t], axis=1)
+        (a, b, *half), *_ = np.linalg.lstsq((basis * weight[:, None])[here], (y * weight)[here], rcond=None)
+        new = replace(self, bow=(float(a), float(b)), half=(float(half[0]), float(half[1])))
+        steepest = np.abs(new._middle(np.linspace(0, 1, SAMPLES))[1]).max()
+        return new if steepest < STEEP and min(half) > 0 else None
+
+    @property
+    def width(self) -> float:
+        """Metres, in the mean."""
+        return sum(self.half)
 
     def heights(self, X: Floats) -> Floats:
         """(2, k) metres of places X (k, 3) inside each of its sides."""
-        (a, b), t = self.bow, np.clip(self._along(X), 0, 1)
-        slope = ((1 - 2 * t) * (a + b * t) + t * (1 - t) * b) / self.length
-        y = ((X - self.ends[0]) @ self.across - t * (1 - t) * (a + b * t)) / np.hypot(1, slope)
-        return np.array([self.width / 2 + y, self.width / 2 - y])
+        t, y = self._places(X)
+        t = np.clip(t, 0, 1)
+        middle, slope = self._middle(t)
+        half = self.half[0] + (self.half[1] - self.half[0]) * t
+        return np.array([half + y - middle, half - y + middle]) / np.hypot(1, slope)
 
     def beside(self, X: Floats) -> Bools:
         """(k,) which places X (k, 3) lie between the contacts, or not farther beyond them than the bar is wide."""
         beyond = self.width / self.length
-        t = self._along(X)
+        t, _ = self._places(X)
         return np.asarray((t > -beyond) & (t < 1 + beyond))
 
     def off(self, mesh: PolygonMesh) -> float:
@@ -94,9 +107,15 @@ class FairBar:
         """Metres from contact to contact."""
         return max(float(np.linalg.norm(self.ends[1] - self.ends[0])), TINY)
 
-    def _along(self, X: Floats) -> Floats:
-        axis = self.ends[1] - self.ends[0]
-        return np.asarray((X - self.ends[0]) @ axis / self.length**2)
+    def _places(self, X: Floats) -> tuple[Floats, Floats]:
+        """(k,) shares of its length at which places X (k, 3) are, and (k,) metres to the left of the straight line."""
+        away = X - self.ends[0]
+        return away @ (self.ends[1] - self.ends[0]) / self.length**2, away @ self.across
+
+    def _middle(self, t: Floats) -> tuple[Floats, Floats]:
+        """(k,) metres to the left at shares t (k,) of its length, and how steep it is there."""
+        (a, b), both = self.bow, t * (1 - t)
+        return both * (a + b * t), ((1 - 2 * t) * (a + b * t) + both * b) / self.length
 
 
 def _walls(mesh: PolygonMesh, bar: Bools) -> tuple[Floats, Floats]:

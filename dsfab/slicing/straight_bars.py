@@ -10,7 +10,7 @@ beside where the other ends, and between their last crossings the bar has a jog,
     -----+--+--+---          -----+--+--+---
 
 It becomes as wide as the narrower of these two contacts. A stripe that passes beside such a point is thrown out of its
-way by it, for the phase turns over within a few triangles there: it gets the bow that it has in the mean.
+way by it, for the phase turns over within a few triangles there: it gets the bow and the width that it has in the mean.
 """
 
 from dataclasses import replace
@@ -28,7 +28,7 @@ from dsfab.slicing.tidy import Tidy, between_crossings
 
 ASKEW = 0.25
 """Bars whose outline is nearer to the straight one than this share of their width stay as they are."""
-UNEVEN = 0.15
+UNEVEN = 0.12
 """So do those that bend, if their outline is nearer than this to that with an even bow."""
 FAR = 1.5
 """And those whose outline is farther from it than this: members that bend otherwise, or that another one touches."""
@@ -76,8 +76,10 @@ def _askew_bars(mesh: PolygonMesh, nodes: Bools, near: Bools, tidy: Tidy) -> lis
         for wanted in np.unique(label[some & (label >= 0) & ~taken]):
             cells = label == wanted
             bar = None if taken[cells].any() else FairBar.of(mesh, cells)
+            if bar is not None and some is not nodes:
+                bar = bar.bent(mesh)
             if bar is not None:
-                found.append(bar if some is nodes else bar.bent(mesh))
+                found.append(bar)
                 taken |= cells
     off = np.array([bar.off(mesh) for bar in found])
     straight, bent, most = (limit(off, each, ALIKE) for each in (ASKEW, UNEVEN, FAR))
