@@ -11,7 +11,7 @@ import numpy as np
 
 from dsfab.surface.formats.limits import Budget, MalformedFileError
 from dsfab.surface.formats.record import PolygonFile, counted
-from dsfab.surface.formats.text import TextFile, text_file
+from dsfab.surface.formats.text import TextFile, said_in_comments, text_file
 from dsfab.surface.polygons import Polygons
 
 _LOUD = {"l": "line", "p": "point", "curv": "curve", "curv2": "curve", "surf": "free-form surface"}
@@ -37,6 +37,7 @@ def read_obj(data: bytes, budget: Budget) -> PolygonFile:
     Raises MalformedFileError with the number of the line that cannot be read, SurfaceError beyond the budget.
     """
     file = text_file(data)
+    said = said_in_comments(file.text, ("#",))
     if "\\\n" in file.text:
         file = TextFile(_continued(file.text), file.doubts, file.ended)
     V, corners, sizes = array("d"), array("q"), array("q")
@@ -64,7 +65,7 @@ def read_obj(data: bytes, budget: Budget) -> PolygonFile:
     budget.require_vertices(len(V) // 3)
     mesh = Polygons(np.array(V).reshape(-1, 3), np.array(corners), np.array(sizes))
     doubts = file.cut_off("a vertex" if last == "v" else "a face") if last in ("v", "f") else ()
-    return PolygonFile(mesh, (*file.doubts, *doubts), _passed_over(others, odd))
+    return PolygonFile(mesh, (*file.doubts, *doubts), _passed_over(others, odd), said.unit, said.up)
 
 
 def _continued(text: str) -> str:
