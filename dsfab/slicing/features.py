@@ -18,8 +18,9 @@ MOST_BINS = 60
 """As many at most, where a limit far under the usual widths asks for narrow ones."""
 ROUNDING = 1e-6
 """Share of a limit by which what was widened to it may miss it, and counts as that wide."""
-LONG_TAIL = 0.99
-"""The histogram ends at the width that this share of the walls does not exceed; what is wider is in the last bin."""
+LONG_TAIL, WIDE = 0.99, 3.0
+"""The histogram ends at the width that this share of the walls does not exceed, or at so many times their median, if
+that is less: plates at a crown or a foot would leave one bin to all members. What is wider is in the last bin."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +65,8 @@ class Features:
         """
         if not self.weight.sum():
             return np.empty(0), np.empty(0)
-        limits = _bins(self.quantiles([LONG_TAIL])[0] * (1 + 1e-9), limit * (1 - ROUNDING))
+        usual, widest = self.quantiles([0.5, LONG_TAIL]).tolist()
+        limits = _bins(min(widest, WIDE * usual) * (1 + 1e-9), limit * (1 - ROUNDING))
         share, _ = np.histogram(np.minimum(self.widths, limits[-1]), limits, weights=self.weight)
         return limits, np.asarray(share / self.weight.sum())
 

@@ -69,8 +69,9 @@ export function histogram() {
   pen.font = '10px system-ui, sans-serif';
   pen.fillText('0', 0, 42);
   pen.textAlign = 'right';
-  pen.fillText(metres(last.limits.at(-1)), wide, 42);
-  canvas.setAttribute('aria-label', `Widths of members from 0 to ${metres(last.limits.at(-1))}`);
+  const end = `${metres(last.limits.at(-1))} and more`; // what is wider is in the last bar
+  pen.fillText(end, wide, 42);
+  canvas.setAttribute('aria-label', `Widths of members from 0 to ${end}`);
 }
 
 export const metres = (value) => (value < 1 ? `${short3(1000 * value)} mm` : `${short3(value)} m`);
