@@ -78,8 +78,8 @@ def _bins(end: float, limit: float) -> Floats:
         return np.linspace(0, end, BINS + 1)
     step = limit / max(1, round(limit / end * BINS))
     if end / step > MOST_BINS:
-        return np.r_[0.0, np.linspace(limit, end, BINS + 1)]
-    return np.asarray(step * np.arange(np.ceil(end / step) + 1))
+        return np.concatenate([[0.0], np.linspace(limit, end, BINS + 1)])
+    return step * np.arange(np.ceil(end / step) + 1)
 
 
 def features(cells: Sheet, kept: Bools, names: Sequence[str], tips: bool = False) -> Features:
