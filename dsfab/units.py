@@ -13,6 +13,17 @@ METRES_PER: dict[str, float] = {
 }
 """Metres in one of the units a preset or a file may declare."""
 
+_PREFIXES = ("milli", "m"), ("centi", "c"), ("deci", "d"), ("kilo", "k"), ("", "")
+UNIT_WORDS: dict[str, str] = {
+    **{unit: unit for unit in METRES_PER},
+    **{f"{start}met{end}": f"{short}m" for start, short in _PREFIXES for end in ("er", "ers", "re", "res")},
+    "inch": "in",
+    "inches": "in",
+    "foot": "ft",
+    "feet": "ft",
+}
+"""Units by the words that files name them with, in small letters."""
+
 MM_PER_M = 1e3
 """Exported files are in millimetres."""
 

@@ -137,6 +137,18 @@ def test_inspect_tells_what_a_mesh_is(capsys, tmp_path):
         assert words in out
 
 
+def test_inspect_tells_sizes_in_other_units_where_the_file_does_not_say_its_own(capsys, tmp_path):
+    V = "v 0 0 0\nv 315 0 0\nv 315 236 0\nv 0 236 118\nf 1 2 3\nf 1 3 4\n"
+    (tmp_path / "room.obj").write_text(V)
+    _, out, _ = run(capsys, "inspect", str(tmp_path / "room.obj"))
+    assert "likely unit  mm; --unit mm: 315 mm x 236 mm x 118 mm; --unit cm: 3.15 m x 2.36 m x 1.18 m; " in out
+    assert "; --unit in: 8 m x 5.99 m x 3 m; --unit ft: 96 m x 71.9 m x 36 m\n" in out
+    (tmp_path / "room.obj").write_text("# File units = feet\n" + V)
+    _, out, _ = run(capsys, "inspect", str(tmp_path / "room.obj"))
+    assert "(read as ft)" in out
+    assert "likely unit  ft, as the file says\n" in out
+
+
 def test_inspect_reads_a_file_once_and_tells_why_it_is_not_a_manifold(capsys, tmp_path, monkeypatch):
     read, one = [], files._POLYGONS[".obj"]
     monkeypatch.setitem(files._POLYGONS, ".obj", lambda *given: read.append(given) or one(*given))

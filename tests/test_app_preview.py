@@ -145,7 +145,7 @@ def test_loads_and_supports_are_drawn_in_their_colours_only_when_given() -> None
 def test_a_load_on_held_vertices_only_is_not_drawn() -> None:
     surface = plate(length=2.0, width=1.0, edge=0.25)
     everywhere = LoadCase(np.ones((surface.n, 3)), np.ones((surface.n, 3)), np.zeros(surface.n))
-    vertices, faces = marks.load_arrows(surface, everywhere, 2.0, 0.01, Z)
+    vertices, faces = marks.load_arrows(surface, everywhere, 2.0, 0.01, Z, Z)
     assert len(vertices) == len(faces) == 0
 
 
@@ -163,14 +163,17 @@ def test_hundreds_of_loads_become_a_few_arrows_that_carry_all_of_them() -> None:
     assert apart.min() > 0.05 * surface.size
 
 
-def test_an_arrow_that_presses_ends_on_the_skin_and_one_that_pulls_begins_there() -> None:
+@pytest.mark.parametrize("turned", [False, True])
+def test_an_arrow_that_presses_ends_on_the_skin_and_one_that_pulls_begins_there(turned: bool) -> None:
+    """Above the sheet, also if its faces look down, as those of files may: arrows hung under a stadium's roof."""
     surface = plate(length=2.0, width=1.0, edge=0.1)
+    surface = Surface(surface.V, surface.F[:, ::-1]) if turned else surface
     middle = np.linalg.norm(surface.V - surface.V.mean(axis=0), axis=1).argmin()
     for sense in (-1.0, 1.0):
         force = np.zeros((surface.n, 3))
         force[middle, 2] = sense
         load = LoadCase(np.zeros((surface.n, 3)), force, force[:, 2] != 0)
-        heights = marks.load_arrows(surface, load, 2.0, 0.05, Z)[0][:, 2] - surface.V[middle, 2]
+        heights = marks.load_arrows(surface, load, 2.0, 0.05, Z, Z)[0][:, 2] - surface.V[middle, 2]
         assert heights.min() == pytest.approx(1.1 * 0.05)
         assert heights.max() == pytest.approx(1.1 * 0.05 + marks.LONGEST_POINT * 2.0)
 

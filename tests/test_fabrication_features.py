@@ -135,6 +135,21 @@ def test_shares_of_widths_follow_the_length_of_the_walls():
     assert thin == pytest.approx(2.0, rel=1e-9)  # two walls of a metre
 
 
+@pytest.mark.parametrize("limit", [0.009, 0.1, 0.13, 0.4, 5.0])
+def test_a_bin_ends_at_the_least_width(limit):
+    """What is under the limit, 1.2 times it or just as wide is in bins that are wholly on its side."""
+    surface = grid(20, 10, 2.0, 1.0)
+    found = measured(surface, [surface.V[:, 0]], [[0.2, 0.3, 0.8, 1.2]])  # members of 0.1 and 0.4 m, and ends of 1 m
+    limits, share = found.histogram(limit)
+    assert share.sum() == pytest.approx(1)
+    assert limits[0] == 0
+    assert np.all(np.diff(limits) > 0)
+    assert len(share) == len(limits) - 1 <= 61
+    assert limits[-1] <= 3.1 * found.quantiles([0.5])[0]
+    under = found.weight[found.widths < limit * (1 - 1e-6)].sum() / found.weight.sum()
+    assert share[limits[1:] <= limit].sum() == pytest.approx(under if limit < limits[-1] else 1)
+
+
 # --- the same by other roads
 
 

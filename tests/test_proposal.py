@@ -44,8 +44,9 @@ def own(tmp_path_factory):
     return {name: make(folder) for name, make in OWN.items()}
 
 
-def obj(path, surface, unit=1.0):
-    lines = [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in surface.V * unit]
+def obj(path, surface, unit=1.0, comment="# made by hand"):
+    lines = [comment]
+    lines += [f"v {x:.9g} {y:.9g} {z:.9g}" for x, y, z in surface.V * unit]
     lines += [f"f {a} {b} {c}" for a, b, c in surface.F + 1]
     path.write_text("\n".join(lines))
     return path
@@ -90,6 +91,63 @@ def test_files_that_have_z_up_are_turned_only_for_plain_reasons():
     lying = Surface(upright(roof.V, "-y"), roof.F)
     assert likely_up(lying, ".stl") == likely_up(lying, ".obj") == "y"
     assert likely_up(lying, ".3MF") == "z"
+
+
+def wall(base=0.0):
+    """A wavy wall of 6 m x 3 m about the plane y = 0, on z = base."""
+    flat = grid(24, 12, 6.0, 3.0).V
+    x, z = flat[:, 0], flat[:, 1] - flat[:, 1].min()
+    return Surface(np.stack([x, 0.3 * np.sin(2 * x), z + base], axis=1), grid(24, 12, 6.0, 3.0).F)
+
+
+def test_a_wall_that_stands_on_the_ground_is_not_laid_on_its_back():
+    """The same sheet is a roof where it is not on z = 0; and a wall of a program that has y up stands on y = 0."""
+    assert likely_up(wall(), ".obj") == likely_up(wall(), ".obj", "y") == "z"
+    assert likely_up(wall(base=0.7), ".obj") != "z"
+    assert likely_up(wall(base=0.7), ".obj", "z") == "z"
+    turned = Surface(upright(wall().V, "-y"), wall().F)
+    assert likely_up(turned, ".obj", "y") == "y"
+    vault = barrel_vault(edge=1.0)
+    from_zero = upright(vault.V - [0, vault.V[:, 1].min(), 0], "-y") * [1, 1, -1]
+    assert from_zero[:, 2].min() == 0 == from_zero[:, 1].min()
+    assert likely_up(Surface(from_zero, vault.F[:, ::-1]), ".obj") == "y"  # an end of it is on z = 0
+
+
+@pytest.mark.parametrize(
+    ("said", "unit", "up"),
+    [
+        ("# File units = inches", "in", "z"),
+        ("# Exported from SketchUp, (c) Trimble\n# File units = meters", "m", "y"),
+        ("# unit: millimetre", "mm", "z"),
+        ("# units in metres\n# Units unknown", "m", "z"),
+        ("# Blender 3.6.2", "m", "y"),
+    ],
+)
+def test_comments_say_the_unit_and_which_axis_is_up(tmp_path, said, unit, up):
+    """A wall on z = 0 drawn behind y = 0, or a wall on y = 0: its program decides."""
+    file = obj(tmp_path / "wall.obj", Surface(upright(wall().V, "-y"), wall().F), comment=said)
+    decided = {one.topic: one.choice for one in propose(file).decisions}
+    assert decided["unit"].startswith(f"{unit}: " if "unit" not in said or "in metres" in said else f"{unit}, as the")
+    assert propose(file).preset.surface.up == up
+
+
+@pytest.mark.parametrize(
+    ("sides", "told"),
+    [
+        ((315, 236, 118), "--unit cm: 3.15 m x 2.36 m x 1.18 m; --unit in: 8 m x 5.99 m x 3 m"),
+        ((0.6, 0.4, 0.2), ""),
+        ((6, 4, 2), ""),
+        ((30, 20, 5), ""),
+    ],
+)
+def test_sizes_in_other_units_are_told_where_a_guess_makes_it_small_or_large(tmp_path, sides, told):
+    """A room in inches or in centimetres was a box of 315 mm, without a word."""
+    roof = dome(edge=0.8)
+    file = obj(tmp_path / "room.obj", Surface(roof.V / np.ptp(roof.V, axis=0) * sides, roof.F))
+    choice = next(one.choice for one in propose(file).decisions if one.topic == "unit")
+    assert told in choice
+    assert ("the file does not say" in choice) == bool(told)
+    assert not any("the file does not say" in one.choice for one in propose(file, "in").decisions)
 
 
 def test_a_bowl_is_no_dome_on_its_side():

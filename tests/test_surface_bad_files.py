@@ -269,3 +269,13 @@ def test_any_bit_may_be_wrong(name, tmp_path):
         compared += 1
         assert triangles_in_space(found.surface.V, found.surface.F) == triangles_in_space(*other), bit
     assert compared > 20 or name == "plain.3mf"  # a check sum refuses these
+
+
+def test_commas_in_numbers_are_named(tmp_path):
+    """As programs write numbers that follow the language of the desk: 'export it again' alone does not help."""
+    (tmp_path / "roof.obj").write_text("v 0 0 0\nv 1,5 0 0,25\nv 0 1 0\nf 1 2 3\n")
+    with pytest.raises(SurfaceError, match=r"line 2 .* numbers have commas where points should be"):
+        read_surface(tmp_path / "roof.obj")
+    (tmp_path / "roof.obj").write_text("v 0 0 0\nv 1 0 oops\nv 0 1 0\nf 1 2 3\n")
+    with pytest.raises(SurfaceError, match=r"line 2 cannot be read: 'v 1 0 oops'\)"):
+        read_surface(tmp_path / "roof.obj")

@@ -12,6 +12,7 @@ from dsfab.errors import SurfaceError
 from dsfab.preset_file import load_preset
 from dsfab.surface import Ball, Box, Nearest, Side, Surface, mended, nearest, read_surface, twin_remarks
 from dsfab.surface.doubled import single_sheets
+from dsfab.surface.enclosed import signed_volume
 from dsfab.surface.mend import WELD
 from dsfab.surface.places import merged
 from dsfab.surface.shapes import dome, plate, sphere
@@ -35,6 +36,27 @@ def test_a_sound_mesh_stays_as_it_is(surface):
     assert mesh.repairs == ()
     assert_array_equal(mesh.V, surface.V)
     assert_array_equal(mesh.F, surface.F)
+
+
+def test_a_cushion_sewn_of_two_sheets_is_closed_at_its_corners():
+    """A face in two of its corners is there twice, front and back: a neighbour went for it, and holes were its feet."""
+    flat = grid(11, 11, 4.0, 4.0)
+    x, y = (flat.V - flat.V.mean(axis=0))[:, :2].T
+    rise = np.c_[0 * x, 0 * y, 0.2 * (4 - x**2) * (4 - y**2)]
+    V, F = np.vstack([flat.V + rise, flat.V - 0.5 * rise]), np.vstack([flat.F, flat.n + flat.F[:, ::-1]])
+    mesh = mended(V, F)
+    assert mesh.repairs[-1] == "4 faces that repeat others dropped"
+    assert manifold_faults(mesh.F, edge_table(mesh.F), len(mesh.V)) == ()
+    cushion = Surface(mesh.V, mesh.F)
+    assert cushion.is_closed
+    assert cushion.volume == pytest.approx(signed_volume(V, F), rel=1e-9)
+    assert area(mesh.V, mesh.F) == pytest.approx(area(V, F) - 4 * area(V, F[:1]), rel=0.01)
+
+
+def test_a_face_twice_within_a_sheet_is_dropped_once():
+    mesh = mended(ROOF.V, np.vstack([ROOF.F, ROOF.F[5:6, ::-1]]))
+    assert len(mesh.F) == ROOF.m
+    assert mesh.repairs == ("1 face that repeat others dropped",)
 
 
 @given(st.integers(0, 10**6), st.floats(1e-3, 1e4))

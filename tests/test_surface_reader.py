@@ -377,7 +377,7 @@ def test_facts_of_a_good_closed_mesh(tmp_path):
     assert facts.box[2] == pytest.approx(30)
     assert facts.low[2] == pytest.approx(-15)
     assert 50 < facts.smallest_angle < 60
-    assert (facts.unit, facts.unit_guess) == ("m", "m")
+    assert (facts.unit, facts.unit_guess, facts.unit_said) == ("m", "m", False)
     in_mm = describe(as_obj(tmp_path, 1000 * ball.V, ball.F), unit="mm")
     assert in_mm.unit_guess == "mm"
     assert in_mm.box[2] == pytest.approx(30)

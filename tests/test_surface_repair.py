@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.spatial import Delaunay
 
 from dsfab.preset_file import load_preset
 from dsfab.proposal import propose
@@ -48,6 +49,44 @@ def test_openings_that_are_meant_stay():
     assert repaired_scan(BALL.V, wide).repairs == ()
     flat = plate(edge=0.25)
     assert repaired_scan(flat.V, flat.F).repairs == ()
+
+
+def noisy(noise: float, points: int = 4500) -> tuple[np.ndarray, np.ndarray]:
+    """A vault of 4 m x 4 m through points at random, each off by some metres."""
+    rng = np.random.default_rng(2)
+    plan = rng.uniform(-2, 2, (points, 2))
+    V = np.c_[plan, 1 - 0.2 * plan[:, 0] ** 2] + rng.normal(0, noise, (points, 3))
+    return V, Delaunay(plan).simplices
+
+
+def bends(V: np.ndarray, F: np.ndarray) -> np.ndarray:
+    """Degrees between neighbouring faces."""
+    surface = Surface(V, F)
+    one, two = surface.normals[surface.edges.pairs.T // 3]
+    return np.degrees(np.arccos(np.clip((one * two).sum(axis=1), -1, 1)))
+
+
+def test_what_noise_folded_over_is_flattened():
+    """Its solid was refused for bending too sharply, in a place where nothing bends."""
+    V, F = noisy(0.002)
+    assert (bends(V, F) > 90).sum() > 30
+    assert is_scan(V, F)
+    assert not is_scan(*noisy(0.0))
+    mesh = repaired_scan(V, F)
+    assert "folded over or tilted by noise flattened" in mesh.repairs[-1]
+    assert (bends(mesh.V, mesh.F) > 90).sum() < 5
+    assert len(mesh.F) > 0.95 * len(F)
+    assert np.abs(mesh.V[:, 2] - (1 - 0.2 * mesh.V[:, 0] ** 2)).max() < 0.012
+    assert manifold_faults(mesh.F, edge_table(mesh.F), len(mesh.V)) == ()
+    assert Surface(mesh.V, mesh.F).area == pytest.approx(Surface(*noisy(0.0)).area, rel=0.01)
+
+
+def test_sharp_creases_are_not_noise():
+    """A roof whose ridge turns by 120 degrees, finely meshed."""
+    flat = plate(edge=0.04)
+    fold = np.c_[flat.V[:, 0], flat.V[:, 1], np.sqrt(3) * np.abs(flat.V[:, 0] - flat.V[:, 0].mean())]
+    assert not is_scan(fold, flat.F)
+    assert repaired_scan(fold, flat.F).repairs == ()
 
 
 def test_balls_that_touch_in_a_point_come_apart():

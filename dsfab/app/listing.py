@@ -164,13 +164,22 @@ def _verdict(path: Path, source: Source, raw: "RawMesh") -> tuple[bool, str]:
     return True, "; ".join(["takes it", *(f"it mends: {text}" for text in mended), *turned, *sheets])
 
 
+def _unit(facts: "MeshFacts") -> str:
+    """The file's unit; or the likely one, and what the mesh would measure in others."""
+    from dsfab.proposal import sizes_in_other_units
+
+    if facts.unit_said:
+        return f"{facts.unit_guess}, as the file says"
+    return "; ".join([facts.unit_guess, *sizes_in_other_units(facts.box, facts.unit)])
+
+
 def _lines(facts: "MeshFacts") -> list[tuple[str, str]]:
     """Facts as labels and texts, in the order in which a person asks; empty texts are left out."""
     loops = facts.boundary_lengths
     counted = f"{len(loops)} {'loop' if len(loops) == 1 else 'loops'}: {', '.join(length(x) for x in loops[:6])}"
     return [
         ("size", " x ".join(length(side) for side in facts.box) + f" (read as {facts.unit})"),
-        ("likely unit", facts.unit_guess),
+        ("likely unit", _unit(facts)),
         (
             "mesh",
             f"{facts.vertices:,} vertices, {facts.faces:,} triangles, edges of {length(facts.mean_edge)} on average",

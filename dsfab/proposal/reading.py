@@ -2,6 +2,7 @@
 
 import re
 import unicodedata
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, get_args
@@ -26,6 +27,7 @@ from dsfab.surface import (
     unit_guess,
     upright,
 )
+from dsfab.units import metres_per
 from dsfab.wording import length
 
 UMLAUTS = str.maketrans(
@@ -33,6 +35,12 @@ UMLAUTS = str.maketrans(
 )
 SMALLEST, LARGEST = 0.02, 1000.0
 """Metres that a surface's box is long at least and at most, or its unit is doubted."""
+USUAL = 2.0, 100.0
+"""Metres between which most that is built is long; beyond, sizes in other units are told where the file has none."""
+POSSIBLE = 0.2, 500.0
+"""The same for what `dsfab inspect` tells of sizes in other units."""
+GUESSED = ("mm", "cm", "m", "in", "ft")
+"""Units that files without one are in."""
 
 
 @dataclass(frozen=True)
@@ -72,7 +80,7 @@ def mesh_in_file(
     """
     raw = raw or raw_mesh(path, max_triangles or DEFAULT_TRIANGLES)
     finite_faces(path, raw)
-    unit = unit or unit_guess(raw)
+    given, unit = unit is not None, unit or unit_guess(raw)
     keys: dict[str, Any] = {"file": str(path), "unit": unit}
     if max_triangles is not None:
         keys["max_triangles"] = max_triangles
@@ -81,7 +89,10 @@ def mesh_in_file(
     mends = better.record.repaired[len(raw.record.repaired) :]
     found = surface_of_file(path, better, unit)
     surface = found.surface
-    decisions = [Decision("unit", f"{unit}: it is {_box(surface)}{_doubt(surface)}", "surface.unit, or --unit cm")]
+    known = raw.unit is not None or given
+    told = f"{unit}{', as the file says' if raw.unit == unit else ''}: it is {_box(surface)}"
+    told += _doubt(surface) or ("" if known else _others(surface, unit))
+    decisions = [Decision("unit", told, "surface.unit, or --unit cm")]
     for remark in raw.record.remarks:
         decisions.append(Decision("file", remark))
     if mends:
@@ -91,7 +102,7 @@ def mesh_in_file(
     for remark in found.record.repaired[len(better.record.repaired) :]:
         decisions.append(Decision("file", f"repaired: {remark}"))
     decisions += [Decision("sheets", remark) for remark in twin_remarks(surface.V, surface.F)]
-    surface, up, turned = _turned(surface, up, path.suffix)
+    surface, up, turned = _turned(surface, up, path.suffix, raw.up)
     if up != "z":
         keys["up"] = up
     return GivenMesh(surface, preset_name(path), keys, (*decisions, turned), found.record.repaired)
@@ -122,9 +133,12 @@ def mesh_in_memory(mesh: Any, unit: str | None, up: Up | None) -> GivenMesh:
     return GivenMesh(surface, "roof", {"mesh": surface}, (*decisions, turned))
 
 
-def _turned(surface: Surface, up: Up | None, suffix: str = "") -> tuple[Surface, Up, Decision]:
-    """The surface with z up, the vertical axis of its file of that suffix, and how that was found."""
-    guess = likely_up(surface, suffix) if up is None else up
+def _turned(
+    surface: Surface, up: Up | None, suffix: str = "", usual: str | None = None
+) -> tuple[Surface, Up, Decision]:
+    """The surface with z up, the vertical axis of its file of that suffix, whose program has `usual` up, and how that
+    was found."""
+    guess = likely_up(surface, suffix, usual) if up is None else up
     turned = surface if guess == "z" else Surface(upright(surface.V, guess), surface.F)
     other = "y" if guess == "z" else "z"
     change = f"surface.up, or --up {other}"
@@ -144,6 +158,25 @@ def _doubt(surface: Surface) -> str:
     if SMALLEST <= surface.size <= LARGEST:
         return ""
     return f" (far {'larger' if surface.size > LARGEST else 'smaller'} than what is built; is that the file's unit?)"
+
+
+def _others(surface: Surface, unit: str) -> str:
+    """What a surface would measure in other units, where its unit is a guess that makes it smaller or larger than most
+    that is built, and another one does not."""
+    sides = np.ptp(surface.V, axis=0).tolist()
+    found = [] if USUAL[0] <= max(sides) <= USUAL[1] else sizes_in_other_units(sides, unit, USUAL)
+    return f" (the file does not say; {'; '.join(found)})" if found else ""
+
+
+def sizes_in_other_units(sides: Sequence[float], unit: str, between: tuple[float, float] = POSSIBLE) -> list[str]:
+    """'--unit in: 8 m x 6 m x 3 m' for each of the units that files without one are in, other than that in which a box
+    has these sides, metres; where its longest side is `between` so many metres."""
+    metres = {other: metres_per(other) / metres_per(unit) for other in GUESSED if other != unit}
+    return [
+        f"--unit {other}: {' x '.join(length(times * side) for side in sides)}"
+        for other, times in metres.items()
+        if between[0] <= times * max(sides) <= between[1]
+    ]
 
 
 def _box(surface: Surface) -> str:

@@ -18,26 +18,51 @@ SOLE = 0.03
 """Share of the height over its lowest point in which vertices are what a surface stands on."""
 PINHOLES = 0.02
 """Boundary shorter than this share of the side of a square of the same area makes no surface open."""
+GROUND = 1e-3
+"""Share of its size within which a surface touches the plane through the origin."""
+LONG_EDGE = 0.7
+"""Share of its length in plan along which a wall's edge is on the ground."""
 RINGS = 0.8
 """Share of the boundary that has to lie in level rings, for a structure that stands on one or hangs from it; the rest
 are doors and windows."""
 
 
-def likely_up(surface: Surface, suffix: str = "") -> Up:
+def likely_up(surface: Surface, suffix: str = "", usual: str | None = None) -> Up:
     """z; or y, or -y, where the surface plainly stands better that way up, as files of Blender and web tools may.
 
     suffix : of its file, with the dot; files of some formats have z up: see `CLEAR_IN`.
+    usual  : "y" or "z", which the program that wrote the file has up unasked; None where that is not known.
 
     An open surface is judged by how much of it a plan shows, by how much more of its boundary lies at its bottom than
     at its top, and by how well it stands; a closed one by how well it stands alone. What ends in level rings, as a
-    tower, a vase or a bowl does, has z up.
+    tower, a vase or a bowl does, has z up. A wall shows nothing in plan, and would always be laid on its back: what
+    stands on the ground with a long edge has z up, or y where its program has.
     """
-    if _ends_in_level_rings(surface):
+    if usual == "z" or _ends_in_level_rings(surface) or _stands_on_ground(surface, "z"):
         return "z"
+    if usual == "y" and _stands_on_ground(surface, "y"):
+        return "y"
     others: tuple[Up, Up] = ("y", "-y")
     score = {axis: _standing(surface, axis) for axis in others}
     best = max(others, key=lambda axis: score[axis])
     return best if score[best] > _standing(surface, "z") + CLEAR_IN.get(suffix.lower(), CLEAR) else "z"
+
+
+def _stands_on_ground(surface: Surface, up: Up) -> bool:
+    """Whether it stands on the plane through the origin with a long edge, and its face is drawn about that plane, not
+    on it, with the other axis up: as a wall is, or a screen.
+
+    A roof with y up stands on y = 0, or is above it: there is none of it under that plane.
+    """
+    V = upright(surface.V, up)
+    level, through = V[:, 2], V[:, 1]  # the other axis of the two
+    near = GROUND * surface.size
+    if abs(level.min()) > near or not (through.min() < -near < near < through.max() or np.ptp(through) < near):
+        return False
+    ends = surface.edges.ends[surface.edges.boundary]
+    on = (np.abs(level[ends]) <= near).all(axis=1)
+    length = np.linalg.norm(V[ends[:, 0]] - V[ends[:, 1]], axis=1)
+    return bool(length[on].sum() > LONG_EDGE * np.ptp(V[:, 0]))
 
 
 def _ends_in_level_rings(surface: Surface) -> bool:

@@ -65,11 +65,12 @@ class Pulls:
     long: Floats
 
 
-def load_arrows(surface: Surface, load: LoadCase, size: float, lift: float, eye: Floats) -> Mesh:
+def load_arrows(surface: Surface, load: LoadCase, size: float, lift: float, eye: Floats, up: Floats) -> Mesh:
     """Slim arrows for the loads, thinned: each stands for the force on the vertices nearest to it.
 
     size : of the structure, metres.   lift : half its thickness, metres: arrows start or end on the solid's skin.
     eye  : (3,) unit vector towards the eye: arrows along the surface are drawn on the side that is seen.
+    up   : (3,) unit vector: of an open sheet the outer side is the upper one, whichever way its faces turn.
     """
     acts = (np.linalg.norm(load.force, axis=1) > 0) & ~load.fixed.all(axis=1)
     points = _gathered(surface.V, load.force, acts & load.loaded, POINT_LOAD, LONGEST_POINT * size, size)
@@ -77,7 +78,7 @@ def load_arrows(surface: Surface, load: LoadCase, size: float, lift: float, eye:
     at = np.concatenate([points.at, spread.at])
     pull, long = np.concatenate([points.pull, spread.pull]), np.concatenate([points.long, spread.long])
     along = pull / np.linalg.norm(pull, axis=1, keepdims=True)
-    normal = surface.vertex_normals[at]
+    normal = surface.vertex_normals[at] * _outer(surface, up)
     out = np.einsum("ki,ki->k", along, normal)
     # pressing: the tip touches the surface; pulling outwards: the tail does; along the surface: drawn just above it
     level = np.abs(out) < 0.3
@@ -86,6 +87,11 @@ def load_arrows(surface: Surface, load: LoadCase, size: float, lift: float, eye:
     start = np.where((out > 0.3)[:, None], 0.0, -along * long[:, None])
     gap = np.where(level, 1.4 * lift + 0.006 * size, 1.1 * lift)
     return _placed(_arrow(), surface.V[at] + away * gap[:, None] + start, along, long)
+
+
+def _outer(surface: Surface, up: Floats) -> float:
+    """1, or -1 where the faces of an open sheet look down in the mean: what acts on a roof presses on it."""
+    return -1.0 if not surface.is_closed and float(surface.areas @ (surface.normals @ up)) < 0 else 1.0
 
 
 def _gathered(V: Floats, force: Floats, acts: Bools, spacing: Spacing, longest: float, size: float) -> Pulls:

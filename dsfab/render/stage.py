@@ -128,7 +128,7 @@ def _marks(beside: Annotations, surface: Surface, load: LoadCase, at: _Frame) ->
     """Load arrows, support cones, reactions and gradients, those that are asked for."""
     drawn: dict[MarkName, marks.Mesh] = {}
     if "loads" in beside.layers:
-        drawn["load"] = marks.load_arrows(surface, load, at.reach, at.half, at.towards)
+        drawn["load"] = marks.load_arrows(surface, load, at.reach, at.half, at.towards, at.up)
     if "supports" in beside.layers:
         drawn["support"] = marks.support_cones(surface, load, at.reach, at.up, at.half)
     if "reactions" in beside.layers and beside.reaction is not None:

@@ -14,8 +14,13 @@ from dsfab.surface.mesh import Surface
 
 BINS = 20
 """Bins of the histogram of member widths."""
-LONG_TAIL = 0.99
-"""The histogram ends at the width that this share of the walls does not exceed; what is wider is in the last bin."""
+MOST_BINS = 60
+"""As many at most, where a limit far under the usual widths asks for narrow ones."""
+ROUNDING = 1e-6
+"""Share of a limit by which what was widened to it may miss it, and counts as that wide."""
+LONG_TAIL, WIDE = 0.99, 3.0
+"""The histogram ends at the width that this share of the walls does not exceed, or at so many times their median, if
+that is less: plates at a crown or a foot would leave one bin to all members. What is wider is in the last bin."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,13 +58,28 @@ class Features:
             return np.empty(0)
         return weighted_quantiles(self.widths, self.weight, shares)
 
-    def histogram(self) -> tuple[Floats, Floats]:
-        """(b + 1,) limits of the bins, metres, from 0, and (b,) the share of the walls in each; none without widths."""
+    def histogram(self, limit: float = 0.0) -> tuple[Floats, Floats]:
+        """(b + 1,) limits of the bins, metres, from 0, and (b,) the share of the walls in each; none without widths.
+
+        limit : a width, metres, at which a bin ends, so that none holds widths on both sides of it; 0 for none.
+        """
         if not self.weight.sum():
             return np.empty(0), np.empty(0)
-        limits = np.linspace(0, self.quantiles([LONG_TAIL])[0] * (1 + 1e-9), BINS + 1)
+        usual, widest = self.quantiles([0.5, LONG_TAIL]).tolist()
+        limits = _bins(min(widest, WIDE * usual) * (1 + 1e-9), limit * (1 - ROUNDING))
         share, _ = np.histogram(np.minimum(self.widths, limits[-1]), limits, weights=self.weight)
         return limits, np.asarray(share / self.weight.sum())
+
+
+def _bins(end: float, limit: float) -> Floats:
+    """(b + 1,) limits of equal bins from 0 to about `end`, one of them at `limit`, where that is neither beyond the end
+    nor so little that this would take too many bins: then the first is narrower, and ends there."""
+    if not 0 < limit < end:
+        return np.linspace(0, end, BINS + 1)
+    step = limit / max(1, round(limit / end * BINS))
+    if end / step > MOST_BINS:
+        return np.concatenate([[0.0], np.linspace(limit, end, BINS + 1)])
+    return step * np.arange(np.ceil(end / step) + 1)
 
 
 def features(cells: Sheet, kept: Bools, names: Sequence[str], tips: bool = False) -> Features:

@@ -33,6 +33,7 @@ from dsfab.surface.formats.soup import joined
 from dsfab.surface.formats.stl import read_stl
 from dsfab.surface.formats.threemf import read_3mf
 from dsfab.surface.polygons import triangles
+from dsfab.units import metres_per
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +44,7 @@ class RawMesh:
     unit     : the unit the file declares for them, None if it does not say.
     metres   : in one of the file's units; 1 where it does not say.
     record   : what was read, repaired and dropped so far.
+    up       : the axis that the program which wrote the file has up unasked, "y" or "z"; None where it does not say.
     """
 
     V: Floats
@@ -51,6 +53,7 @@ class RawMesh:
     unit: str | None = None
     metres: float = 1.0
     record: FileRecord = NOTHING_READ
+    up: str | None = None
 
 
 OF_PROGRAMS = (
@@ -113,7 +116,9 @@ def _from_polygons(file: PolygonFile, suffix: str, budget: Budget) -> RawMesh:
         at = ", ".join(str(k) for k in faces[cut.fanned[:3]].tolist())
         repaired = (*repaired, f"{counted(crossing, 'face')} that cross themselves cut as fans (first, from 0: {at})")
     record = _record(suffix, file, len(file.mesh.V), len(file.mesh.sizes))
-    return RawMesh(whole.mesh.V, cut.F, len(file.mesh.sizes), record=record.also(repaired, dropped))
+    record = record.also(repaired, dropped)
+    metres = metres_per(file.unit) if file.unit else 1.0
+    return RawMesh(whole.mesh.V, cut.F, len(file.mesh.sizes), file.unit, metres, record, file.up)
 
 
 def _record(suffix: str, file: PolygonFile | TriangleFile, vertices: int, faces: int) -> FileRecord:

@@ -131,8 +131,18 @@ def _with_area(V: Floats, F: Ints) -> Ints:
 
 
 def _unrepeated(_: Floats, F: Ints) -> Ints:
-    """(k,) faces without those that join the corners of an earlier one."""
-    return complement(duplicate_faces(F), len(F))
+    """(k,) faces without those that join the corners of an earlier one; and without this, too, where two others go on
+    at one of its edges: it lay flat between them and its twin, as in the corners of a cushion sewn of two sheets."""
+    twins = duplicate_faces(F)
+    once = complement(twins, len(F))
+    if not len(twins):
+        return once
+    _, same, times = np.unique(np.sort(F, axis=1), axis=0, return_inverse=True, return_counts=True)
+    twin = (times > 1)[same.ravel()][once]
+    edges = edge_table(F[once])
+    others = np.bincount(edges.of[~twin].ravel(), minlength=len(edges.count))
+    between: Bools = ((others == 2) & (edges.count > 2))[edges.of].any(axis=1)
+    return once[~(twin & between)]
 
 
 def _on_edges_of_two(_: Floats, F: Ints) -> Ints:

@@ -177,13 +177,14 @@ class MeshFacts:
     Faces with vertices that are not finite count in `faces` and nowhere else. `volume` is None unless the mesh is
     closed and oriented; `genus` is None unless it is one oriented manifold piece. `faults` are the reasons why it is
     not an oriented manifold, a sentence each, empty for a good mesh. `smallest_angle` is in degrees and leaves the
-    degenerate faces out. `unit_guess` is the file's own unit, or a guess from the size of the numbers. `record` is what
-    reading it repaired and dropped.
+    degenerate faces out. `unit_guess` is the file's own unit, or a guess from the size of the numbers; `unit_said`
+    tells which. `record` is what reading it repaired and dropped.
     """
 
     path: str
     unit: str
     unit_guess: str
+    unit_said: bool
     vertices: int
     faces: int
     polygons: int
@@ -243,6 +244,7 @@ def mesh_facts(path: str | Path, raw: RawMesh, unit: str | None = None) -> MeshF
         path=str(path),
         unit=unit or raw.unit or "m",
         unit_guess=unit_guess(raw),
+        unit_said=raw.unit is not None,
         vertices=len(V),
         faces=len(raw.F),
         polygons=raw.polygons,

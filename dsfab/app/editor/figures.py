@@ -24,7 +24,8 @@ def figures(made: Design, cut: SlicingResult, notes: list[str]) -> dict[str, Any
     """Square metres, kilograms (sheet area times thickness), pieces and widths in metres, ready for JSON."""
     preset, sheet = made.preset, cut.sheet.surface
     found = features(cut.cells, kept_cells(cut.cells, cut.sheet), made.pattern.names)
-    limits, share = found.histogram()
+    least = preset.fabrication.min_member or least_widths(made.settled, made.surface).member
+    limits, share = found.histogram(least)
     narrow = found.member
     return {
         "area": sheet.area,
@@ -36,7 +37,7 @@ def figures(made: Design, cut: SlicingResult, notes: list[str]) -> dict[str, Any
         "place": None if narrow is None else narrow.place.tolist(),
         "limits": limits.tolist(),
         "widths": share.tolist(),
-        "min_member": preset.fabrication.min_member or least_widths(made.settled, made.surface).member,
+        "min_member": least,
         "pattern": _pattern(made, cut),
         "compliance": made.statics.equilibrium.compliance,
         "notes": notes,

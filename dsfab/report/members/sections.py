@@ -4,6 +4,7 @@ from collections.abc import Mapping, Sequence
 
 import numpy as np
 
+from dsfab.arrays import Floats
 from dsfab.eurocode import Utilisation
 from dsfab.frame import COMPONENTS
 from dsfab.pipeline import Design
@@ -77,18 +78,26 @@ def _forces_table(found: Utilisation, chosen: Sequence[int], number: Numbers) ->
     """Sections and forces of some bays, where the check that decides over them is largest."""
     bays, at = found.bays, [(bay, *found.governing(bay)[1:]) for bay in chosen]
     forces = np.array([bays.forces[case][bay, station] for bay, case, station in at])
-    scale = [unit_for(max(float(np.abs(part).max()), 1e-9), unit) for part, unit in zip(forces.T, UNITS, strict=True)]
+    scale = [_scale(forces[:, [unit == one for one in UNITS]], unit) for unit in UNITS]
     rows = []
     for (bay, _, station), row in zip(at, forces, strict=True):
         section = f"{length(float(bays.width[bay, station]))} × {length(bays.thickness)}"
-        numbers = [f"{x / factor:.2f}" for x, (factor, _) in zip(row, scale, strict=True)]
+        numbers = [f"{x / factor:.{after}f}" for x, (factor, _, after) in zip(row, scale, strict=True)]
         rows.append((bays.member[bay], section, length(float(bays.length[bay])), *numbers))
-    heads = [f"{name}, {unit}" for name, (_, unit) in zip(COMPONENTS, scale, strict=True)]
+    heads = [f"{name}, {unit}" for name, (_, unit, _) in zip(COMPONENTS, scale, strict=True)]
     caption = number.table("The same: section, length from node to node, and forces where that check decides.")
     note = "N positive is tension. My bends with the surface and stretches the side of its normal, Mz bends in it."
     return Table(
         caption, ("Member", "Section", "Bay", *heads), rows, 2, note, (0.9, 2.2, 1.1, *[1.3] * len(COMPONENTS))
     )
+
+
+def _scale(values: Floats, unit: str) -> tuple[float, str, int]:
+    """One unit for all forces or all moments, so that columns can be compared: what to divide by, its name, and digits
+    behind the point, four of the largest and two at least."""
+    largest = max(float(np.abs(values).max()), 1e-9)
+    factor, name = unit_for(largest, unit)
+    return factor, name, max(2, 3 - int(np.floor(np.log10(largest / factor))))
 
 
 def along(design: Design, number: Numbers) -> ReportSection:

@@ -11,7 +11,7 @@ import numpy as np
 
 from dsfab.surface.formats.limits import Budget, MalformedFileError
 from dsfab.surface.formats.record import PolygonFile, counted
-from dsfab.surface.formats.text import TextFile, text_file
+from dsfab.surface.formats.text import TextFile, said_in_comments, text_file
 from dsfab.surface.polygons import Polygons
 
 _LOUD = {"l": "line", "p": "point", "curv": "curve", "curv2": "curve", "surf": "free-form surface"}
@@ -27,6 +27,8 @@ _COMMENT = re.compile(r"^([^\S\n]*#[^\n]*)\\$", re.MULTILINE)
 """A comment that ends with a backslash."""
 _DIVIDED = re.compile(r"[^\s\\]\\\n(?=\S)")
 """A backslash at the end of a line with words right before it and right behind it."""
+_DECIMAL_COMMA = re.compile(r"\d,\d")
+"""In a number, as programs write it that follow the language of the desk."""
 OFTEN = 1 << 14
 """Lines between two looks at how many vertices and faces there are."""
 
@@ -37,6 +39,7 @@ def read_obj(data: bytes, budget: Budget) -> PolygonFile:
     Raises MalformedFileError with the number of the line that cannot be read, SurfaceError beyond the budget.
     """
     file = text_file(data)
+    said = said_in_comments(file.text, ("#",))
     if "\\\n" in file.text:
         file = TextFile(_continued(file.text), file.doubts, file.ended)
     V, corners, sizes = array("d"), array("q"), array("q")
@@ -60,11 +63,12 @@ def read_obj(data: bytes, budget: Budget) -> PolygonFile:
                 if not odd and word not in _LOUD:
                     odd = f"line {number}: {line.strip()[:40]!r}"
         except (ValueError, IndexError):
-            raise MalformedFileError(f"line {number} cannot be read: {line.strip()[:60]!r}") from None
+            comma = ": numbers have commas where points should be" if _DECIMAL_COMMA.search(line) else ""
+            raise MalformedFileError(f"line {number} cannot be read: {line.strip()[:60]!r}{comma}") from None
     budget.require_vertices(len(V) // 3)
     mesh = Polygons(np.array(V).reshape(-1, 3), np.array(corners), np.array(sizes))
     doubts = file.cut_off("a vertex" if last == "v" else "a face") if last in ("v", "f") else ()
-    return PolygonFile(mesh, (*file.doubts, *doubts), _passed_over(others, odd))
+    return PolygonFile(mesh, (*file.doubts, *doubts), _passed_over(others, odd), said.unit, said.up)
 
 
 def _continued(text: str) -> str:

@@ -7,7 +7,7 @@ import numpy as np
 
 from dsfab.surface.formats.limits import Budget, MalformedFileError
 from dsfab.surface.formats.record import PolygonFile, counted
-from dsfab.surface.formats.text import float_of, text_file, whole_number
+from dsfab.surface.formats.text import float_of, said_in_comments, text_file, whole_number
 from dsfab.surface.polygons import Polygons
 
 KINDS = {"OFF", "COFF", "NOFF", "CNOFF", "NCOFF", "STOFF", "STCOFF", "STNOFF", "STCNOFF"}
@@ -43,7 +43,8 @@ def read_off(data: bytes, budget: Budget) -> PolygonFile:
     more = sum(1 for _ in lines)
     doubts = file.cut_off("a face") if not more else ()
     mesh = Polygons(np.array(V).reshape(-1, 3), np.array(corners), np.array(sizes))
-    return PolygonFile(mesh, (*file.doubts, *doubts), (f"{counted(more, 'line')} after the last face",) if more else ())
+    dropped = (f"{counted(more, 'line')} after the last face",) if more else ()
+    return PolygonFile(mesh, (*file.doubts, *doubts), dropped, said_in_comments(file.text, ("#",)).unit)
 
 
 def _sizes(lines: Iterator[tuple[int, list[str]]]) -> tuple[int, int]:

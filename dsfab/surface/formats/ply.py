@@ -16,7 +16,7 @@ from dsfab.arrays import Floats, Ints
 from dsfab.surface.formats.limits import Budget, MalformedFileError
 from dsfab.surface.formats.ply_records import PlyElement, PlyProperty, binary_element, text_element, text_numbers
 from dsfab.surface.formats.record import PolygonFile, counted
-from dsfab.surface.formats.text import text_file, whole_number
+from dsfab.surface.formats.text import said_in_comments, text_file, whole_number
 from dsfab.surface.polygons import Polygons
 
 _NUMBERS = (
@@ -48,14 +48,16 @@ def read_ply(data: bytes, budget: Budget) -> PolygonFile:
     end = _END.search(data, 0, LONGEST_HEADER)
     if end is None:
         raise MalformedFileError("there is no PLY header, or it does not end")
-    style, elements = _header(data[: end.start()].decode("ascii", errors="replace"))
+    header = data[: end.start()].decode("ascii", errors="replace")
+    said = said_in_comments(header, ("comment", "obj_info"))
+    style, elements = _header(header)
     found, left = _elements(data[end.end() :], style, elements, budget)
     passed = tuple(
         f"{counted(e.count, 'record')} of the element {e.name!r}" for e in elements if e.name not in ("vertex", "face")
     )
     if style == "ascii" and not data.endswith((b"\n", b"\r")) and elements:
         doubts = (*doubts, f"the last line has no end: the file may be cut off within the last {elements[-1].name}")
-    return PolygonFile(_polygons(found), doubts, (*passed, *left))
+    return PolygonFile(_polygons(found), doubts, (*passed, *left), said.unit)
 
 
 def _elements(

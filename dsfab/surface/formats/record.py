@@ -37,12 +37,15 @@ NOTHING_READ = FileRecord()
 class PolygonFile:
     """The polygons of a file, and remarks about the file.
 
-    doubts : what is odd about it and may be a fault. dropped : what was passed over.
+    doubts : what is odd about it and may be a fault. dropped : what was passed over. unit : the one that its comments
+    name. up : the axis that the program which wrote it has up, "y" or "z". None where they do not say.
     """
 
     mesh: Polygons
     doubts: tuple[str, ...] = ()
     dropped: tuple[str, ...] = ()
+    unit: str | None = None
+    up: str | None = None
 
 
 @dataclass(frozen=True, eq=False)

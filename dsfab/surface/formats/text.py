@@ -1,10 +1,12 @@
 """Bytes of a text file to lines, whatever program wrote them."""
 
 import codecs
+import re
 from collections.abc import Iterator
 from dataclasses import dataclass
 
 from dsfab.surface.formats.limits import Budget, MalformedFileError
+from dsfab.units import UNIT_WORDS
 
 _MARKS = (
     (codecs.BOM_UTF8, "utf-8", "UTF-8 with a byte order mark"),
@@ -13,6 +15,12 @@ _MARKS = (
     (codecs.BOM_UTF16_LE, "utf-16-le", "UTF-16 text"),
     (codecs.BOM_UTF16_BE, "utf-16-be", "UTF-16 text"),
 )
+_UNIT = re.compile(rf"\bunits?\s*[:=]\s*[\"']?({'|'.join(UNIT_WORDS)})\b", re.IGNORECASE)
+"""A comment that names one: '# File units = inches', 'comment unit: mm'."""
+_PROGRAMS = re.compile(r"\b(?:(SketchUp|Blender|Rhino)|(FreeCAD|AutoCAD|Revit|dsfab))\b", re.IGNORECASE)
+"""What have y up in the OBJ files that they write unasked, and what z."""
+SAYING = 4096
+"""Letters at the beginning of a file among which comments tell of it as a whole."""
 BLOCK = 1 << 20
 """Letters that are made into lines together, between two looks at the clock."""
 
@@ -63,6 +71,27 @@ def text_file(data: bytes) -> TextFile:
     if "\r" in text:
         text = text.replace("\r\n", "\n").replace("\r", "\n")
     return TextFile(text, (doubt,) if doubt else (), text.endswith("\n") or not text.strip())
+
+
+@dataclass(frozen=True)
+class Said:
+    """What comments at the beginning of a file say of its numbers; None where they do not.
+
+    unit : a key of METRES_PER.    up : "y" or "z", which the program that wrote the file has up unasked.
+    """
+
+    unit: str | None = None
+    up: str | None = None
+
+
+def said_in_comments(text: str, marks: tuple[str, ...]) -> Said:
+    """The unit and the vertical axis in comments at the beginning of a file, lines that begin with `marks`."""
+    said = "\n".join(line for line in text[:SAYING].split("\n") if line.lstrip().startswith(marks))
+    unit, program = _UNIT.search(said), _PROGRAMS.search(said)
+    return Said(
+        None if unit is None else UNIT_WORDS[unit[1].lower()],
+        None if program is None else "y" if program[1] else "z",
+    )
 
 
 def float_of(word: str) -> float:

@@ -4,6 +4,9 @@ import { short } from './controls.js';
 
 const by = (id) => document.getElementById(id);
 
+/** Share of the least width by which what was widened to it may miss it, as in the server's histogram. */
+const ROUNDING = 1e-6;
+
 /** At once, from points on the surface; marked as about. */
 export function estimated(share, facts) {
   by('f-share').textContent = `≈ ${Math.round(100 * share)} %`;
@@ -18,7 +21,7 @@ export function measured(told) {
   by('f-mass').textContent = mass(told.mass);
   by('f-pieces').textContent = told.loose ? `${told.pieces} (${told.loose} loose)` : String(told.pieces);
   for (const id of ['f-mass', 'f-pieces']) by(id).classList.remove('old');
-  const thin = told.narrowest !== null && told.narrowest < told.min_member;
+  const thin = told.narrowest !== null && told.narrowest < told.min_member * (1 - ROUNDING);
   const narrow = told.narrowest === null ? '' : `, narrowest ${metres(told.narrowest)}${thin ? `: under ${metres(told.min_member)}` : ''}`;
   by('f-widths').classList.toggle('bad', thin);
   by('f-widths').textContent = `widths of members${narrow}; ${ends(told.pattern)}`;
@@ -55,7 +58,7 @@ export function histogram() {
   const most = Math.max(...last.widths);
   const step = wide / last.widths.length;
   last.widths.forEach((share, i) => {
-    const narrow = last.limits[i] < last.min_member;
+    const narrow = last.limits[i + 1] <= last.min_member; // a bin ends at the least width, or just under it
     pen.fillStyle = style.getPropertyValue(narrow ? '--bad' : '--bar');
     const high = (30 * share) / most;
     pen.fillRect(i * step + 0.5, 31 - high, Math.max(step - 1, 1), high);
@@ -66,8 +69,9 @@ export function histogram() {
   pen.font = '10px system-ui, sans-serif';
   pen.fillText('0', 0, 42);
   pen.textAlign = 'right';
-  pen.fillText(metres(last.limits.at(-1)), wide, 42);
-  canvas.setAttribute('aria-label', `Widths of members from 0 to ${metres(last.limits.at(-1))}`);
+  const end = `${metres(last.limits.at(-1))} and more`; // what is wider is in the last bar
+  pen.fillText(end, wide, 42);
+  canvas.setAttribute('aria-label', `Widths of members from 0 to ${end}`);
 }
 
 export const metres = (value) => (value < 1 ? `${short3(1000 * value)} mm` : `${short3(value)} m`);
