@@ -9,8 +9,6 @@ Programs that mesh a model patch by patch divide the two sides of a seam differe
 Where parts of a sheet touch in a point only, a face joins them there.
 """
 
-from collections.abc import Sequence
-
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -113,7 +111,7 @@ def _few_within(tree: cKDTree, places: Floats, radius: Floats) -> tuple[Bools, I
 
 def _all_within(tree: cKDTree, places: Floats, radius: Floats, some: Ints) -> tuple[Ints, Ints]:
     """Of some balls (b,) around places the numbers (k,), and the points (k,) of a tree in each."""
-    lists: Sequence[list[int]] = tree.query_ball_point(places[some], radius[some]) if len(some) else []
+    lists: list[list[int]] = list(tree.query_ball_point(places[some], radius[some])) if len(some) else []
     points = np.concatenate([np.zeros(0, dtype=np.int64), *lists]).astype(np.int64)
     return np.repeat(some, [len(each) for each in lists]), points
 
