@@ -109,18 +109,50 @@ def lifting_of(surface: Surface) -> Lifting:
     return Lifting.of(surface, curved)
 
 
+def two_chains_of_a_line(x: float, seed: int) -> tuple[NetLines, ChainCurve]:
+    """A line of two cubics, of chain 0 up to x, and of chain 1 backwards beyond."""
+    spans = np.random.default_rng(seed).normal(size=(2, 4, 6))
+    spans[1, 0] = spans[0, 3]
+    curve = ChainCurve(np.array([0.0, 0.4, 1.0]), spans)
+    net = ChainNet(csr_array((0, 0)), {}, {}, frozenset(), np.zeros(0, dtype=np.int64))
+    return NetLines(net, [ChainLine([(0, True), (1, False)], curve, np.array([0.0, x, 1.0]))]), curve
+
+
 @settings(max_examples=30, deadline=None)
 @given(st.floats(0.05, 0.95), st.integers(0, 10**6))
-def test_parts_of_a_curve_are_the_curve_and_ends_move_it_by_their_share(x, seed):
-    curve = ChainCurve(np.array([0.0, 1.0]), np.random.default_rng(seed).normal(size=(1, 4, 6)))
+def test_curves_of_chains_are_parts_of_their_line_and_ends_move_them_by_their_share(x, seed):
+    lines, whole = two_chains_of_a_line(x, seed)
     at = np.linspace(0, 1, 21)
-    np.testing.assert_allclose(curve.between(0.0, x)(at), curve(x * at), atol=1e-12)
-    np.testing.assert_allclose(curve.between(1.0, x)(at), curve(1 + (x - 1) * at), atol=1e-12)
+    np.testing.assert_allclose(lines.curve(0)(at), whole(x * at), atol=1e-12)
+    np.testing.assert_allclose(lines.curve(1)(at), whole(1 + (x - 1) * at), atol=1e-12)
+    curve = ChainCurve(np.array([0.0, 1.0]), whole.spans[:1])
     ends = np.arange(6.0), -np.arange(6.0)
     moved = curve.with_ends(*ends)
     np.testing.assert_array_equal(moved.spans[0, [0, -1]], ends)
     ways = [end - pole for end, pole in zip(ends, curve.spans[0, [0, -1]], strict=True)]
     np.testing.assert_allclose(moved(at) - curve(at), np.outer(1 - at, ways[0]) + np.outer(at, ways[1]), atol=1e-12)
+
+
+def test_curves_of_all_chains_are_cut_out_of_lines_at_once(monkeypatch):
+    lines, _ = two_chains_of_a_line(0.7, 0)
+    asked, parts = [], NetLines.parts
+    monkeypatch.setattr(NetLines, "parts", lambda self, some: asked.append(len(some)) or parts(self, some))
+    assert [len(lines.curve(k).spans) for k in (0, 1)] == [2, 1]
+    assert asked == [3]
+
+
+@settings(max_examples=30, deadline=None)
+@given(st.floats(0.01, 0.99), st.integers(2, 9), st.integers(0, 10**6))
+def test_a_chain_goes_from_its_end_to_the_point_within_reach(x, count, seed):
+    chain = SampledChain(np.random.default_rng(seed).normal(size=(count, 6)), True)
+    there = [np.interp(x * chain.way[-1], chain.way, column) for column in chain.Q.T]
+    np.testing.assert_allclose(chain.at(x), there, atol=1e-12)
+    reach = min(x, 0.5) * chain.way[-1]
+    for first, share in ((True, min(x, 0.5)), (False, 1 - min(x, 0.5))):
+        way, across = chain.direction(first, float(reach))
+        there, end = chain.at(share), chain.Q[0 if first else -1]
+        np.testing.assert_allclose(way, (there - end).reshape(2, 3).mean(axis=0), atol=1e-12)
+        np.testing.assert_allclose(across * np.linalg.norm(end[:3] - end[3:]), end[:3] - end[3:], atol=1e-12)
 
 
 @settings(max_examples=30, deadline=None)

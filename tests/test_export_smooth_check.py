@@ -150,3 +150,17 @@ def test_nothing_is_drawn_of_a_whole_that_is_not_valid(tmp_path, vault):
     judged = occt_check.whole_findings(occt_check.occt(), (tmp_path / "a.step").read_text(), 0.5, 60)
     assert ([one.valid for one in judged[0]], judged[1]) == ([False], None)
     assert not check.whole_findings(str(tmp_path / "none.step"), str(tmp_path), 0.5)
+
+
+def test_triangles_of_a_placed_shape_lie_where_it_is_placed():
+    from OCP.BRepPrimAPI import BRepPrimAPI_MakeBox
+    from OCP.gp import gp_Trsf, gp_Vec
+    from OCP.TopLoc import TopLoc_Location
+
+    box, move = BRepPrimAPI_MakeBox(1, 2, 3).Shape(), gp_Trsf()
+    move.SetTranslation(gp_Vec(10, 20, 30))
+    for shape, at in ((box, np.zeros(3)), (box.Moved(TopLoc_Location(move)), np.array([10.0, 20.0, 30.0]))):
+        mesh, found = step_mesh.tessellated(shape, 0.1)
+        assert found["solids"] == 1
+        assert len(mesh["F"]) == 12
+        np.testing.assert_allclose([mesh["V"].min(axis=0), mesh["V"].max(axis=0)], [at, at + [1, 2, 3]], atol=1e-9)

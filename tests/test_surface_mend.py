@@ -10,14 +10,22 @@ from scipy.spatial import cKDTree
 from dsfab.arrays import from_segments
 from dsfab.errors import SurfaceError
 from dsfab.preset_file import load_preset
-from dsfab.surface import Ball, Box, Nearest, Side, Surface, mended, nearest, read_surface, twin_remarks
+from dsfab.surface import Ball, Box, Nearest, Side, Surface, mended, nearest, read_surface, stitching, twin_remarks
 from dsfab.surface.doubled import single_sheets
 from dsfab.surface.enclosed import signed_volume
 from dsfab.surface.mend import WELD
 from dsfab.surface.places import merged
 from dsfab.surface.shapes import dome, plate, sphere
 from dsfab.surface.stitching import SAG, _near
-from dsfab.surface.topology import boundary_loops, edge_table, manifold_faults, pieces, pinches
+from dsfab.surface.topology import (
+    LONGEST_WALK,
+    _whole_fans,
+    boundary_loops,
+    edge_table,
+    manifold_faults,
+    pieces,
+    pinches,
+)
 from tests.own_meshes import figure, gyroid, voronoi_shell
 from tests.zoo import grid
 
@@ -412,3 +420,32 @@ def test_a_comb_of_spikes_asks_about_few_vertices_an_edge():
     V, ends = comb(2000)
     edge, _ = _near(V, ends, 1e-5)
     assert len(edge) < 50 * len(ends)
+
+
+def test_a_comb_of_spikes_counts_no_crowds(monkeypatch):
+    """The ball around the middle of an edge has all corners in it: to count them for each edge goes as their square."""
+    met = []
+
+    class Tree(stitching.cKDTree):
+        def query_ball_point(self, *asked, return_length=False):
+            lists = super().query_ball_point(*asked)
+            met.append(sum(map(len, lists)))
+            return np.array([len(each) for each in lists]) if return_length else lists
+
+    monkeypatch.setattr(stitching, "cKDTree", Tree)
+    V, ends = comb(400)
+    edge, _ = _near(V, ends, 0.02)
+    assert len(edge) > len(ends)  # so wide that the shortest pieces are asked for all that is around them
+    assert sum(met) < 50 * len(ends)
+
+
+def test_walks_around_a_fan_of_thousands_are_not_gone_to_their_end():
+    """What is left of them is told by parts that hang together: there is no pinch, and with a second fan there is."""
+    k = np.arange(1, 2 * LONGEST_WALK)
+    fan = np.stack([np.zeros_like(k), k, k + 1], axis=1)
+    n = 1 + int(fan.max())
+    assert _whole_fans(fan[: LONGEST_WALK - 1], edge_table(fan[: LONGEST_WALK - 1]), n)
+    assert not _whole_fans(fan, edge_table(fan), n)
+    assert not len(pinches(fan, edge_table(fan), n))
+    two = np.concatenate([fan, np.where(fan > 0, fan + n, 0)])
+    assert pinches(two, edge_table(two), 2 * n).tolist() == [0]

@@ -148,9 +148,11 @@ def _triangles(face: Any) -> tuple[Any, Any]:
     mesh = BRep_Tool.Triangulation_s(TopoDS.Face(face), place)
     if mesh is None:
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
-    move = place.Transformation()
-    nodes = (mesh.Node(i).Transformed(move) for i in range(1, mesh.NbNodes() + 1))
-    V = np.array([(p.X(), p.Y(), p.Z()) for p in nodes])
+    nodes: Iterable[Any] = map(mesh.Node, range(1, mesh.NbNodes() + 1))
+    if not place.IsIdentity():  # where there is nothing to move, asking takes as long as reading the points
+        move = place.Transformation()
+        nodes = (node.Transformed(move) for node in nodes)
+    V = np.array([node.Coord() for node in nodes])
     F = np.array([mesh.Triangle(i).Get() for i in range(1, mesh.NbTriangles() + 1)], dtype=np.int64).reshape(-1, 3) - 1
     return V, F[:, ::-1] if face.Orientation() == TopAbs_Orientation.TopAbs_REVERSED else F
 

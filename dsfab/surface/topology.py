@@ -16,6 +16,9 @@ from scipy.sparse import csr_array
 
 from dsfab.arrays import Bools, Ints, complement, first
 
+LONGEST_WALK = 100
+"""Steps around a vertex; each asks all vertices that are not done."""
+
 
 @dataclass(frozen=True, eq=False)
 class EdgeTable:
@@ -208,7 +211,8 @@ def _fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bools | No
 def _whole_fans(F: Ints, edges: EdgeTable, n: int) -> bool:
     """Whether one walk around each vertex surely meets all of its corners; walks need faces of one orientation.
 
-    A walk starts at the boundary, where there is one, and goes from corner to corner over the edges between.
+    A walk starts at the boundary, where there is one, and goes from corner to corner over the edges between. Around a
+    vertex of thousands of faces, as a fan has, walks are not gone to their end.
     """
     if len(misoriented_edges(F, edges)) or (edges.count > 2).any():
         return False
@@ -219,7 +223,9 @@ def _whole_fans(F: Ints, edges: EdgeTable, n: int) -> bool:
     onward = np.ascontiguousarray(edges.twins.reshape(-1, 3)[:, [2, 0, 1]]).ravel()
     start = start[start >= 0]
     at, met = start, 0
-    while len(at):
+    for _ in range(LONGEST_WALK):
+        if not len(at):
+            break
         met += len(at)
         at = onward[at]
         still = np.flatnonzero((at != start) & (at >= 0))

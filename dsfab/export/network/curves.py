@@ -22,7 +22,8 @@ BETWEEN = 2
 READ = np.array([0.05, 0.35, 0.65, 0.95])
 """Where a cubic is read to know its poles."""
 
-TO_POLES = np.linalg.inv(bernstein(READ))
+AT_READ = bernstein(READ)
+TO_POLES = np.linalg.inv(AT_READ)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,18 +49,20 @@ class SampledChain:
         """The way from one of its ends to what is within `reach`, millimetres, and the normal at that end."""
         if (from_start, reach) not in self._directions:
             x = min(reach / self.way[-1], 0.5)
-            Q = self.at(np.array([0.0, x]) if from_start else np.array([1.0, 1 - x]))
-            middle, across = (Q[:, :3] + Q[:, 3:]) / 2, Q[0, :3] - Q[0, 3:]
-            self._directions[from_start, reach] = (middle[1] - middle[0], across / np.linalg.norm(across))
+            Q, there = self.Q[0 if from_start else -1], self.at(x if from_start else 1 - x)
+            way, across = (there[:3] + there[3:]) / 2 - (Q[:3] + Q[3:]) / 2, Q[:3] - Q[3:]
+            self._directions[from_start, reach] = (way, across / np.linalg.norm(across))
         return self._directions[from_start, reach]
 
     @cached_property
     def _directions(self) -> dict[tuple[bool, float], tuple[Floats, Floats]]:
         return {}
 
-    def at(self, x: Floats) -> Floats:
-        """(j, 6) at shares x (j,) of the length."""
-        return np.stack([np.interp(x * self.way[-1], self.way, c) for c in self.Q.T], axis=1)
+    def at(self, x: float) -> Floats:
+        """(6,) at a share of the length under 1."""
+        way, to = self.way, x * self.way[-1]
+        i = int(way.searchsorted(to, side="right"))
+        return np.asarray((self.Q[i] - self.Q[i - 1]) / (way[i] - way[i - 1]) * (to - way[i - 1]) + self.Q[i - 1])
 
 
 @dataclass(frozen=True, eq=False)
@@ -77,7 +80,7 @@ class ChainCurve:
         breaks = np.unique(spline.knots)
         x = READ[None] * np.diff(breaks)[:, None] + breaks[:-1, None]
         at = spline(x.ravel()).reshape(len(breaks) - 1, 4, -1)
-        spans = np.asarray(np.linalg.solve(bernstein(READ), at), dtype=np.float64)
+        spans = np.asarray(np.linalg.solve(AT_READ, at), dtype=np.float64)
         spans[0, 0], spans[-1, -1] = spline.poles[0], spline.poles[-1]
         spans[1:, 0] = spans[:-1, 3]
         return cls(breaks, spans, off)
@@ -88,20 +91,9 @@ class ChainCurve:
         share = (x - self.breaks[span]) / np.diff(self.breaks)[span]
         return np.asarray(np.einsum("ka,kai->ki", bernstein(share), self.spans[span]))
 
-    def parts(self, a: Floats, b: Floats) -> Floats:
-        """(k, 4, 6) poles of what is between parameters a and b (k,), which have no break between them; backwards
-        where b is less."""
-        middle = (a + b) / 2
-        span = np.clip(np.searchsorted(self.breaks, middle, side="right") - 1, 0, len(self.spans) - 1)
-        first, long = self.breaks[span], np.diff(self.breaks)[span]
-        return parts_of(self.spans[span], (a - first) / long, (b - first) / long)
-
-    def between(self, a: float, b: float) -> "ChainCurve":
-        """The same curve from a parameter to another; backwards where that is less."""
-        low, high = min(a, b), max(a, b)
-        stops = np.concatenate([[low], self.breaks[(self.breaks > low) & (self.breaks < high)], [high]])
-        found = ChainCurve((stops - low) / (high - low), self.parts(stops[:-1], stops[1:]), self.off)
-        return found if a < b else found.reversed()
+    def stops(self, low: float, high: float) -> Floats:
+        """(k,) two parameters, in order, and the breaks between them."""
+        return np.concatenate([[low], self.breaks[(self.breaks > low) & (self.breaks < high)], [high]])
 
     def with_ends(self, start: Floats, end: Floats) -> "ChainCurve":
         """Moved so that it has other ends (6,): what is between follows by a share."""

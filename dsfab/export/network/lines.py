@@ -90,14 +90,22 @@ class NetLines:
 
     def curve(self, k: int) -> ChainCurve:
         """Of a chain."""
-        if k not in self._curves:
-            i, a, b = self.place[k]
-            self._curves[k] = self.lines[i].curve.between(a, b)
         return self._curves[k]
 
     @cached_property
     def _curves(self) -> dict[int, ChainCurve]:
-        return {}
+        """Of all chains, by number: one by one they take three times as long."""
+        stops, parts = dict[int, Floats](), list[Part]()
+        for k, (i, a, b) in self.place.items():
+            stops[k] = self.lines[i].curve.stops(min(a, b), max(a, b))
+            parts += [(i, x, y) for x, y in pairwise(stops[k].tolist())]
+        found, at, poles = dict[int, ChainCurve](), 0, self.parts(parts)
+        for k, (i, a, b) in self.place.items():
+            x = stops[k]
+            spans, at = poles[at : at + len(x) - 1], at + len(x) - 1
+            curve = ChainCurve((x - x[0]) / (x[-1] - x[0]), spans, self.lines[i].curve.off)
+            found[k] = curve if a < b else curve.reversed()
+        return found
 
     def curves(self, regions: Iterable[int]) -> dict[int, ChainCurve]:
         """Of the chains around regions, by number."""

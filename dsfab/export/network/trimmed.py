@@ -1,6 +1,7 @@
 """Regions without four sides: one Bezier surface over their mean plane, trimmed by their edges, with a measured gap."""
 
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from scipy.linalg import lstsq
@@ -37,8 +38,8 @@ OTHERS = (
 )
 """Tried after these until edges can be split."""
 
-TURNS = np.radians(np.arange(0, 90, 5))
-"""By which a rectangle around a region may be turned."""
+TURNED = np.array([[[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]] for a in np.radians(np.arange(0, 90, 5))])
+"""(t, 2, 2) the axes of rectangles around a region, in a plane."""
 
 SMALLER = 3 / 4
 """Share of its area that it then has at most: corners of turned ones are beyond the box around the region."""
@@ -153,8 +154,8 @@ def _surface(points: Floats, edges: Floats, axes: Floats, wanted: float, near: f
 def _along_smallest_rectangle(line: Floats, axes: Floats) -> Floats:
     """(3, 3) axes turned about the last of them if the rectangle around a line (k, 3) is far smaller then: the more of
     it a region fills, the fewer poles are held by nothing."""
-    turned = [np.array([[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]]) @ axes[:2] for a in TURNS]
-    area = [float(np.ptp(line @ two.T, axis=0).prod()) for two in turned]
+    turned = TURNED @ axes[:2]
+    area = np.ptp(line @ turned.transpose(0, 2, 1), axis=1).prod(axis=1)
     best = int(np.argmin(area))
     return np.concatenate([turned[best], axes[2:]]) if area[best] < SMALLER * area[0] else axes
 
@@ -165,13 +166,14 @@ def _best(uv: Floats, z: Floats, inside: int, wanted: float, near: float) -> tup
     Where none closes the gap as wanted, high degrees wave between the points for next to nothing: that is taken which
     is least off inside of those whose edges can be split, or which is least off both together.
     """
-    base = _heights(uv, z, np.ones(len(z)), SMOOTH[1], np.zeros((BASE + 1, BASE + 1)))
+    base = _heights(_rows(uv, BASE), z, np.ones(len(z)), SMOOTH[1], np.zeros((BASE + 1, BASE + 1)))
     fits, good = list[tuple[Floats, float, float]](), list[tuple[Floats, float, float]]()
     for i, (edge, smooth, degree) in enumerate((*USUAL, *OTHERS)):
         if good and i >= len(USUAL):
             break
-        poles = _heights(uv, z, np.repeat([1.0, edge], (inside, len(z) - inside)), smooth, _raised(base, degree))
-        off = np.abs(_rows(uv, degree) @ poles.ravel() - z)
+        A = _rows(uv, degree)
+        poles = _heights(A, z, np.repeat([1.0, edge], (inside, len(z) - inside)), smooth, _raised(base, degree))
+        off = np.abs(A @ poles.ravel() - z)
         fits.append((poles, float(off[inside:].max()), float(off[:inside].max(initial=0.0))))
         if fits[-1][2] <= near and fits[-1][1] <= SPLIT:
             good.append(fits[-1])
@@ -180,9 +182,9 @@ def _best(uv: Floats, z: Floats, inside: int, wanted: float, near: float) -> tup
     return min(good, key=lambda fit: fit[2]) if good else min(fits, key=lambda fit: fit[1] + fit[2])
 
 
-def _heights(uv: Floats, z: Floats, weight: Floats, smooth: float, base: Floats) -> Floats:
-    """(p + 1, p + 1) poles over a square near to heights z (k,), with weights, and to other poles of as many."""
-    A = _rows(uv, len(base) - 1)
+def _heights(A: Floats, z: Floats, weight: Floats, smooth: float, base: Floats) -> Floats:
+    """(p + 1, p + 1) poles near to heights z (k,) where they count as in A (k, (p + 1)^2), with weights, and to other
+    poles of as many."""
     rows = np.concatenate([weight[:, None] * A, smooth * _differences(len(base))])
     right = np.zeros(len(rows))
     right[: len(z)] = weight * (z - A @ base.ravel())
@@ -208,9 +210,16 @@ def _rows(uv: Floats, degree: int) -> Floats:
 def _powers(x: Floats, degree: int) -> Floats:
     """(k, degree + 1) Bernstein polynomials at x (k,)."""
     i = np.arange(degree + 1)
-    return np.asarray(comb(degree, i) * x[:, None] ** i * (1 - x[:, None]) ** (degree - i))
+    return np.asarray(_binomials(degree) * x[:, None] ** i * (1 - x[:, None]) ** (degree - i))
 
 
+@cache
+def _binomials(degree: int) -> Floats:
+    """(degree + 1,) how many ways there are to take 0, 1 ... of as many things as the degree is."""
+    return np.asarray(comb(degree, np.arange(degree + 1)))
+
+
+@cache
 def _differences(count: int) -> Floats:
     """Second differences of a square of poles, along both directions."""
     second = np.diff(np.eye(count), n=2, axis=0)
