@@ -8,7 +8,7 @@ import pytest
 from dsfab.export.network import draft, use_check
 from dsfab.export.network.draft import member_draft
 from dsfab.export.network.model import NetEdge, NetModel, NetPatch, NetWall
-from dsfab.export.network.ordering import CLEAR, FAR, in_order
+from dsfab.export.network.ordering import CLEAR, FAR, _stops, in_order
 from dsfab.export.network.trimmed import TrimmedFace
 from dsfab.export.smooth.plan import SmoothPlan
 from dsfab.surface import Surface
@@ -106,6 +106,24 @@ def test_an_edge_is_cut_where_it_is_farthest_from_its_trimmed_face():
     inside = line(model, wall.steps)[1:, 0, 1] / 100
     assert inside == pytest.approx([2 / 3], abs=1 / 128)
     assert CLEAR * THICK < 100 * inside[0] < 100 - CLEAR * THICK
+
+
+@pytest.mark.parametrize(
+    ("outer", "inner", "at"),
+    [
+        ((0, 0, 1, 0), (0, 0, 0, 0), [2 / 3]),
+        ((0, 0, 1, 0), (1, 0, 0, 0), [2 / 3]),
+        ((0, 0, 1, 0), (0, 0, 0, 1), [2 / 3]),
+        ((1, 0, 0, 0), (0, 0, 0, 1), []),
+    ],
+)
+def test_a_gap_may_be_widest_at_the_corner_or_where_an_edge_is_cut(outer, inner, at):
+    """Where it is widest between its ends, above one skin at least, an edge is cut."""
+    poles = flat_model(SQUARE)[0].edges[0].poles
+    poles = poles + 0.01 * np.outer(outer, np.eye(6)[2]) + 0.01 * np.outer(inner, np.eye(6)[5])
+    flat = np.array([[[x, y, 20.0] for y in (-1, 101)] for x in (-1, 101)])
+    face = TrimmedFace([], flat, flat - [0, 0, 40], (np.eye(3), np.eye(3)), 0.01, 0.0)
+    assert _stops(poles, face, (True, False), (False, False)) == pytest.approx(at, abs=1 / 128)
 
 
 def ball_grid() -> tuple[Surface, object]:

@@ -6,8 +6,8 @@ r"""Walls in an order, and edges in directions and lengths, with which OCCT (8.0
         | seam    <---    of a sphere's corners 31 of 34 were rounded where edges end, and 8 of 33 where they begin.
 
 It also makes edges shorter, which keep their tolerance. That is their largest distance from a face at 23 points; at
-those of what is left it may be a thousandth more, and then the solid is not valid. Where the largest is at an end that
-stays, it is met by both. So edges of trimmed faces are cut in two there.
+those of what is left it may be a thousandth more, and then the solid is not valid. Where the largest is at an end, both
+are exact, or what is left has less. So edges of trimmed faces are cut in two where they are farthest off.
 """
 
 from collections.abc import Iterable
@@ -71,8 +71,8 @@ def _directed(outline: list[NetWall], model: NetModel, beside: dict[int, Trimmed
 def _stops(
     poles: Floats, face: TrimmedFace | None, corners: tuple[bool, bool], ending: tuple[bool, bool]
 ) -> list[float]:
-    """Where an edge is cut that has corners at its ends: as far from each as the gap of a trimmed face grows to there,
-    on both skins, and not `FAR` from one that is rounded at the end of this edge."""
+    """Where an edge is cut that has corners at its ends: as far from each as the gap of a trimmed face is nowhere wider
+    between than here or there, on both skins, and not `FAR` from one that is rounded at the end of this edge."""
     thick, long = (float(np.linalg.norm(way)) for way in (poles[0, :3] - poles[0, 3:], poles[3, :3] - poles[0, :3]))
     clear, far = CLEAR * thick / max(long, 1e-300), FAR * thick / max(long, 1e-300)
     gaps = np.zeros((len(DENSE), 2)) if face is None else np.abs(face.gaps(bernstein(DENSE) @ poles))
@@ -80,13 +80,14 @@ def _stops(
     found = set[float]()
     for at_end in np.flatnonzero(corners):
         there = gaps[::-1] if at_end else gaps
-        largest = (there >= np.maximum.accumulate(there)).all(axis=1)
+        largest = np.asarray((np.maximum(there, there[0]) >= np.maximum.accumulate(there)).all(axis=1))
         most = min(far, 1.0) if ending[at_end] else 1.0
         inside = (clear < DENSE) & (clear < DENSE[::-1]) & (most >= DENSE)
-        if not (largest & inside).any() and most < 1:
-            largest = inside
-        if (largest & inside).any() and not (largest[-1] and most == 1):
-            last = np.flatnonzero(largest & inside)[-1]
+        places = np.flatnonzero(inside & largest)
+        if most < 1 and not len(places):
+            places = np.flatnonzero(inside)
+        if len(places) and not (most == 1 and largest[-1]):
+            last = places[-1]
             found.add(float(DENSE[::-1][last] if at_end else DENSE[last]))
     near = len(found) == 2 and max(found) - min(found) < clear
     return [float(np.mean(list(found)))] if near else sorted(found)
