@@ -123,7 +123,7 @@ def test_a_gap_may_be_widest_at_the_corner_or_where_an_edge_is_cut(outer, inner,
     poles = poles + 0.01 * np.outer(outer, np.eye(6)[2]) + 0.01 * np.outer(inner, np.eye(6)[5])
     flat = np.array([[[x, y, 20.0] for y in (-1, 101)] for x in (-1, 101)])
     face = TrimmedFace([], flat, flat - [0, 0, 40], (np.eye(3), np.eye(3)), 0.01, 0.0)
-    assert _stops(poles, face, (True, False), (False, False)) == pytest.approx(at, abs=1 / 128)
+    assert _stops(poles, face, (1.0, 0.0), (False, False)) == pytest.approx(at, abs=1 / 128)
 
 
 def ball_grid() -> tuple[Surface, object]:

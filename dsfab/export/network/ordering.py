@@ -25,8 +25,8 @@ from dsfab.export.splines import bernstein
 SMOOTH = np.cos(np.deg2rad(10.0))
 """Cosine of the turn between two walls up to which there is no corner to be rounded."""
 
-CLEAR = 1 / 4
-"""Of the thickness: no edge is cut nearer to a corner. A fillet with an eighth of it as radius takes half of that."""
+CLEAR = 1 / 7
+"""Of the thickness, radius of a fillet that takes no more of a wall than up to where its edge is cut at the nearest."""
 
 FAR = 8.0
 """Times the thickness that an edge is long at most which ends at a corner: of one of 700 mm, of which a fillet took 5,
@@ -57,39 +57,45 @@ def _directed(outline: list[NetWall], model: NetModel, beside: dict[int, Trimmed
     cosines = [float(_way(wall, model, True) @ _way(outline[i - 1], model, False)) for i, wall in enumerate(outline)]
     begin = int(np.argmax(cosines))
     walls = [*outline[begin:], *outline[:begin]]
-    sharp = [x < SMOOTH for x in (*cosines[begin:], *cosines[:begin], cosines[begin])]
+    turns = [_half_turn(x) for x in (*cosines[begin:], *cosines[:begin], cosines[begin])]
     for i, wall in enumerate(walls):
         for j, (e, ahead) in enumerate(wall.steps):
-            corners = sharp[i] and j == 0, sharp[i + 1] and j == len(wall.steps) - 1
-            against = corners[0] and i == 0
-            ending = against, corners[1] and i + 1 < len(walls)
-            stops = _stops(work.poles(e, ahead), beside.get(e), corners, ending) if any(corners) else []
+            corners = turns[i] if j == 0 else 0.0, turns[i + 1] if j == len(wall.steps) - 1 else 0.0
+            against = i == 0 and corners[0] > 0
+            ending = against, i + 1 < len(walls) and corners[1] > 0
+            stops = _stops(work.poles(e, ahead), beside.get(e), corners, ending)
             work.cut(e, ahead, stops or ([0.5] if against and len(wall.steps) == 1 else []), against)
     return walls
 
 
+def _half_turn(cosine: float) -> float:
+    """The tangent of half the turn at a corner, by which a fillet's radius is multiplied; 0 where there is none."""
+    return float(np.sqrt((1 - cosine) / max(1 + cosine, 0.05))) if cosine < SMOOTH else 0.0
+
+
 def _stops(
-    poles: Floats, face: TrimmedFace | None, corners: tuple[bool, bool], ending: tuple[bool, bool]
+    poles: Floats, face: TrimmedFace | None, corners: tuple[float, float], ending: tuple[bool, bool]
 ) -> list[float]:
     """Where an edge is cut that has corners at its ends: as far from each as the gap of a trimmed face is nowhere wider
     between than here or there, on both skins, and not `FAR` from one that is rounded at the end of this edge."""
     thick, long = (float(np.linalg.norm(way)) for way in (poles[0, :3] - poles[0, 3:], poles[3, :3] - poles[0, :3]))
-    clear, far = CLEAR * thick / max(long, 1e-300), FAR * thick / max(long, 1e-300)
+    share = thick / max(long, 1e-300)
+    first, last = (CLEAR * share * half for half in corners)
+    between = (first < DENSE) & (last < DENSE[::-1]) & (DENSE > 0) & (DENSE < 1)
     gaps = np.zeros((len(DENSE), 2)) if face is None else np.abs(face.gaps(bernstein(DENSE) @ poles))
     gaps[:, gaps.max(axis=0) < EXACT] = 0
     found = set[float]()
     for at_end in np.flatnonzero(corners):
         there = gaps[::-1] if at_end else gaps
         largest = np.asarray((np.maximum(there, there[0]) >= np.maximum.accumulate(there)).all(axis=1))
-        most = min(far, 1.0) if ending[at_end] else 1.0
-        inside = (clear < DENSE) & (clear < DENSE[::-1]) & (most >= DENSE)
+        most = min(FAR * share, 1.0) if ending[at_end] else 1.0
+        inside = (between[::-1] if at_end else between) & (most >= DENSE)
         places = np.flatnonzero(inside & largest)
         if most < 1 and not len(places):
             places = np.flatnonzero(inside)
         if len(places) and not (most == 1 and largest[-1]):
-            last = places[-1]
-            found.add(float(DENSE[::-1][last] if at_end else DENSE[last]))
-    near = len(found) == 2 and max(found) - min(found) < clear
+            found.add(float((DENSE[::-1] if at_end else DENSE)[places[-1]]))
+    near = len(found) == 2 and max(found) - min(found) < CLEAR * share
     return [float(np.mean(list(found)))] if near else sorted(found)
 
 
