@@ -286,7 +286,7 @@ def test_a_trimmed_face_does_not_wave_to_meet_edges_that_no_surface_meets():
     edges = np.concatenate([ring(turn, 600), ring(turn, 1200), ring(0, r), ring(np.pi, r)])
     edges[:, 2] = 0.2 * np.sign(np.sin(9 * np.arctan2(edges[:, 1], edges[:, 0])))
     inside = ring(np.linspace(0, np.pi, 7)[1:-1], np.array([[800.0], [1000]]))
-    poles, gap, _ = _surface(inside, edges, np.eye(3), 1e-3, 1.0)
+    poles, _, gap, _ = _surface(inside, edges, np.eye(3), 1e-3, 1.0)
     u, v = ((ring(np.linspace(0, np.pi, 61), r[:, None]) - poles[0, 0]) / (poles[-1, -1] - poles[0, 0]))[:, :2].T
     B, C = (_powers(x, len(poles) - 1) for x in (u, v))
     assert np.abs(np.einsum("ka,kb,ab->k", B, C, poles[..., 2])).max() < 0.5
@@ -325,7 +325,7 @@ def test_edges_that_waves_keep_from_a_surface_are_near_enough_to_be_split():
     x = np.linspace(-1500, 1500, 241)
     edges = np.concatenate([np.stack(np.broadcast_arrays(x, y, 1.5 * np.sin(x / 160)), axis=1) for y in (-150, 150.0)])
     inside = np.stack(np.broadcast_arrays(x[::8], 0.0, 1.5 * np.sin(x[::8] / 160)), axis=1)
-    _, gap, off = _surface(inside, edges, np.eye(3), 1e-3, 1.0)
+    _, _, gap, off = _surface(inside, edges, np.eye(3), 1e-3, 1.0)
     assert gap <= SPLIT
     assert off <= 1.0
 
@@ -337,7 +337,7 @@ def test_a_parabola_is_itself_however_little_of_its_square_is_a_region():
         np.stack([a, 40 * b + 0.2 * a, a**2 / 2000 + a * b], axis=2).reshape(-1, 3) for a, b in ((x, y), (x, y / 2))
     )
     edges[:, 2], inside[:, 2] = ((P[:, 0] ** 2 + P[:, 1] ** 2) / 4000 for P in (edges, inside))
-    poles, gap, off = _surface(inside, edges, np.eye(3), 1e-3, 1.0)
+    poles, _, gap, off = _surface(inside, edges, np.eye(3), 1e-3, 1.0)
     assert max(gap, off) < 1e-3
     corners = poles[[0, 0, -1, -1], [0, -1, 0, -1]]
     np.testing.assert_allclose(corners[:, 2], (corners[:, :2] ** 2).sum(axis=1) / 4000, atol=1)
@@ -348,7 +348,7 @@ def test_the_rectangle_of_a_strip_lies_along_it():
     strip = np.array([[x, y, 0.0] for x in np.linspace(0, 900, 46) for y in (-30, 30)])
     c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
     edges = strip @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
-    poles, _, _ = _surface(edges[:2], edges, np.eye(3), 1e-3, 1.0)
+    poles, *_ = _surface(edges[:2], edges, np.eye(3), 1e-3, 1.0)
     long, wide = np.linalg.norm(poles[[-1, 0], [0, -1]] - poles[0, 0], axis=1)
     assert sorted([long, wide]) == pytest.approx([62, 902], abs=1e-6)
 

@@ -20,6 +20,7 @@ from dsfab.export.network.lifting import Lifting
 from dsfab.export.network.line_fits import LineFits
 from dsfab.export.network.lines import NetLines
 from dsfab.export.network.model import NetModel, net_model
+from dsfab.export.network.ordering import in_order
 from dsfab.export.network.quads import REACH, quads_of
 from dsfab.export.network.seams import with_steep_ends
 from dsfab.export.network.straightening import straightened
@@ -174,7 +175,7 @@ def _solid(
         fits.patched |= bad
         _, model = fits.model(net)
         faces = _trimmed_faces(net, model, sheet, fits, plan)
-    return model, list(faces.values())
+    return in_order(model, list(faces.values()))
 
 
 def _trimmed_faces(

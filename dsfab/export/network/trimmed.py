@@ -54,14 +54,23 @@ SEEN = 0.35
 
 @dataclass(frozen=True, eq=False)
 class TrimmedFace:
-    """A region's faces: loops of edges, the outer one first; poles (p + 1, p + 1, 3) of both surfaces, millimetres;
-    gap : widest between them and the edges.    off : largest distance from points inside, along the mean normal."""
+    """A region's faces: loops of edges, the outer one first; poles (p + 1, p + 1, 3) of both surfaces, millimetres, and
+    axes (3, 3) of these: their planes' and their heights'.
+
+    gap : widest between them and the edges.    off : largest distance from points inside, along the mean normal.
+    """
 
     loops: list[Loop]
     outer: Floats
     inner: Floats
+    axes: tuple[Floats, Floats]
     gap: float
     off: float
+
+    def gaps(self, points: Floats) -> Floats:
+        """(k, 2) heights of both surfaces over points (k, 6) of edges, millimetres."""
+        both = zip((self.outer, self.inner), self.axes, np.split(points, 2, axis=1), strict=True)
+        return np.stack([_heights_over(*each) for each in both], axis=1)
 
 
 def trimmed_face(
@@ -86,8 +95,9 @@ def trimmed_face(
     if sum(a > 0 for a in area) != 1:
         raise ExportError("a region without four sides has no single outline")
     surfaces = [_surface(points[:, s : s + 3], edges[:, s : s + 3], axes, wanted, near) for s in (0, 3)]
-    (outer, *one), (inner, *two) = surfaces
-    return TrimmedFace([loops[i] for i in order], outer, inner, *np.maximum(one, two).tolist())
+    (outer, one, *both), (inner, two, *other) = surfaces
+    gap, off = np.maximum(both, other).tolist()
+    return TrimmedFace([loops[i] for i in order], outer, inner, (one, two), gap, off)
 
 
 def _surrounded(points: Floats, lines: list[Floats]) -> Bools:
@@ -136,9 +146,11 @@ def signed_area(P: Floats) -> float:
     return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
 
 
-def _surface(points: Floats, edges: Floats, axes: Floats, wanted: float, near: float) -> tuple[Floats, float, float]:
-    """Poles of the surface nearest to points inside and, more so, on the edges; how far the latter and the former are
-    off."""
+def _surface(
+    points: Floats, edges: Floats, axes: Floats, wanted: float, near: float
+) -> tuple[Floats, Floats, float, float]:
+    """Poles and axes of the surface nearest to points inside and, more so, on the edges; how far the latter and the
+    former are off."""
     origin = edges.mean(axis=0)
     axes = _along_smallest_rectangle(edges - origin, axes)
     inside, around = (points - origin) @ axes.T, (edges - origin) @ axes.T
@@ -148,7 +160,14 @@ def _surface(points: Floats, edges: Floats, axes: Floats, wanted: float, near: f
     z, gap, off = _best((both[:, :2] - low) / (high - low), both[:, 2], len(inside), wanted, near)
     x, y = (np.linspace(low[i], high[i], len(z)) for i in (0, 1))
     local = np.stack(np.broadcast_arrays(x[:, None], y[None], z), axis=2)
-    return np.asarray(origin + local @ axes), gap, off
+    return np.asarray(origin + local @ axes), axes, gap, off
+
+
+def _heights_over(poles: Floats, axes: Floats, points: Floats) -> Floats:
+    """(k,) how far points (k, 3) are above a surface with such poles and axes, millimetres."""
+    low, high, at = poles[0, 0] @ axes.T, poles[-1, -1] @ axes.T, points @ axes.T
+    uv = (at[:, :2] - low[:2]) / (high - low)[:2]
+    return np.asarray(at[:, 2] - _rows(uv, len(poles) - 1) @ (poles @ axes[2]).ravel())
 
 
 def _along_smallest_rectangle(line: Floats, axes: Floats) -> Floats:
