@@ -1,10 +1,9 @@
-"""STEP by members: trimmed regions that one surface does not serve are divided by seams."""
+"""STEP by members: trimmed regions whose surface does not meet their edges are divided by seams."""
 
 from collections import Counter
 from dataclasses import replace
 
 import numpy as np
-import pytest
 
 from dsfab.export.network.chords import HalvedOutline
 from dsfab.export.network.model import NetModel, NetPatch, NetWall
@@ -28,9 +27,9 @@ def folded_model(corners: list[list[float]], fold: float) -> tuple[NetModel, lis
     return model, loop
 
 
-def divided(model: NetModel, loop: list, **change):
+def divided(model: NetModel, loop: list):
     """The face of a region before, and its faces after."""
-    face = replace(trimmed_face(model, [loop], np.zeros((0, 6)), WANTED, NEAR), **change)
+    face = trimmed_face(model, [loop], np.zeros((0, 6)), WANTED, NEAR)
     return face, parted(model, {7: face}, lambda some: {7: np.zeros((0, 6))}, np.zeros_like, WANTED, NEAR)
 
 
@@ -80,16 +79,6 @@ def test_a_region_without_a_gap_stays_as_it_is():
     before, after = divided(model, loop)
     assert after == [before]
     assert model.edges == edges
-
-
-@pytest.mark.parametrize(("beyond", "faces"), [(5, 1), (50, 2)])
-def test_a_face_with_poles_far_beyond_the_solid_is_divided(beyond, faces):
-    """The solid is 630 mm long: 9.5 mm are allowed."""
-    model, loop = folded_model(HALVES, 0)
-    far = np.full((4, 4, 3), [0.0, 0.0, 20.0 + beyond])
-    _, after = divided(model, loop, outer=far)
-    assert len(after) == faces
-    assert all((face.outer[..., 2] < 21).all() for face in after) == (faces == 2)
 
 
 def test_chords_are_inside_of_the_outline_and_clear_of_it():

@@ -15,7 +15,7 @@ line_fits   : chains in a row that become one curve; lines : these, divided wher
 arcs        : round corners of openings as arcs that go on as the walls do.
 stations    : where opposite sides of a region are divided.
 patches     : their patches; trimmed : the surfaces of all other regions.
-parting     : regions that no one surface serves, divided; chords : where.
+parting     : trimmed regions whose surface does not meet their edges, divided; chords : where.
 model       : edges, walls and faces of one solid; text : their entities.
 build       : the file of a part, and what OCCT says of its use (`use_check`, a program of its own).
 """

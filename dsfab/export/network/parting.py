@@ -1,9 +1,9 @@
-"""Trimmed regions that one surface does not serve, divided by seams between places of their outlines.
+"""Trimmed regions whose surface does not meet their edges, divided by seams between places of their outlines.
 
 .-----a--.        No surface follows an outline that wiggles beside a small arc, or goes around a member, a corner and
-|     :  |        another member: a gap stays, and OCCT cuts nothing through it; or poles are far beyond the solid. Of
-'--.  :  |        the chords inside that is taken whose two parts fit best. Nothing else moves: a seam is a new edge,
-   '--b--'        and an edge in the middle of which one ends is two with the same points.
+|     :  |        another member: a gap stays, and OCCT cuts nothing through it. Of the chords inside that is taken
+'--.  :  |        whose two parts fit best. Nothing else moves: a seam is a new edge, and an edge in the middle of
+   '--b--'        which one ends is two with the same points.
 """
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
@@ -29,14 +29,10 @@ FULL = 3
 """Seams whose faces are made, of those that were tried, the best first."""
 
 LESS = 0.9
-"""Share of what a region misses that the worse of its parts misses at most."""
+"""Share of a region's gap that the wider of its parts' is at most."""
 
 MOST = 12
 """Parts of a region."""
-
-BEYOND = 0.015
-"""Share of a solid's diagonal that poles may be beyond the box around its edges: OCCT's box is that around the poles,
-and of a solid by members it may be .02 off."""
 
 
 def parted(
@@ -47,15 +43,14 @@ def parted(
     wanted: float,
     near: float,
 ) -> list[TrimmedFace]:
-    """The faces of regions, those divided that miss something; the model gets the edges between their parts.
+    """The faces of regions, those divided of which no edge can be split; the model gets the edges between their parts.
 
     inside : (k, 6) points inside of regions.    away : see `net_model`.    wanted, near : see `trimmed_face`.
     """
-    work = _Parting(model, away, wanted, near)
-    bad = [region for region, face in faces.items() if work.missed(face) > 1 and len(face.loops) == 1]
+    bad = [region for region, face in faces.items() if face.gap > SPLIT and len(face.loops) == 1]
     if not bad:
         return list(faces.values())
-    points = inside(bad)
+    work, points = _Parting(model, away, wanted, near), inside(bad)
     parts = {region: work.parts(faces[region], points[region]) for region in bad}
     found = [part for region, face in faces.items() for part in parts.get(region, [face])]
     return work.settled(found)
@@ -67,25 +62,16 @@ class _Parting:
     def __init__(self, model: NetModel, away: Callable[[Floats], Floats], wanted: float, near: float) -> None:
         self.model, self.away, self.wanted, self.near = model, away, wanted, near
         self.halves = dict[int, tuple[int, int]]()
-        poles = np.concatenate([edge.poles.reshape(-1, 3) for edge in model.edges])
-        self.box = np.stack([poles.min(axis=0), poles.max(axis=0)])
-        self.room = BEYOND * float(np.linalg.norm(self.box[1] - self.box[0]))
-
-    def missed(self, face: TrimmedFace) -> float:
-        """How much wider a gap, or how much farther beyond the solid a pole is than it may be."""
-        poles = np.concatenate([face.outer.reshape(-1, 3), face.inner.reshape(-1, 3)])
-        beyond = np.maximum(self.box[0] - poles, poles - self.box[1]).max()
-        return max(face.gap / SPLIT, float(beyond) / self.room)
 
     def parts(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
         """The faces of a region with points (k, 6) inside that was one."""
         todo, done = [replace(face, loops=[self.along(loop) for loop in face.loops])], list[TrimmedFace]()
         while todo:
-            todo.sort(key=self.missed)
+            todo.sort(key=lambda face: face.gap)
             whole = todo.pop()
             two = self._two(whole, points) if len(todo) + len(done) + 1 < MOST else []
             for part in two or [whole]:
-                (todo if two and self.missed(part) > 1 else done).append(part)
+                (todo if two and part.gap > SPLIT else done).append(part)
         return done
 
     def along(self, loop: Loop) -> Loop:
@@ -97,12 +83,12 @@ class _Parting:
         return found
 
     def _two(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
-        """Two faces instead of one, if they miss less."""
+        """Two faces instead of one, if their gaps are narrower."""
         loop, model = face.loops[0], self.model
         for ends, poles in self._seams(HalvedOutline.of(model, loop), points)[:FULL]:
             edges, vertices, halves = len(model.edges), len(model.vertices), dict(self.halves)
             two = self._faces(self._with_seam(loop, *ends, poles), points)
-            if two and max(self.missed(part) for part in two) < LESS * self.missed(face):
+            if two and max(part.gap for part in two) < LESS * face.gap:
                 return two
             del model.edges[edges:], model.vertices[vertices:]
             self.halves = halves
