@@ -15,6 +15,7 @@ line_fits   : chains in a row that become one curve; lines : these, divided wher
 arcs        : round corners of openings as arcs that go on as the walls do.
 stations    : where opposite sides of a region are divided.
 patches     : their patches; trimmed : the surfaces of all other regions.
+parting     : trimmed regions whose surface does not meet their edges, divided; chords : where.
 model       : edges, walls and faces of one solid; text : their entities.
 ordering    : walls in an order, edges in directions and lengths with which OCCT rounds the corners between walls.
 build       : the file of a part, and what OCCT says of its use (`use_check`, a program of its own).

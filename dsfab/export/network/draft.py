@@ -2,6 +2,7 @@
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import partial
 from weakref import WeakSet
 
 import numpy as np
@@ -21,6 +22,7 @@ from dsfab.export.network.line_fits import LineFits
 from dsfab.export.network.lines import NetLines
 from dsfab.export.network.model import NetModel, net_model
 from dsfab.export.network.ordering import in_order
+from dsfab.export.network.parting import parted
 from dsfab.export.network.quads import REACH, quads_of
 from dsfab.export.network.seams import with_steep_ends
 from dsfab.export.network.straightening import straightened
@@ -175,7 +177,9 @@ def _solid(
         fits.patched |= bad
         _, model = fits.model(net)
         faces = _trimmed_faces(net, model, sheet, fits, plan)
-    return in_order(model, list(faces.values()))
+    inside = partial(_inside, net, sheet, lifting)
+    wanted, near = NARROW * plan.limits.thickness, plan.limits.distance
+    return in_order(model, parted(model, faces, inside, lifting.away, wanted, near))
 
 
 def _trimmed_faces(

@@ -151,13 +151,10 @@ def _surface(
 ) -> tuple[Floats, Floats, float, float]:
     """Poles and axes of the surface nearest to points inside and, more so, on the edges; how far the latter and the
     former are off."""
-    origin = edges.mean(axis=0)
-    axes = _along_smallest_rectangle(edges - origin, axes)
-    inside, around = (points - origin) @ axes.T, (edges - origin) @ axes.T
-    low, high = around[:, :2].min(axis=0) - 1, around[:, :2].max(axis=0) + 1
-    inside = inside[((inside[:, :2] > low) & (inside[:, :2] < high)).all(axis=1)]
-    both = np.concatenate([inside, around])
-    z, gap, off = _best((both[:, :2] - low) / (high - low), both[:, 2], len(inside), wanted, near)
+    axes = _along_smallest_rectangle(edges - edges.mean(axis=0), axes)
+    origin, low, high, both = _over_square(points, edges, axes)
+    inside = len(both) - len(edges)
+    z, gap, off = _best((both[:, :2] - low) / (high - low), both[:, 2], inside, wanted, near)
     x, y = (np.linspace(low[i], high[i], len(z)) for i in (0, 1))
     local = np.stack(np.broadcast_arrays(x[:, None], y[None], z), axis=2)
     return np.asarray(origin + local @ axes), axes, gap, off
@@ -168,6 +165,38 @@ def _heights_over(poles: Floats, axes: Floats, points: Floats) -> Floats:
     low, high, at = poles[0, 0] @ axes.T, poles[-1, -1] @ axes.T, points @ axes.T
     uv = (at[:, :2] - low[:2]) / (high - low)[:2]
     return np.asarray(at[:, 2] - _rows(uv, len(poles) - 1) @ (poles @ axes[2]).ravel())
+
+
+def _over_square(points: Floats, edges: Floats, axes: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """The origin, lower and upper corner of a rectangle around edges along axes, and points inside of it and edges
+    there."""
+    origin = edges.mean(axis=0)
+    inside, around = (points - origin) @ axes.T, (edges - origin) @ axes.T
+    low, high = around[:, :2].min(axis=0) - 1, around[:, :2].max(axis=0) + 1
+    inside = inside[((inside[:, :2] > low) & (inside[:, :2] < high)).all(axis=1)]
+    return origin, low, high, np.concatenate([inside, around])
+
+
+def misfit(points: Floats, line: Floats, degree: int) -> Floats:
+    """(k,) millimetres, the more of both skins: how far a closed line (k, 6) is off one surface of a degree near to it
+    and to those points (j, 6) that it goes around; infinite where no plane sees both."""
+    points = points[_surrounded(points, [line])]
+    allowed = np.concatenate([points, line])
+    mean = middle_normal(allowed)
+    axes = axes_of(mean)
+    if (_across(allowed) @ mean).min() < SEEN or signed_area(line[:, :3] @ axes[:2].T) <= 0:
+        return np.full(len(line), np.inf)
+    return np.maximum(*(_misfit(points[:, s : s + 3], line[:, s : s + 3], axes, degree) for s in (0, 3)))
+
+
+def _misfit(points: Floats, line: Floats, axes: Floats, degree: int) -> Floats:
+    """(k,) the same on one skin, with the first weights."""
+    axes = _along_smallest_rectangle(line - line.mean(axis=0), axes)
+    _, low, high, both = _over_square(points, line, axes)
+    uv, z, inside = (both[:, :2] - low) / (high - low), both[:, 2], len(both) - len(line)
+    base = _heights(uv, z, np.ones(len(z)), SMOOTH[1], np.zeros((BASE + 1, BASE + 1)))
+    poles = _heights(uv, z, np.repeat([1.0, BOUNDARY[0]], [inside, len(line)]), SMOOTH[0], _raised(base, degree))
+    return np.asarray(np.abs(_rows(uv, degree) @ poles.ravel() - z)[inside:])
 
 
 def _along_smallest_rectangle(line: Floats, axes: Floats) -> Floats:

@@ -1,0 +1,154 @@
+"""Trimmed regions whose surface does not meet their edges, divided by seams between places of their outlines.
+
+.-----a--.        No surface follows an outline that wiggles beside a small arc, or goes around a member, a corner and
+|     :  |        another member: a gap stays, and OCCT cuts nothing through it. Of the chords inside that is taken
+'--.  :  |        whose two parts fit best. Nothing else moves: a seam is a new edge, and an edge in the middle of
+   '--b--'        which one ends is two with the same points.
+"""
+
+from collections.abc import Callable, Iterable, Mapping, Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from dsfab.arrays import Floats
+from dsfab.errors import ExportError
+from dsfab.export.network.chords import POINTS, HalvedOutline
+from dsfab.export.network.curves import ChainCurve, on_skins, parts_of
+from dsfab.export.network.graph import Loop
+from dsfab.export.network.model import NetEdge, NetModel
+from dsfab.export.network.trimmed import SPLIT, TrimmedFace, misfit, trimmed_face
+
+AT_GAP = 4
+"""Places nearest to the widest gap, from which half of the seams that are tried begin."""
+
+DEGREE = 6
+"""Of the surfaces that seams are tried with."""
+
+FULL = 3
+"""Seams whose faces are made, of those that were tried, the best first."""
+
+LESS = 0.9
+"""Share of a region's gap that the wider of its parts' is at most."""
+
+MOST = 12
+"""Parts of a region."""
+
+
+def parted(
+    model: NetModel,
+    faces: Mapping[int, TrimmedFace],
+    inside: Callable[[Sequence[int]], dict[int, Floats]],
+    away: Callable[[Floats], Floats],
+    wanted: float,
+    near: float,
+) -> list[TrimmedFace]:
+    """The faces of regions, those divided of which no edge can be split; the model gets the edges between their parts.
+
+    inside : (k, 6) points inside of regions.    away : see `net_model`.    wanted, near : see `trimmed_face`.
+    """
+    bad = [region for region, face in faces.items() if face.gap > SPLIT and len(face.loops) == 1]
+    if not bad:
+        return list(faces.values())
+    work, points = _Parting(model, away, wanted, near), inside(bad)
+    parts = {region: work.parts(faces[region], points[region]) for region in bad}
+    found = [part for region, face in faces.items() for part in parts.get(region, [face])]
+    return work.settled(found)
+
+
+class _Parting:
+    """Divides regions of a model one after another; halves : of edges that became two, which."""
+
+    def __init__(self, model: NetModel, away: Callable[[Floats], Floats], wanted: float, near: float) -> None:
+        self.model, self.away, self.wanted, self.near = model, away, wanted, near
+        self.halves = dict[int, tuple[int, int]]()
+
+    def parts(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
+        """The faces of a region with points (k, 6) inside that was one."""
+        todo, done = [replace(face, loops=[self.along(loop) for loop in face.loops])], list[TrimmedFace]()
+        while todo:
+            todo.sort(key=lambda face: face.gap)
+            whole = todo.pop()
+            two = self._two(whole, points) if len(todo) + len(done) + 1 < MOST else []
+            for part in two or [whole]:
+                (todo if two and part.gap > SPLIT else done).append(part)
+        return done
+
+    def along(self, loop: Loop) -> Loop:
+        """A loop over the halves of edges."""
+        found: Loop = []
+        for e, ahead in loop:
+            two = self.halves.get(e, ())[:: 1 if ahead else -1]
+            found += self.along([(half, ahead) for half in two]) if two else [(e, ahead)]
+        return found
+
+    def _two(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
+        """Two faces instead of one, if their gaps are narrower."""
+        loop, model = face.loops[0], self.model
+        for ends, poles in self._seams(HalvedOutline.of(model, loop), points)[:FULL]:
+            edges, vertices, halves = len(model.edges), len(model.vertices), dict(self.halves)
+            two = self._faces(self._with_seam(loop, *ends, poles), points)
+            if two and max(part.gap for part in two) < LESS * face.gap:
+                return two
+            del model.edges[edges:], model.vertices[vertices:]
+            self.halves = halves
+        return []
+
+    def _faces(self, loops: Iterable[Loop], points: Floats) -> list[TrimmedFace]:
+        """Of parts with one loop each, if all can be made."""
+        try:
+            return [trimmed_face(self.model, [loop], points, self.wanted, self.near, True) for loop in loops]
+        except ExportError:
+            return []
+
+    def _seams(self, outline: HalvedOutline, points: Floats) -> list[tuple[tuple[int, int], Floats]]:
+        """Between which places seams may be, and their poles (4, 6) on the skins; those whose parts fit best first."""
+        off = misfit(points, outline.line, DEGREE).reshape(-1, POINTS).max(axis=1)
+        worst = np.argsort(-np.maximum(off, np.roll(off, 1)), kind="stable")[:AT_GAP]
+        pairs, share = list(outline.chords(worst)), np.linspace(0, 1, 4)[:, None]
+        ends = [(outline.poles[a, 0], outline.poles[b, 0]) for a, b in pairs]
+        straight = [ChainCurve(np.array([0.0, 1.0]), (a + share * (b - a))[None]) for a, b in ends]
+        seams = [curve.spans[0] for curve in on_skins(straight, self.away)]
+        left = [
+            max(misfit(points, line, DEGREE).max() for line in (outline.part(a, b, P), outline.part(b, a, P[::-1])))
+            for (a, b), P in zip(pairs, seams, strict=True)
+        ]
+        return [(pairs[i], seams[i]) for i in np.argsort(left, kind="stable").tolist()]
+
+    def _with_seam(self, loop: Loop, a: int, b: int, poles: Floats) -> tuple[Loop, Loop]:
+        """Both parts of a loop, with a new edge from a place to a later one between them."""
+        steps, at, edges = list[tuple[int, bool]](), list[int](), self.model.edges
+        for i, step in enumerate(loop):
+            at.append(len(steps))
+            if 2 * i + 1 in (a, b):
+                self._halve(step[0])
+            steps += self.along([step])
+            at.append(len(steps) - 1)
+        start, end = (edges[e].start if ahead else edges[e].end for e, ahead in (steps[at[a]], steps[at[b]]))
+        edges.append(NetEdge(start, end, poles))
+        turned, count = [*steps[at[a] :], *steps[: at[a]]], at[b] - at[a]
+        return [*turned[:count], (len(edges) - 1, False)], [*turned[count:], (len(edges) - 1, True)]
+
+    def _halve(self, e: int) -> None:
+        """Make an edge two, in whose middle a vertex is."""
+        edge, edges, middle = self.model.edges[e], self.model.edges, len(self.model.vertices)
+        one, two = parts_of(np.stack([edge.poles] * 2), np.array([0.0, 0.5]), np.array([0.5, 1.0]))
+        one[0], two[3], two[0] = edge.poles[0], edge.poles[3], one[3]
+        self.model.vertices.append(one[3])
+        self.halves[e] = len(edges), len(edges) + 1
+        edges += [NetEdge(edge.start, middle, one), NetEdge(middle, edge.end, two)]
+
+    def settled(self, faces: list[TrimmedFace]) -> list[TrimmedFace]:
+        """The faces, and all of the model, over halves instead of what they are of."""
+        model = self.model
+        left = [e for e in range(len(model.edges)) if e not in self.halves]
+        number = {e: i for i, e in enumerate(left)}
+
+        def over(loop: Loop) -> Loop:
+            return [(number[e], ahead) for e, ahead in self.along(loop)]
+
+        model.edges = [model.edges[e] for e in left]
+        model.walls = [replace(wall, steps=over(wall.steps)) for wall in model.walls]
+        model.patches = [replace(patch, loop=over(patch.loop)) for patch in model.patches]
+        model.trimmed = {region: [over(loop) for loop in loops] for region, loops in model.trimmed.items()}
+        return [replace(face, loops=[over(loop) for loop in face.loops]) for face in faces]

@@ -1,0 +1,97 @@
+"""STEP by members: trimmed regions whose surface does not meet their edges are divided by seams."""
+
+from collections import Counter
+from dataclasses import replace
+
+import numpy as np
+
+from dsfab.export.network.chords import HalvedOutline
+from dsfab.export.network.model import NetModel, NetPatch, NetWall
+from dsfab.export.network.parting import parted
+from dsfab.export.network.trimmed import SPLIT, trimmed_face
+from dsfab.export.splines import bernstein
+from tests.test_export_network import flat_model
+
+WANTED, NEAR = 0.01, 1.0
+
+
+def folded_model(corners: list[list[float]], fold: float) -> tuple[NetModel, list]:
+    """A region over corners (k, 2) that rises by a tenth beyond a line in its middle, if `fold` is 1."""
+    model, loop = flat_model(np.array(corners, dtype=float))
+    for i, edge in enumerate(model.edges):
+        P = edge.poles.copy()
+        P[:, [2, 5]] += fold * np.maximum(P[:, :1] - 300, 0) / 10
+        model.edges[i] = replace(edge, poles=P)
+    model.vertices = [edge.poles[0] for edge in model.edges]
+    model.trimmed[7] = [loop]
+    return model, loop
+
+
+def divided(model: NetModel, loop: list):
+    """The face of a region before, and its faces after."""
+    face = trimmed_face(model, [loop], np.zeros((0, 6)), WANTED, NEAR)
+    return face, parted(model, {7: face}, lambda some: {7: np.zeros((0, 6))}, np.zeros_like, WANTED, NEAR)
+
+
+HALVES = [[0, 0], [300, 0], [600, 0], [600, 200], [300, 200], [0, 200]]
+
+
+def test_a_region_with_a_fold_is_divided_along_it():
+    model, loop = folded_model(HALVES, 1)
+    before, after = divided(model, loop)
+    assert before.gap > SPLIT
+    assert len(after) == 2
+    assert max(face.gap for face in after) < 1e-6
+    steps = Counter(step for face in after for step in face.loops[0])
+    assert set(steps.values()) == {1}
+    assert {e for e, ahead in steps if not ahead} == {6}, "both sides of the seam"
+    assert {e for e, ahead in steps if ahead} == set(range(7))
+    seam = model.edges[6]
+    assert {seam.start, seam.end} == {1, 4}
+    for face in after:
+        ends = [(model.edges[e].start, model.edges[e].end)[:: 1 if ahead else -1] for e, ahead in face.loops[0]]
+        assert [end for _, end in ends] == [start for start, _ in [*ends[1:], ends[0]]]
+
+
+def test_a_seam_ends_in_the_middle_of_an_edge_which_is_two_to_all_faces():
+    """In a strip of 600 x 40 mm with a fold and no corner opposite, chords to other corners are too flat."""
+    model, loop = folded_model([[0, 0], [300, 0], [600, 0], [600, 40], [0, 40]], 1)
+    whole = model.edges[3].poles
+    model.walls, model.patches = [NetWall([(3, True)], whole)], [NetPatch([(3, False)], np.zeros((4, 4, 6)))]
+    before, after = divided(model, loop)
+    assert before.gap > 2 * max(face.gap for face in after)
+    assert len(after) == 2
+    (one, _), (two, _) = steps = model.walls[0].steps
+    assert model.patches[0].loop == [(two, False), (one, False)]
+    assert sum(step in face.loops[0] for face in after for step in steps) == 2
+    assert model.edges[one].end == model.edges[two].start == 5
+    assert (model.edges[one].start, model.edges[two].end) == (3, 4)
+    x = np.linspace(0, 1, 5)
+    found = np.concatenate([bernstein(x) @ model.edges[e].poles for e in (one, two)])
+    np.testing.assert_allclose(found, bernstein(np.concatenate([x, 1 + x]) / 2) @ whole, atol=1e-9)
+    np.testing.assert_allclose(model.vertices[5], bernstein(np.array([0.5]))[0] @ whole, atol=1e-9)
+    assert set(range(len(model.edges))) == {e for face in after for e, _ in face.loops[0]}
+
+
+def test_a_region_without_a_gap_stays_as_it_is():
+    model, loop = folded_model(HALVES, 0)
+    edges = list(model.edges)
+    before, after = divided(model, loop)
+    assert after == [before]
+    assert model.edges == edges
+
+
+def test_chords_are_inside_of_the_outline_and_clear_of_it():
+    """Of a U: none is between its arms, and none runs beside an edge."""
+    arms = [[300, 400], [200, 400], [200, 100], [100, 100], [100, 400], [0, 400]]
+    model, loop = flat_model(np.array([[0, 0], [300, 0], *arms], dtype=float))
+    outline = HalvedOutline.of(model, loop)
+    pairs = list(outline.chords(np.array([6])))
+    assert any(6 in pair for pair in pairs)
+    assert any(6 not in pair for pair in pairs)
+    for some in pairs:
+        start, end = outline.poles[list(some), 0, :2]
+        x, y = (start + np.linspace(0, 1, 33)[1:-1, None] * (end - start)).T
+        assert ((x > 0) & (x < 300) & (y > 0) & (y < 400) & ((x < 100) | (x > 200) | (y < 100))).all()
+        beside = np.linalg.norm(outline.line[:, :2] - (start + end) / 2, axis=1).min()
+        assert beside > 0.15 * np.linalg.norm(end - start)
