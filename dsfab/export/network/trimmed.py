@@ -194,9 +194,10 @@ def _misfit(points: Floats, line: Floats, axes: Floats, degree: int) -> Floats:
     axes = _along_smallest_rectangle(line - line.mean(axis=0), axes)
     _, low, high, both = _over_square(points, line, axes)
     uv, z, inside = (both[:, :2] - low) / (high - low), both[:, 2], len(both) - len(line)
-    base = _heights(uv, z, np.ones(len(z)), SMOOTH[1], np.zeros((BASE + 1, BASE + 1)))
-    poles = _heights(uv, z, np.repeat([1.0, BOUNDARY[0]], [inside, len(line)]), SMOOTH[0], _raised(base, degree))
-    return np.asarray(np.abs(_rows(uv, degree) @ poles.ravel() - z)[inside:])
+    A, weight = _rows(uv, degree), np.repeat([1.0, BOUNDARY[0]], [inside, len(line)])
+    base = _heights(_rows(uv, BASE), z, np.ones(len(z)), SMOOTH[1], np.zeros((BASE + 1, BASE + 1)))
+    poles = _heights(A, z, weight, SMOOTH[0], _raised(base, degree))
+    return np.asarray(np.abs(A @ poles.ravel() - z)[inside:])
 
 
 def _along_smallest_rectangle(line: Floats, axes: Floats) -> Floats:
