@@ -25,6 +25,7 @@ MEASURE = """(async () => {
     const THREE = await import('three');
     const { viewer } = dsfab, { renderer, scene, sheet, gl } = viewer;
     const pixel = new Uint8Array(4);
+    sheet.uncut(); // live stripes, whatever was cut of them
     const own = sheet.material, bare = sheet.made({ ...sheet.flags, WHOLE: true, SOFT: false });
     const plain = new THREE.MeshLambertMaterial({ color: 0xe2a07c, side: THREE.DoubleSide });
     const lights = [new THREE.HemisphereLight(0xffffff, 0x888888, 1), new THREE.DirectionalLight(0xffffff, 2)];
