@@ -1,12 +1,16 @@
 """The measuring scripts themselves, where nothing else runs them."""
 
+import sys
+
 import numpy as np
+import pytest
 
 from tests.benchmarks.stripes import measured
 
 
+@pytest.mark.skipif(not sys.platform.startswith("linux"), reason="only Linux forgets the most memory it had")
 def test_what_is_measured_is_made_and_its_memory_counted():
     made, seconds, memory = measured(lambda: np.ones(8 << 20), 2)
     assert len(made) == 8 << 20
     assert seconds >= 0
-    assert memory == 0 or 60 < memory < 200  # MiB, where the system tells: 64 and what lies around it
+    assert memory > 60  # MiB: 64 of them and what lies around
