@@ -30,9 +30,7 @@ class Contacts:
         owner, cells = mesh.cells.owner, mesh.cells
         f, g = part[owner[one]], part[owner[two]]
         between = (f != g) & ~mesh.void[owner[one]] & ~mesh.void[owner[two]]
-        rim = np.ones(len(cells.corner), dtype=bool)
-        rim[one], rim[two] = False, False
-        rim &= ~mesh.void[owner]
+        rim = (mesh.beyond < 0) & ~mesh.void[owner]
         side = np.concatenate([one[between], np.flatnonzero(rim)])
         first = np.concatenate([np.minimum(f, g)[between], part[owner[rim]]])
         second = np.concatenate([np.maximum(f, g)[between], np.full(int(rim.sum()), -1)])

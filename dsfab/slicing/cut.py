@@ -25,7 +25,7 @@ from dsfab.slicing.straight_bars import with_straight_bars
 from dsfab.slicing.stubs import without_stubs
 from dsfab.slicing.tidy import Tidy, tidied
 from dsfab.slicing.triangulate import triangulate
-from dsfab.surface import Surface
+from dsfab.surface import Surface, corners_of, faces_at
 from dsfab.surface.corner_field import CornerField
 from dsfab.surface.divided import Divided, DividedField
 from dsfab.surface.mesh import ZERO_AREA
@@ -120,16 +120,14 @@ def cut_polygons(
     nodes = (mesh.also == mesh.family) & ~mesh.void
     mesh, stubs = without_stubs(tidied(with_closed(mesh, tidy.closed), tidy), nodes, tidy)
     nodes = (mesh.also == mesh.family) & ~mesh.void
-    near = ~mesh.void & np.array(beside)[mesh.family, mesh.parent]
+    near = np.array(beside)[mesh.family, mesh.parent]  # of what is void it says nothing
     mesh, straight = with_straight_bars(mesh, nodes, near, tidy, surface.size)
     return replace(mesh, stubs=stubs + straight)
 
 
 def _beside(surface: Surface, faces: Bools) -> Bools:
     """(m,) faces that share a vertex with some (m,), and are none of them."""
-    touched = np.zeros(surface.n, dtype=bool)
-    touched[surface.F[faces]] = True
-    return np.asarray(touched[surface.F].any(axis=1) & ~faces)
+    return faces_at(surface.F, corners_of(surface.F, faces, surface.n)) & ~faces
 
 
 def _division(fields: Sequence[Field]) -> tuple[Divided | None, dict[int, Floats]]:

@@ -98,10 +98,7 @@ def _middle(mesh: PolygonMesh, field: CornerField, side: Ints, slot: Ints) -> Fl
 
 def _without_corners(mesh: PolygonMesh, nodes: Bools) -> PolygonMesh:
     """The mesh with the corners of nodes (c,) cut off: polygons of their own, and void."""
-    one, two, _ = mesh.neighbours
-    cells, solid = mesh.cells, ~mesh.void[mesh.cells.owner]
-    beside = np.zeros(len(cells.corner), dtype=bool)
-    beside[one], beside[two] = solid[two], solid[one]
+    cells, beside = mesh.cells, (mesh.beyond >= 0) & ~mesh.void[mesh.beyond]
     rest, polygons = np.flatnonzero(~nodes), []
     source, void = rest.tolist(), [False] * len(rest)
     for node in np.flatnonzero(nodes).tolist():

@@ -14,7 +14,7 @@ from typing import Self
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints
+from dsfab.arrays import Bools, Floats
 from dsfab.slicing.contacts import meeting
 from dsfab.slicing.polygon_mesh import PolygonMesh
 from dsfab.surface import connected
@@ -120,23 +120,15 @@ class FairBar:
 
 def _walls(mesh: PolygonMesh, bar: Bools) -> tuple[Floats, Floats]:
     """(k, 3) metres: where the sides of polygons (c,) begin and end beyond which is void, counter-clockwise."""
-    mine, beyond = _beyond(mesh, bar)
+    mine, beyond = bar[mesh.cells.owner], mesh.beyond
     wall = np.flatnonzero(mine & (beyond >= 0) & mesh.void[beyond])
     return mesh.X[mesh.cells.corner[wall]], mesh.X[mesh.cells.ahead(mesh.cells.corner)[wall]]
-
-
-def _beyond(mesh: PolygonMesh, bar: Bools) -> tuple[Bools, Ints]:
-    """Which slots are of polygons (c,), and the polygon beyond each slot, -1 beyond the surface."""
-    one, two, _ = mesh.neighbours
-    cells, beyond = mesh.cells, np.full(len(mesh.cells.corner), -1)
-    beyond[one], beyond[two] = cells.owner[two], cells.owner[one]
-    return bar[cells.owner], beyond
 
 
 def _contacts(mesh: PolygonMesh, bar: Bools) -> Floats:
     """(k, 2, 3) metres: where each stretch begins and ends along which polygons (c,) touch other material, seen
     counter-clockwise around them; none where they touch an edge of the surface."""
-    cells, (mine, beyond) = mesh.cells, _beyond(mesh, bar)
+    cells, mine, beyond = mesh.cells, bar[mesh.cells.owner], mesh.beyond
     held = np.flatnonzero(mine & (beyond >= 0) & ~mesh.void[beyond] & ~bar[beyond])
     if (mine & (beyond < 0)).any() or not len(held):
         return np.empty((0, 2, 3))

@@ -95,6 +95,14 @@ class PolygonMesh:
         one, two = order[pair], order[pair + 1]
         return one, two, np.where(a[one] == a[two], two, self.cells.following[two])
 
+    @cached_property
+    def beyond(self) -> Ints:
+        """(h,) the polygon across each side, or -1."""
+        one, two, _ = self.neighbours
+        owner, found = self.cells.owner, np.full(len(self.cells.corner), -1)
+        found[one], found[two] = owner[two], owner[one]
+        return found
+
     def parts(self, marked: Bools) -> Ints:
         """(c,) the part of each marked polygon, -1 of the others: those that sides between marked ones connect."""
         one, two, _ = self.neighbours

@@ -93,7 +93,7 @@ class _Bars:
         """The parts of what might be taken off, (c,) polygons."""
         label, opening = (_numbered(mesh.parts(some)) for some in (off, mesh.void))
         bars, openings = int(label.max(initial=-1)) + 1, int(opening.max(initial=-1)) + 1
-        owner, beyond = mesh.cells.owner, _beyond(mesh)
+        owner, beyond = mesh.cells.owner, mesh.beyond
         length = np.linalg.norm(mesh.X[mesh.cells.ahead(mesh.cells.corner)] - mesh.X[mesh.cells.corner], axis=1)
         mine, void = label[owner], np.where(beyond >= 0, opening[beyond], -1)
         around = (opening[owner] >= 0) & (void < 0)
@@ -180,14 +180,6 @@ class _Bars:
         label = connected(count + len(self.opening), bar, count + opening)[1][:count]
         group = _numbered(np.where(some, label, -1))
         return group, int(group.max(initial=-1)) + 1
-
-
-def _beyond(mesh: PolygonMesh) -> Ints:
-    """(h,) the polygon across each side, or -1."""
-    one, two, _ = mesh.neighbours
-    owner, found = mesh.cells.owner, np.full(len(mesh.cells.corner), -1)
-    found[one], found[two] = owner[two], owner[one]
-    return found
 
 
 def _together(mesh: PolygonMesh, label: Ints, held: Bools, beyond: Ints) -> Bools:

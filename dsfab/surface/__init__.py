@@ -40,7 +40,7 @@ from dsfab.surface.mirrors import (
 )
 from dsfab.surface.names import load_names, support_names
 from dsfab.surface.nearest import NearestPlaces, nearest, weights_at
-from dsfab.surface.neighbours import spanned_edges
+from dsfab.surface.neighbours import corners_of, faces_at, spanned_edges
 from dsfab.surface.orientation import Up, upright
 from dsfab.surface.outlines import Brush, ClosedCurves, PlanPolygon, self_contained
 from dsfab.surface.picker import Picker, edges_of
@@ -135,10 +135,12 @@ __all__ = [
     "coincident",
     "connected",
     "corner_fans",
+    "corners_of",
     "describe",
     "edge_table",
     "edges_of",
     "en1990_combinations",
+    "faces_at",
     "far_directions",
     "finite_faces",
     "generated_group",

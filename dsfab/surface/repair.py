@@ -4,7 +4,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints, area_vectors, closed_length, lengths
+from dsfab.arrays import Bools, Floats, Ints, area_vectors, closed_length, group_sums, lengths
 from dsfab.surface.edge_changes import contracted, meets_link_condition, winners
 from dsfab.surface.hole_filling import hole_triangles
 from dsfab.surface.mend import MendedMesh, counted, single_sheet, sound_faces, stitched_mesh
@@ -169,8 +169,7 @@ def _crumpled(V: Floats, F: Ints) -> Bools:
 
 def _around(V: Floats, F: Ints) -> Floats:
     """(n, 3) the sum of twice the area vectors of the faces at each vertex."""
-    area = area_vectors(V, F)
-    return np.stack([np.bincount(F.ravel(), np.repeat(x, 3), minlength=len(V)) for x in area.T], axis=1)
+    return group_sums(F.ravel(), np.repeat(area_vectors(V, F), 3, axis=0), len(V))
 
 
 def _unfolded(mesh: MendedMesh) -> MendedMesh:

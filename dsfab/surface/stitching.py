@@ -12,7 +12,7 @@ Where parts of a sheet touch in a point only, a face joins them there.
 import numpy as np
 from scipy.spatial import cKDTree
 
-from dsfab.arrays import Bools, Floats, Ints, along_segments, from_segments, lengths
+from dsfab.arrays import Bools, Floats, Ints, along_segments, distinct, from_segments, lengths
 from dsfab.surface.topology import EdgeTable, connected, corner_fans, edge_table, next_half_edge, pinches
 
 SAG = 1 / 15
@@ -118,8 +118,7 @@ def _all_within(tree: cKDTree, places: Floats, radius: Floats, some: Ints) -> tu
 
 def _different(pairs: Ints, n: int) -> tuple[Ints, Ints]:
     """Both columns of the different ones of pairs (k, 2), in order; the second is less than n."""
-    one = np.sort(pairs[:, 0] * n + pairs[:, 1])  # numpy's `unique` hashes them, which takes ten times as long
-    first, second = np.divmod(one[np.diff(one, prepend=-1) > 0], n)
+    first, second = np.divmod(distinct(pairs[:, 0] * n + pairs[:, 1]), n)
     return first, second
 
 

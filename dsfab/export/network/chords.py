@@ -40,7 +40,7 @@ class HalvedOutline:
     @classmethod
     def of(cls, model: NetModel, loop: Loop) -> "HalvedOutline":
         """Of e steps."""
-        whole = np.stack([model.edges[e].poles[:: 1 if ahead else -1] for e, ahead in loop])
+        whole = np.stack([model.poles(step) for step in loop])
         start, end = np.tile([0.0, 0.5], len(loop)), np.tile([0.5, 1.0], len(loop))
         poles = parts_of(np.repeat(whole, 2, axis=0), start, end)
         poles[::2, 0], poles[1::2, 3] = whole[:, 0], whole[:, 3]

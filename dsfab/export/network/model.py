@@ -1,7 +1,7 @@
 """Vertices, edges and faces of a solid by members, each once; text knows how they are written."""
 
 from collections.abc import Callable, Collection, Iterable, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
@@ -70,8 +70,26 @@ class NetModel:
 
     def outline(self, loops: Iterable[Loop]) -> bytes:
         """The poles along loops of edges: equal where the curves are, whatever the edges' numbers."""
-        steps = [step for loop in loops for step in loop]
-        return b"".join(self.edges[e].poles[:: 1 if ahead else -1].tobytes() for e, ahead in steps)
+        return b"".join(self.poles(step).tobytes() for loop in loops for step in loop)
+
+    def poles(self, step: tuple[int, bool]) -> Floats:
+        """(4, 6) of the edge of a step, as it is run through."""
+        e, ahead = step
+        return self.edges[e].poles[:: 1 if ahead else -1]
+
+    def vertex(self, step: tuple[int, bool], first: bool) -> int:
+        """Where a step begins, or ends."""
+        edge = self.edges[step[0]]
+        return edge.start if step[1] == first else edge.end
+
+    def over(self, loop: Callable[[Loop], Loop]) -> "NetModel":
+        """The model whose faces run over other edges: those that `loop` gives for a loop of them."""
+        return replace(
+            self,
+            walls=[replace(wall, steps=loop(wall.steps)) for wall in self.walls],
+            patches=[replace(patch, loop=loop(patch.loop)) for patch in self.patches],
+            trimmed={region: [loop(each) for each in loops] for region, loops in self.trimmed.items()},
+        )
 
 
 def net_model(
@@ -182,7 +200,7 @@ class _Assembly:
         along, up = self._inner(P, bottom, right, top, left)
         for i in range(P.shape[0]):
             for j in range(P.shape[1]):
-                loop = [*along[i][j], *up[i + 1][j], *_turned(along[i][j + 1]), *_turned(up[i][j])]
+                loop = [*along[i][j], *up[i + 1][j], *turned(along[i][j + 1]), *turned(up[i][j])]
                 self.model.patches.append(NetPatch(loop, P[i, j]))
 
     def _inner(
@@ -208,15 +226,10 @@ class _Assembly:
 
     def _stations(self, side: list[Loop]) -> list[int]:
         """The vertices where parts of a side begin and end."""
-        return [*(self._end(steps[0], 0) for steps in side), self._end(side[-1][-1], 1)]
-
-    def _end(self, step: tuple[int, bool], last: int) -> int:
-        """The vertex where a step begins (0) or ends (1)."""
-        edge = self.model.edges[step[0]]
-        return edge.end if step[1] == bool(last) else edge.start
+        return [*(self.model.vertex(steps[0], True) for steps in side), self.model.vertex(side[-1][-1], False)]
 
 
-def _turned(loop: Loop) -> Loop:
+def turned(loop: Loop) -> Loop:
     """The same edges, run through the other way."""
     return [(e, not ahead) for e, ahead in loop[::-1]]
 

@@ -18,7 +18,7 @@ import numpy as np
 from dsfab.arrays import Floats
 from dsfab.export.network.curves import parts_of
 from dsfab.export.network.graph import Loop
-from dsfab.export.network.model import NetEdge, NetModel, NetWall
+from dsfab.export.network.model import NetEdge, NetModel, NetWall, turned
 from dsfab.export.network.trimmed import TrimmedFace
 from dsfab.export.splines import bernstein
 
@@ -63,7 +63,7 @@ def _directed(outline: list[NetWall], model: NetModel, beside: dict[int, Trimmed
             corners = turns[i] if j == 0 else 0.0, turns[i + 1] if j == len(wall.steps) - 1 else 0.0
             against = i == 0 and corners[0] > 0
             ending = against, i + 1 < len(walls) and corners[1] > 0
-            stops = _stops(work.poles(e, ahead), beside.get(e), corners, ending)
+            stops = _stops(model.poles((e, ahead)), beside.get(e), corners, ending)
             work.cut(e, ahead, stops or ([0.5] if against and len(wall.steps) == 1 else []), against)
     return walls
 
@@ -106,15 +106,11 @@ class _Edges:
         self.given, self.vertices, self.edges = model, list(model.vertices), list(model.edges)
         self.forwards = dict[int, Loop]()
 
-    def poles(self, e: int, ahead: bool) -> Floats:
-        """(4, 6) of an edge, as it is run through."""
-        return self.given.edges[e].poles[:: 1 if ahead else -1]
-
     def cut(self, e: int, ahead: bool, stops: list[float], against: bool) -> None:
         """Cut an edge at shares of it, as it is run through, and let all parts run this way, or the first one against
         it."""
         edge, ends = self.given.edges[e], np.array([0.0, *stops, 1.0])
-        P = np.stack([self.poles(e, ahead)] * (len(ends) - 1))
+        P = np.stack([self.given.poles((e, ahead))] * (len(ends) - 1))
         parts = parts_of(P, ends[:-1], ends[1:]) if stops else P.copy()
         parts[0, 0], parts[-1, -1], parts[1:, 0] = P[0, 0], P[0, -1], parts[:-1, -1]
         start, end = (edge.start, edge.end) if ahead else (edge.end, edge.start)
@@ -126,56 +122,37 @@ class _Edges:
             made[0] = NetEdge(nodes[1], start, parts[0, ::-1])
         self.edges[e], self.edges[len(self.edges) :] = made[0], made[1:]
         along = [(k, i > 0 or not against) for i, k in enumerate(numbers)]
-        self.forwards[e] = along if ahead else _backwards(along)
+        self.forwards[e] = along if ahead else turned(along)
 
     def model(self, walls: Iterable[NetWall]) -> NetModel:
         """The model with walls in an order."""
-        given = self.given
-        return replace(
-            given,
-            vertices=self.vertices,
-            edges=self.edges,
-            walls=[replace(wall, steps=self.loop(wall.steps)) for wall in walls],
-            patches=[replace(patch, loop=self.loop(patch.loop)) for patch in given.patches],
-            trimmed={region: [self.loop(loop) for loop in loops] for region, loops in given.trimmed.items()},
-        )
+        return replace(self.given, vertices=self.vertices, edges=self.edges, walls=list(walls)).over(self.loop)
 
     def loop(self, loop: Loop) -> Loop:
         """The same edges as they are now."""
         found: Loop = []
         for e, ahead in loop:
             steps = self.forwards.get(e, [(e, True)])
-            found += steps if ahead else _backwards(steps)
+            found += steps if ahead else turned(steps)
         return found
-
-
-def _backwards(steps: Loop) -> Loop:
-    return [(e, not ahead) for e, ahead in steps[::-1]]
 
 
 def _outlines(model: NetModel) -> list[list[NetWall]]:
     """Walls that follow each other, each once."""
     begin = dict[int, list[NetWall]]()
     for wall in model.walls:
-        begin.setdefault(_vertex(wall.steps[0], model, True), []).append(wall)
+        begin.setdefault(model.vertex(wall.steps[0], True), []).append(wall)
     found = list[list[NetWall]]()
     for some in begin.values():
         while some:
             found.append([some.pop(0)])
-            while after := begin.get(_vertex(found[-1][-1].steps[-1], model, False)):
+            while after := begin.get(model.vertex(found[-1][-1].steps[-1], False)):
                 found[-1].append(after.pop(0))
     return found
 
 
-def _vertex(step: tuple[int, bool], model: NetModel, first: bool) -> int:
-    """Where a step begins, or ends."""
-    edge = model.edges[step[0]]
-    return edge.start if step[1] == first else edge.end
-
-
 def _way(wall: NetWall, model: NetModel, first: bool) -> Floats:
     """(3,) the direction of a wall where it begins, or ends."""
-    e, ahead = wall.steps[0 if first else -1]
-    P = model.edges[e].poles[:: 1 if ahead else -1, :3]
+    P = model.poles(wall.steps[0 if first else -1])[:, :3]
     way = P[1] - P[0] if first else P[3] - P[2]
     return np.asarray(way / max(float(np.linalg.norm(way)), 1e-300))

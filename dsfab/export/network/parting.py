@@ -117,17 +117,18 @@ class _Parting:
 
     def _with_seam(self, loop: Loop, a: int, b: int, poles: Floats) -> tuple[Loop, Loop]:
         """Both parts of a loop, with a new edge from a place to a later one between them."""
-        steps, at, edges = list[tuple[int, bool]](), list[int](), self.model.edges
+        steps, at, model = list[tuple[int, bool]](), list[int](), self.model
         for i, step in enumerate(loop):
             at.append(len(steps))
             if 2 * i + 1 in (a, b):
                 self._halve(step[0])
             steps += self.along([step])
             at.append(len(steps) - 1)
-        start, end = (edges[e].start if ahead else edges[e].end for e, ahead in (steps[at[a]], steps[at[b]]))
-        edges.append(NetEdge(start, end, poles))
+        start, end = (model.vertex(steps[at[place]], True) for place in (a, b))
+        model.edges.append(NetEdge(start, end, poles))
         turned, count = [*steps[at[a] :], *steps[: at[a]]], at[b] - at[a]
-        return [*turned[:count], (len(edges) - 1, False)], [*turned[count:], (len(edges) - 1, True)]
+        seam = len(model.edges) - 1
+        return [*turned[:count], (seam, False)], [*turned[count:], (seam, True)]
 
     def _halve(self, e: int) -> None:
         """Make an edge two, in whose middle a vertex is."""
@@ -147,8 +148,7 @@ class _Parting:
         def over(loop: Loop) -> Loop:
             return [(number[e], ahead) for e, ahead in self.along(loop)]
 
+        new = model.over(over)
         model.edges = [model.edges[e] for e in left]
-        model.walls = [replace(wall, steps=over(wall.steps)) for wall in model.walls]
-        model.patches = [replace(patch, loop=over(patch.loop)) for patch in model.patches]
-        model.trimmed = {region: [over(loop) for loop in loops] for region, loops in model.trimmed.items()}
+        model.walls, model.patches, model.trimmed = new.walls, new.patches, new.trimmed
         return [replace(face, loops=[over(loop) for loop in face.loops]) for face in faces]

@@ -114,7 +114,7 @@ def _surrounded(points: Floats, lines: list[Floats]) -> Bools:
 
 def _samples(model: NetModel, loop: Loop) -> Floats:
     """(k, 6) points along a loop, closer to each other at the ends of edges: there a surface strays first."""
-    poles = [model.edges[e].poles[:: 1 if ahead else -1] for e, ahead in loop]
+    poles = [model.poles(step) for step in loop]
     long = np.array([np.linalg.norm(np.diff(P[:, :3], axis=0), axis=1).sum() for P in poles])
     steps = np.maximum(FEWEST, np.ceil(long / (OF_LOOP * max(long.sum(), 1e-300)))).astype(int)
     shares = [(1 - np.cos(np.pi * np.arange(n) / n)) / 2 for n in steps.tolist()]

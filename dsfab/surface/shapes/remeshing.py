@@ -8,7 +8,7 @@ from typing import Protocol
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints, area_vectors, edge_lengths, lengths
+from dsfab.arrays import Bools, Floats, Ints, area_vectors, edge_lengths, group_sums, lengths
 from dsfab.errors import SurfaceError
 from dsfab.surface.edge_changes import (
     contracted,
@@ -204,9 +204,8 @@ def _relaxed(chart: MeshChart, X: Floats, F: Ints) -> Floats:
     border = on_boundary(edges, n)
     i, j = smoothing_pairs(edges, n)
     count = np.bincount(i, minlength=n)
-    mean = np.stack([np.bincount(i, V[j, k], minlength=n) for k in range(3)], axis=1) / count[:, None]
-    doubled = area_vectors(V, F)
-    N = np.stack([np.bincount(F.ravel(), np.repeat(doubled[:, k], 3), minlength=n) for k in range(3)], axis=1)
+    mean = group_sums(i, V[j], n) / count[:, None]
+    N = group_sums(F.ravel(), np.repeat(area_vectors(V, F), 3, axis=0), n)
     N = N / np.maximum(np.linalg.norm(N, axis=1, keepdims=True), 1e-300)
     step = mean - V
     step -= N * np.einsum("na,na->n", N, step)[:, None]
