@@ -267,7 +267,7 @@ class _Fits:
         chains = {k: self.chains[k] for k in net.chains}
         quads, others = quads_of(net, chains, self.reach)
         lines = self.fits.lines(net, chains, quads, self.reach)
-        return lines, net_model(lines, chains, quads, others, self.lifting.away, self.patched)
+        return lines, net_model(lines, chains, quads, others, self.lifting.away, self.patched, self.limits.distance)
 
 
 def _wide_box(V: Floats) -> Floats:
