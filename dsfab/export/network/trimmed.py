@@ -9,7 +9,6 @@ from scipy.special import comb
 
 from dsfab.arrays import Bools, Floats
 from dsfab.errors import ExportError
-from dsfab.export.network.domains import domain, grid, places
 from dsfab.export.network.graph import Loop
 from dsfab.export.network.model import NetModel
 from dsfab.export.splines import bernstein
@@ -38,6 +37,12 @@ OTHERS = (
     *((BOUNDARY[1], SMOOTH[1], degree) for degree in (3, 4, 5, 6, 7, 8, 9)),
 )
 """Tried after these until edges can be split."""
+
+TURNED = np.array([[[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]] for a in np.radians(np.arange(0, 90, 5))])
+"""(t, 2, 2) the axes of rectangles around a region, in a plane."""
+
+SMALLER = 3 / 4
+"""Share of its area that it then has at most: corners of turned ones are beyond the box around the region."""
 
 FEWEST, OF_LOOP = 12, 1 / 160
 """Steps along an edge, at least, and share of the outline that one is long on average: with 8 along an edge of 2.8 m,
@@ -146,29 +151,30 @@ def _surface(
 ) -> tuple[Floats, Floats, float, float]:
     """Poles and axes of the surface nearest to points inside and, more so, on the edges; how far the latter and the
     former are off."""
-    origin, corners, uv, z = _over_domain(points, edges, axes)
-    heights, gap, off = _best(uv, z, len(z) - len(edges), wanted, near)
-    local = np.concatenate([grid(corners, len(heights) - 1), heights[..., None]], axis=2)
+    axes = _along_smallest_rectangle(edges - edges.mean(axis=0), axes)
+    origin, low, high, both = _over_square(points, edges, axes)
+    inside = len(both) - len(edges)
+    z, gap, off = _best((both[:, :2] - low) / (high - low), both[:, 2], inside, wanted, near)
+    x, y = (np.linspace(low[i], high[i], len(z)) for i in (0, 1))
+    local = np.stack(np.broadcast_arrays(x[:, None], y[None], z), axis=2)
     return np.asarray(origin + local @ axes), axes, gap, off
 
 
 def _heights_over(poles: Floats, axes: Floats, points: Floats) -> Floats:
     """(k,) how far points (k, 3) are above a surface with such poles and axes, millimetres."""
-    at = points @ axes.T
-    uv = places(poles[:: len(poles) - 1, :: len(poles) - 1] @ axes[:2].T, at[:, :2])
+    low, high, at = poles[0, 0] @ axes.T, poles[-1, -1] @ axes.T, points @ axes.T
+    uv = (at[:, :2] - low[:2]) / (high - low)[:2]
     return np.asarray(at[:, 2] - _rows(uv, len(poles) - 1) @ (poles @ axes[2]).ravel())
 
 
-def _over_domain(points: Floats, edges: Floats, axes: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-    """The origin and the corners (2, 2, 2) of a domain around edges in the plane of axes; of points inside of it, and
-    of edges, parameters (k, 2) there and heights (k,)."""
+def _over_square(points: Floats, edges: Floats, axes: Floats) -> tuple[Floats, Floats, Floats, Floats]:
+    """The origin, lower and upper corner of a rectangle around edges along axes, and points inside of it and edges
+    there."""
     origin = edges.mean(axis=0)
     inside, around = (points - origin) @ axes.T, (edges - origin) @ axes.T
-    corners = domain(around[:, :2])
-    uv = places(corners, inside[:, :2])
-    within = ((uv > 0) & (uv < 1)).all(axis=1)
-    uv = np.concatenate([uv[within], places(corners, around[:, :2])])
-    return origin, corners, uv, np.concatenate([inside[within, 2], around[:, 2]])
+    low, high = around[:, :2].min(axis=0) - 1, around[:, :2].max(axis=0) + 1
+    inside = inside[((inside[:, :2] > low) & (inside[:, :2] < high)).all(axis=1)]
+    return origin, low, high, np.concatenate([inside, around])
 
 
 def misfit(points: Floats, line: Floats, degree: int) -> Floats:
@@ -185,12 +191,22 @@ def misfit(points: Floats, line: Floats, degree: int) -> Floats:
 
 def _misfit(points: Floats, line: Floats, axes: Floats, degree: int) -> Floats:
     """(k,) the same on one skin, with the first weights."""
-    _, _, uv, z = _over_domain(points, line, axes)
-    inside = len(z) - len(line)
+    axes = _along_smallest_rectangle(line - line.mean(axis=0), axes)
+    _, low, high, both = _over_square(points, line, axes)
+    uv, z, inside = (both[:, :2] - low) / (high - low), both[:, 2], len(both) - len(line)
     A, weight = _rows(uv, degree), np.repeat([1.0, BOUNDARY[0]], [inside, len(line)])
     base = _heights(_rows(uv, BASE), z, np.ones(len(z)), SMOOTH[1], np.zeros((BASE + 1, BASE + 1)))
     poles = _heights(A, z, weight, SMOOTH[0], _raised(base, degree))
     return np.asarray(np.abs(A @ poles.ravel() - z)[inside:])
+
+
+def _along_smallest_rectangle(line: Floats, axes: Floats) -> Floats:
+    """(3, 3) axes turned about the last of them if the rectangle around a line (k, 3) is far smaller then: the more of
+    it a region fills, the fewer poles are held by nothing."""
+    turned = TURNED @ axes[:2]
+    area = np.ptp(line @ turned.transpose(0, 2, 1), axis=1).prod(axis=1)
+    best = int(np.argmin(area))
+    return np.concatenate([turned[best], axes[2:]]) if area[best] < SMALLER * area[0] else axes
 
 
 def _best(uv: Floats, z: Floats, inside: int, wanted: float, near: float) -> tuple[Floats, float, float]:
