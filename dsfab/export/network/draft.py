@@ -66,6 +66,10 @@ others."""
 FEWER_FACES = 0.95
 """Of a first model that are left, at least, once regions whose outlines cross themselves have joined others."""
 
+BEYOND = 1 / 300
+"""Share of a surface's size that poles of curves are beyond its box at most: along the rim of a vault of 12 m they were
+170 mm above it, and OCCT's box with them."""
+
 
 class ManyFacesError(ExportError):
     """A file with more faces than are made unasked; asked for by name, it is made."""
@@ -249,7 +253,7 @@ class _Fits:
 
     def __init__(self, lifting: Lifting, plan: SmoothPlan) -> None:
         self.lifting, self.limits, self.reach = lifting, plan.limits, REACH * plan.limits.thickness
-        self.fits = LineFits(plan.limits.distance, lifting.away)
+        self.fits = LineFits(plan.limits.distance, _wide_box(plan.limits.V), lifting.away)
         self.points, self.chains = dict[int, Ints](), dict[int, SampledChain]()
         self.faces = dict[tuple[int, bytes], TrimmedFace]()
         self.patched = set[int]()
@@ -263,7 +267,14 @@ class _Fits:
         chains = {k: self.chains[k] for k in net.chains}
         quads, others = quads_of(net, chains, self.reach)
         lines = self.fits.lines(net, chains, quads, self.reach)
-        return lines, net_model(lines, chains, quads, others, self.lifting.away, self.patched)
+        return lines, net_model(lines, chains, quads, others, self.lifting.away, self.patched, self.limits.distance)
+
+
+def _wide_box(V: Floats) -> Floats:
+    """(2, 3) around points, and a little more."""
+    low, high = V.min(axis=0), V.max(axis=0)
+    more = BEYOND * float(np.linalg.norm(high - low))
+    return np.stack([low - more, high + more])
 
 
 def _inside(net: ChainNet, sheet: StripedSheet, lifting: Lifting, regions: Sequence[int]) -> dict[int, Floats]:

@@ -33,12 +33,12 @@ skins of a coarse mesh wave, onto which curves are brought afterwards. With half
 class LineFits:
     """The lines of nets; those whose chains have the points that they had are not fitted anew.
 
-    distance : that a solid may be off the mesh, millimetres.    away : the ways (k, 6) to both skins from points near
-    them.
+    distance : that a solid may be off the mesh, millimetres.    box : (2, 3) where poles should be, millimetres.
+    away : the ways (k, 6) to both skins from points near them.
     """
 
-    def __init__(self, distance: float, away: Callable[[Floats], Floats]) -> None:
-        self.distance, self.away = distance, away
+    def __init__(self, distance: float, box: Floats, away: Callable[[Floats], Floats]) -> None:
+        self.distance, self.box, self.away = distance, box, away
         self.within = dict[int, float]()
         self.known = dict[tuple[tuple[int, bool], ...], tuple[list[Ints], ChainLine]]()
         self.pulled = dict[int, tuple[ChainLine, ChainLine]]()
@@ -95,9 +95,10 @@ class LineFits:
 
     def _on_skins(self, lines: list[ChainLine]) -> list[ChainLine]:
         new = [line for line in lines if id(line) not in self.pulled]
-        curves = on_skins([line.curve for line in new], self.away)
-        for line, curve in zip(new, curves, strict=True):
-            self.pulled[id(line)] = line, replace(line, curve=curve)
+        fine = [line.with_poles_in(self.box) for line in new]
+        curves = on_skins([line.curve for line in fine], self.away)
+        for line, one, curve in zip(new, fine, curves, strict=True):
+            self.pulled[id(line)] = line, replace(one, curve=curve)
         return [self.pulled[id(line)][1] for line in lines]
 
 

@@ -24,6 +24,14 @@ End = tuple[int, int]
 """A chain's first (0) or last (-1) point."""
 
 
+SHORTEST = 1 / 16
+"""Share of a line's parameters that a cubic is at least, if it was longer, where one is divided: ends of lines may be
+outside of a box."""
+
+OFF_MIDDLE = 1 / 4
+"""Share of a cubic by which the end of a chain is off its middle, at most, where that is divided."""
+
+
 @dataclass(frozen=True, eq=False)
 class ChainLine:
     """steps : chains in order.    curve : of all of them.    at : (k + 1,) its parameters where they end."""
@@ -45,6 +53,27 @@ class ChainLine:
                 end, found = (found[-1][1], found[:-1]) if found and found[-1][0] == a else (a, found)
                 found.append((b, end))
         return found
+
+    def with_poles_in(self, box: Floats) -> "ChainLine":
+        """Its cubics divided until all poles are in a box (2, 3), since CAD programs draw boxes around poles, or until
+        they are short. One is divided at its middle, or at the end of a chain near it, where a wall ends as well."""
+        todo = list(zip(self.curve.breaks[:-1], self.curve.breaks[1:], self.curve.spans, strict=True))[::-1]
+        breaks, spans = [0.0], list[Floats]()
+        while todo:
+            a, b, P = todo.pop()
+            if _within(P, box) or b - a < SHORTEST:
+                breaks.append(b)
+                spans.append(P)
+                continue
+            near = self.at[np.abs(self.at - (a + b) / 2) < OFF_MIDDLE * (b - a)]
+            x = near[np.argmin(np.abs(near - (a + b) / 2))] if len(near) else (a + b) / 2
+            share = (x - a) / (b - a)
+            one, two = parts_of(np.stack([P, P]), np.array([0.0, share]), np.array([share, 1.0]))
+            one[0], two[3], two[0] = P[0], P[3], one[3]
+            todo += [(x, b, two), (a, x, one)]
+        if len(spans) == len(self.curve.spans):
+            return self
+        return replace(self, curve=replace(self.curve, breaks=np.array(breaks), spans=np.stack(spans)))
 
 
 class NetLines:
@@ -163,3 +192,9 @@ def node_of(net: ChainNet, end: End) -> int:
 def end_of(step: tuple[int, bool]) -> End:
     """The end of a chain where a step arrives."""
     return step[0], -1 if step[1] else 0
+
+
+def _within(P: Floats, box: Floats) -> bool:
+    """Whether poles (4, 6) on both skins are in a box."""
+    points = P.reshape(8, 3)
+    return bool((points >= box[0]).all() and (points <= box[1]).all())

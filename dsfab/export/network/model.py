@@ -1,6 +1,6 @@
 """Vertices, edges and faces of a solid by members, each once; text knows how they are written."""
 
-from collections.abc import Callable, Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
@@ -14,6 +14,7 @@ from dsfab.export.network.lines import NetLines, Part
 from dsfab.export.network.patches import coons, least_jacobian, pulled
 from dsfab.export.network.quads import Quad
 from dsfab.export.network.stations import Grid, Stations
+from dsfab.export.splines import bernstein
 
 FOLDED = 0.1
 """Least relative Jacobian of a patch: one that is less is trimmed instead."""
@@ -99,11 +100,12 @@ def net_model(
     others: Iterable[int],
     away: Callable[[Floats], Floats],
     patched: Collection[int] = (),
+    near: float = np.inf,
 ) -> NetModel:
     """The model of a net of quads and other regions.
 
     away : the ways (k, 6) to both skins from points there.    patched : quads that are divided into patches, whatever
-    their number.
+    their number.    near : what these may be off the skins in their middles, millimetres; others are trimmed.
     """
     stations, some = Stations(lines, chains), list(quads)
     compact = frozenset(
@@ -112,7 +114,7 @@ def net_model(
         if quad.region not in patched and stations.cells(quad) > MOST_CELLS and _compact(quad, chains)
     )
     rest = [quad for quad in some if quad.region not in compact]
-    return _Assembly(stations, rest, [*others, *sorted(compact)], away, NetModel(compact=compact)).model
+    return _Assembly(stations, rest, [*others, *sorted(compact)], away, near, NetModel(compact=compact)).model
 
 
 class _Assembly:
@@ -122,6 +124,7 @@ class _Assembly:
         quads: list[Quad],
         others: list[int],
         away: Callable[[Floats], Floats],
+        near: float,
         model: NetModel,
     ) -> None:
         self.lines = lines = stations.lines
@@ -136,8 +139,9 @@ class _Assembly:
         for i, (some, P) in enumerate(zip(stops, each, strict=True)):
             self._line(i, some, P)
         self._walls()
-        for quad, grid, P in zip(quads, grids, self._patches(grids, away), strict=True):
-            if least_jacobian(np.concatenate([P[..., :3], P[..., 3:]])) < FOLDED:
+        patches = self._patches(grids, away)
+        for quad, grid, P, off in zip(quads, grids, patches, _strays(patches, away), strict=True):
+            if off > near or least_jacobian(np.concatenate([P[..., :3], P[..., 3:]])) < FOLDED:
                 others.append(quad.region)
             else:
                 self._add(P, grid)
@@ -232,6 +236,17 @@ class _Assembly:
 def turned(loop: Loop) -> Loop:
     """The same edges, run through the other way."""
     return [(e, not ahead) for e, ahead in loop[::-1]]
+
+
+def _strays(patches: Sequence[Floats], away: Callable[[Floats], Floats]) -> Floats:
+    """(k,) how far patches (ku, kv, 4, 4, 6) of regions are off the skins in the middles of their cells, at most: on a
+    coarse mesh these wave, and splines from border to border pass by."""
+    if not patches:
+        return np.zeros(0)
+    half = bernstein(np.array([0.5]))[0]
+    middles = [np.einsum("a,b,uvabi->uvi", half, half, P).reshape(-1, 6) for P in patches]
+    off = np.linalg.norm(away(np.concatenate(middles)).reshape(-1, 2, 3), axis=2).max(axis=1)
+    return np.array([some.max() for some in np.split(off, np.cumsum([len(some) for some in middles])[:-1])])
 
 
 def _compact(quad: Quad, chains: Mapping[int, SampledChain]) -> bool:

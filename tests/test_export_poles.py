@@ -1,0 +1,58 @@
+"""STEP by members: poles of curves stay in the box, and patches near the skins."""
+
+import numpy as np
+import pytest
+
+from dsfab.export.network.curves import ChainCurve
+from dsfab.export.network.draft import member_draft
+from dsfab.export.network.lines import ChainLine
+from dsfab.export.network.model import _strays
+from dsfab.export.smooth.plan import SmoothPlan
+from tests.test_export_network import cylinder_strip, draft_of, striped
+
+
+def test_cubics_are_divided_until_their_poles_are_in_a_box():
+    """A rim of half a turn, which rises to .975 and whose poles are at 1.3."""
+    spans = np.array([[[-1.0, 0, 0], [-1, 1.3, 0], [1, 1.3, 0], [1, 0, 0]]])
+    curve = ChainCurve(np.array([0.0, 1.0]), np.concatenate([spans, 0.9 * spans], axis=2))
+    line = ChainLine([(0, True), (1, True)], curve, np.array([0.0, 0.4, 1.0]))
+    box = np.array([[-1.01, -0.01, -1], [1.01, 1.01, 1]])
+    fine = line.with_poles_in(box)
+    assert fine.curve.breaks[1] == 0.4, "where a chain ends"
+    assert len(fine.curve.spans) > 2
+    assert (fine.curve.spans[..., :3] <= box[1]).all()
+    assert fine.curve.spans[[0, -1], [0, -1], :3].tolist() == spans[0, [0, -1]].tolist()
+    assert (fine.curve.spans[1:, 0] == fine.curve.spans[:-1, 3]).all()
+    x = np.linspace(0, 1, 33)
+    np.testing.assert_allclose(fine.curve(x), curve(x), atol=1e-12)
+    assert line.with_poles_in(np.array([[-2.0] * 3, [2.0] * 3])) is line
+    beyond = line.with_poles_in(np.array([[2.0] * 3, [3.0] * 3])).curve
+    assert np.diff(beyond.breaks).min() > 1 / 64, "it ends where nothing helps"
+
+
+def test_patches_beside_the_skins_are_told_by_their_middles():
+    """Two regions over a plane, of one and of two cells; the skins rise by .1 mm per metre and have a bump of 2 mm."""
+    x = np.linspace(0, 300, 4)
+    flat = np.stack(np.broadcast_arrays(x[:, None], x, 20.0, x[:, None], x, -20.0), axis=2)[None, None]
+    second = np.concatenate([flat, flat + np.array([300, 0, 0] * 2)])
+
+    def away(Q: np.ndarray) -> np.ndarray:
+        way = np.zeros_like(Q)
+        way[:, 2] = 1e-4 * Q[:, 0]
+        way[:, 5] = -2.0 * (np.abs(Q[:, 3] - 450) < 100)
+        return way
+
+    assert _strays([flat, second], away).tolist() == pytest.approx([0.015, 2.0])
+    assert _strays([], away).shape == (0,)
+
+
+def test_a_region_whose_patches_are_beside_the_skins_is_trimmed(monkeypatch):
+    """Of two regions of a cylinder one is not near enough."""
+    given = cylinder_strip()
+    angle = np.arctan2(*given.centroids.T[[2, 1]]) / (np.pi / 2)
+    part, _, _ = draft_of(given, striped(given, label=(2 * angle).astype(np.int64)))
+    assert member_draft(part, SmoothPlan(part)).trimmed == 0
+    limit = SmoothPlan(part).limits.distance
+    off = limit * np.array([1.0, 1.1])
+    monkeypatch.setattr("dsfab.export.network.model._strays", lambda patches, _: off[-len(patches) :])
+    assert member_draft(part, SmoothPlan(part)).trimmed == 2
