@@ -17,11 +17,12 @@ from dsfab.delivery.forces import force_records
 from dsfab.delivery.lines import design_lines
 from dsfab.delivery.member_records import graph_records
 from dsfab.delivery.member_shapes import member_shapes
+from dsfab.delivery.opened import opened
 from dsfab.errors import ExportError
 from dsfab.export import Details, StepOptions
 from dsfab.export import write as written
 from dsfab.export.formats import FORMATS, Takes, format_of, suffix_of
-from dsfab.export.smooth.source import Curved, DividedSheet, StripedSheet
+from dsfab.export.smooth.source import NO_PAIRS, Curved, DividedSheet, StripedSheet
 from dsfab.limits import OUTLINE
 from dsfab.members import striped_cells
 from dsfab.pipeline.design import Design
@@ -30,7 +31,6 @@ from dsfab.results import PatternResult
 from dsfab.slicing import Sheet, cut
 from dsfab.slicing.corners import outline_corners, outline_labels
 from dsfab.surface import Surface, pieces
-from dsfab.surface.cover import one_sided_pieces
 from dsfab.thickening import SHIFT, Side, Solid, offsets
 
 if TYPE_CHECKING:
@@ -146,20 +146,24 @@ def curved_design(design: Design) -> Curved:
 
 
 def striped_sheet(surface: Surface, sheet: Sheet, pattern: PatternResult) -> StripedSheet:
-    """A kept sheet that was cut from `surface` along a pattern, by its stripes."""
-    cells = striped_cells(surface, sheet, pattern)
-    return StripedSheet(cells.sheet.surface.F, cells.sheet.weights, cells.label, cells.loose)
+    """A kept sheet that was cut from `surface` along a pattern, by its stripes; opened if the surface has one side."""
+    cells, opening = striped_cells(surface, sheet, pattern), opened(surface, sheet)
+    whole, seam = opening.sheet(cells.sheet) if opening else (cells.sheet, NO_PAIRS)
+    return StripedSheet(whole.surface.F, whole.weights, cells.label, cells.loose, seam)
 
 
 def curved_sheet(surface: Surface, sheet: Sheet, thickness: float | Floats, side: Side = "mid") -> Curved:
     """A kept sheet and the surface it was cut from.
 
-    thickness : metres, or (n,) of them.   Raises ExportError for a surface with one side only.
+    thickness : metres, or (n,) of them.   A surface with one side only is cut open.
     """
-    if one_sided_pieces(surface.F, surface.edges).any():
-        raise ExportError("the surface has one side only, so it has no two skins")
-    D = offsets(surface, thickness, side).D
-    return Curved(surface.V, surface.F, D, SHIFT[side], lambda fields: divided(surface, sheet, D, fields))
+    found, opening, twins = offsets(surface, thickness, side), opened(surface, sheet), NO_PAIRS
+    D = found.D
+    if opening:
+        D, twins = opening.offsets(found.at_corners(surface.F)), opening.twins
+        surface, sheet = opening.surface, opening.sheet(sheet)[0]
+    cut_in = partial(divided, surface, sheet, D)
+    return Curved(surface.V, surface.F, D, SHIFT[side], cut_in, twins=twins)
 
 
 def divided(surface: Surface, sheet: Sheet, D: Floats, fields: Floats) -> DividedSheet:

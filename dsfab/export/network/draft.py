@@ -36,7 +36,7 @@ from dsfab.export.smooth.source import StripedSheet
 from dsfab.export.step_pieces import closing
 from dsfab.export.step_text import header
 from dsfab.sparse import one_blas_thread
-from dsfab.surface import edge_table, pieces
+from dsfab.surface import connected, edge_table
 from dsfab.units import MM_PER_M
 
 KIND = "curved solid of four-sided patches by members"
@@ -140,11 +140,15 @@ def _require_few(part: Part, faces: int) -> None:
 
 
 def _sheets(striped: StripedSheet) -> Iterator[StripedSheet]:
-    """The connected pieces of a sheet."""
-    count, piece = pieces(striped.F, edge_table(striped.F))
+    """The connected pieces of a sheet, over its seam too."""
+    one, two = np.concatenate([edge_table(striped.F).pairs, striped.seam]).T // 3
+    count, piece = connected(len(striped.F), one, two)
+    cell, corner = striped.seam // 3, striped.seam % 3
     for i in range(count):
         mine = piece == i
-        yield StripedSheet(striped.F[mine], striped.weights, striped.label[mine], striped.loose[mine])
+        seam = 3 * (np.cumsum(mine) - 1)[cell] + corner
+        seam = seam[mine[cell[:, 0]]]
+        yield StripedSheet(striped.F[mine], striped.weights, striped.label[mine], striped.loose[mine], seam)
 
 
 def _net(sheet: StripedSheet, lifting: Lifting, plan: SmoothPlan) -> ChainNet:

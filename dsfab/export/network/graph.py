@@ -7,6 +7,7 @@ o----------o------o          them backwards; a chain of the outline has its mate
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
+from functools import cached_property
 
 import numpy as np
 from scipy.sparse import csr_array
@@ -49,7 +50,8 @@ class Chain:
 class ChainNet:
     """weights : (p, n) barycentric, of all points on the uncut surface.    chains : by number.
     loops : by region, with the region on the left.    loose : regions that lie in no stripe.    cell : (m,) the region
-    of each cell of the sheet.    parent : regions that are parts of one that has cells."""
+    of each cell of the sheet.    parent : regions that are parts of one that has cells.    twins : points on both sides
+    of a seam, see `StripedSheet`, by each other."""
 
     weights: csr_array
     chains: dict[int, Chain]
@@ -57,6 +59,12 @@ class ChainNet:
     loose: frozenset[int]
     cell: Ints
     parent: dict[int, int] = field(default_factory=dict)
+    twins: dict[int, int] = field(default_factory=dict)
+
+    def on_seam(self, k: int) -> bool:
+        """Whether a chain runs along a seam: void is beyond it, but in the solid the sheet goes on there."""
+        points = self.chains[k].points
+        return bool(self.twins) and self.chains[k].right == VOID and all(int(p) in self.twins for p in points)
 
     def ends(self, step: tuple[int, bool]) -> tuple[int, int]:
         """First and last node of a step of a loop."""
@@ -142,6 +150,7 @@ class _Walk:
         self.along = np.flatnonzero(self.border)
         self.after = np.full(len(self.border), -1)
         self.after[self.along] = self._successors()
+        self.seam = sheet.seam
         self.node = self._nodes(sheet.loose)
 
     def _successors(self) -> Ints:
@@ -161,7 +170,7 @@ class _Walk:
         low, high = np.full(n, np.inf), np.full(n, -np.inf)
         np.minimum.at(low, ends, np.tile(pair, 2))
         np.maximum.at(high, ends, np.tile(pair, 2))
-        node = (np.bincount(ends, minlength=n) > 2) | (high > low)
+        node = (np.bincount(ends, minlength=n) > 2) | (high > low) | self._seam_ends(n)
         way = self.P[self.end] - self.P[self.start]
         way = way / np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-300)
         turn = np.einsum("ki,ki->k", way[h], way[self.after[h]])
@@ -170,7 +179,19 @@ class _Walk:
         node[self.end[h[sharp]]] = True
         bent = turns(way[h], way[self.after[h]], self.N[self.end[h]]) < ROUND
         node[self.end[h[self._round_ends(bent, void)]]] = True
+        for one, two in (self._seam_points, self._seam_points[::-1]):
+            node[one[node[two]]] = True
         return node
+
+    @cached_property
+    def _seam_points(self) -> Ints:
+        """(2, k) vertices at one place on both sides of a seam."""
+        one, two = self.seam.T
+        return np.stack([np.append(self.start[side], self.end[side]) for side in (one, two)])
+
+    def _seam_ends(self, n: int) -> Bools:
+        """(n,) the vertices where a seam ends."""
+        return np.asarray(np.bincount(self._seam_points.ravel(), minlength=n) == 1)
 
     def _round_ends(self, bent: Bools, void: Bools) -> Bools:
         """(k,) half-edges of borders after which the outline begins or ends to be round; `bent` (k,) is the turn there.
@@ -207,7 +228,10 @@ class _Walk:
                         number[int(self.twin[some[-1]])] = k, False
                 loop.append(number[key])
             loops.setdefault(int(self.left[cycle[0]]), []).append(loop)
-        return ChainNet(self.weights, chains, loops, loose, self.region)
+        one, two = self._seam_points.tolist()
+        return ChainNet(
+            self.weights, chains, loops, loose, self.region, twins=dict(zip(one + two, two + one, strict=True))
+        )
 
     def _cycles(self) -> Iterator[Ints]:
         """The closed borders of regions as half-edges, in order."""

@@ -19,6 +19,7 @@ def joined_outlines(net: ChainNet, P: Floats, N: Floats) -> ChainNet:
     normals there."""
     ends = [int(p) for chain in net.chains.values() for p in (chain.points[0], chain.points[-1])]
     degree = np.bincount(ends, minlength=len(P))
+    degree[list(net.twins)] = 0  # a seam, and what it ends, stay two
     chains = dict(net.chains)
     loops = {region: [_joined(loop, chains, P, N, degree) for loop in some] for region, some in net.loops.items()}
     return replace(net, chains=chains, loops=loops)

@@ -63,6 +63,8 @@ class Lifting:
         """(k, 6) from points (k, 6) beside the skins to these, across, over the places nearest to the middles."""
         there = self.points(self.weights_at((Q[:, :3] + Q[:, 3:]) / 2))
         across = there[:, :3] - there[:, 3:]
+        beyond = np.einsum("ki,ki->k", across, Q[:, :3] - Q[:, 3:]) < 0  # where a seam's other side is as near
+        there[beyond], across[beyond] = np.roll(there[beyond], 3, axis=1), -across[beyond]
         across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
         ways = [np.einsum("ki,ki->k", (there - Q)[:, s : s + 3], across)[:, None] * across for s in (0, 3)]
         return np.concatenate(ways, axis=1)

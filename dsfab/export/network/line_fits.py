@@ -15,7 +15,16 @@ from dsfab.export.network.arcs import round_chains, with_arcs
 from dsfab.export.network.curves import SampledChain, curves_through, on_skins
 from dsfab.export.network.graph import VOID, ChainNet, Loop
 from dsfab.export.network.joining import mean_width
-from dsfab.export.network.lines import ChainLine, End, NetLines, end_of, ends_of, node_of, with_ends_on_lines
+from dsfab.export.network.lines import (
+    ChainLine,
+    End,
+    NetLines,
+    end_of,
+    ends_of,
+    node_of,
+    with_ends_on_lines,
+    with_twins,
+)
 from dsfab.export.network.quads import Quad
 from dsfab.export.smooth.edges import FLAT, OF_LOOP
 
@@ -58,7 +67,8 @@ class LineFits:
                 else:
                     todo += _halves(line.steps, turns)
         fair = with_ends_on_lines(NetLines(net, self._on_skins(found)))
-        return with_arcs(fair, chains, arced, self.away)  # which bulge away from what is between an opening's sides
+        # arcs bulge away from what is between an opening's sides
+        return with_twins(with_arcs(fair, chains, arced, self.away))
 
     def _fits(self, net: ChainNet, chains: Mapping[int, SampledChain], rows: list[Loop]) -> list[ChainLine]:
         """Lines through rows of chains."""
@@ -153,12 +163,12 @@ def _links(net: ChainNet, quads: Iterable[Quad], turn: _Turns, arcs: Collection[
         for side in quad.sides:
             for before, after in pairwise(side):
                 one, two = end_of(before), end_of((after[0], not after[1]))
-                if before[0] in arcs or after[0] in arcs:
+                if before[0] in arcs or after[0] in arcs or net.on_seam(before[0]) or net.on_seam(after[0]):
                     continue
                 wanted.append((0, turn(one, two), one, two))
-    starts = {int(c.points[0]): k for k, c in net.chains.items() if c.right == VOID}
+    starts = {int(c.points[0]): k for k, c in net.chains.items() if c.right == VOID and not net.on_seam(k)}
     for k, chain in net.chains.items():
-        j = starts.get(int(chain.points[-1])) if chain.right == VOID else None
+        j = starts.get(int(chain.points[-1])) if chain.right == VOID and not net.on_seam(k) else None
         if j is not None and j != k and (degrees := turn((k, -1), (j, 0))) < SMOOTH:
             wanted.append((1, degrees, (k, -1), (j, 0)))
     found, used = dict[End, End](), set[int]()

@@ -14,6 +14,7 @@ from scipy.sparse import csc_array, lil_array
 from scipy.sparse.linalg import spsolve
 
 from dsfab.arrays import Floats, Ints
+from dsfab.errors import ExportError
 from dsfab.export.network.curves import ChainCurve, parts_of
 from dsfab.export.network.graph import VOID, ChainNet, Loop
 
@@ -44,7 +45,7 @@ class ChainLine:
         """Where void is on one side: parameters, the material on the left of the way from the first to the second."""
         found = list[tuple[float, float]]()
         for (k, ahead), (a, b) in zip(self.steps, pairwise(self.at.tolist()), strict=True):
-            if net.chains[k].right != VOID:
+            if net.chains[k].right != VOID or net.on_seam(k):
                 continue
             if ahead:
                 start, found = (found[-1][0], found[:-1]) if found and found[-1][1] == a else (a, found)
@@ -77,10 +78,11 @@ class ChainLine:
 
 
 class NetLines:
-    """The lines of a net; `place` says of each chain in which line it is, and between which parameters."""
+    """The lines of a net; `place` says of each chain in which line it is, and between which parameters.
+    twins : lines on both sides of a seam, by each other."""
 
-    def __init__(self, net: ChainNet, lines: list[ChainLine]) -> None:
-        self.net, self.lines = net, lines
+    def __init__(self, net: ChainNet, lines: list[ChainLine], twins: dict[int, int] | None = None) -> None:
+        self.net, self.lines, self.twins = net, lines, twins or {}
         self.place = dict[int, Part]()
         for i, line in enumerate(lines):
             for (k, ahead), (a, b) in zip(line.steps, pairwise(line.at.tolist()), strict=True):
@@ -151,6 +153,22 @@ def with_ends_on_lines(lines: NetLines) -> NetLines:
         start, end = (at.get(node, pole) for node, pole in ends)
         moved.append(replace(line, curve=line.curve.with_ends(start, end)))
     return NetLines(lines.net, moved)
+
+
+def with_twins(lines: NetLines) -> NetLines:
+    """The lines whose curves on both sides of a seam are one: the outer poles of each are the inner ones of the other.
+    Raises ExportError where chains of one side are not those of the other."""
+    net, found, twins = lines.net, list(lines.lines), dict[int, int]()
+    seam = {tuple(net.chains[k].points.tolist()): lines.place[k][0] for k in net.chains if net.on_seam(k)}
+    for points, i in seam.items():
+        j = seam.get(tuple(net.twins[p] for p in points))
+        if j is None:
+            raise ExportError("the sheet is not divided alike on both sides of where its one side was cut open")
+        twins[i] = j
+        if i < j:
+            curve = found[i].curve
+            found[j] = replace(found[j], curve=replace(curve, spans=np.roll(curve.spans, 3, axis=2)))
+    return NetLines(net, found, twins)
 
 
 def _points_on(lines: NetLines) -> dict[int, Floats]:

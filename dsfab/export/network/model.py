@@ -55,7 +55,8 @@ class NetPatch:
 @dataclass(eq=False)
 class NetModel:
     """vertices : points (6,) on both skins, millimetres.    trimmed : loops of edges of regions without patches.
-    compact : those of them that have four sides, and could be divided into patches."""
+    compact : those of them that have four sides, and could be divided into patches.    seam : whether edges are there
+    twice, once on each side of a seam, where the outer skin is the inner one of the other."""
 
     vertices: list[Floats] = field(default_factory=list)
     edges: list[NetEdge] = field(default_factory=list)
@@ -63,6 +64,7 @@ class NetModel:
     patches: list[NetPatch] = field(default_factory=list)
     trimmed: dict[int, list[Loop]] = field(default_factory=dict)
     compact: frozenset[int] = frozenset()
+    seam: bool = False
 
     @property
     def faces(self) -> int:
@@ -114,7 +116,8 @@ def net_model(
         if quad.region not in patched and stations.cells(quad) > MOST_CELLS and _compact(quad, chains)
     )
     rest = [quad for quad in some if quad.region not in compact]
-    return _Assembly(stations, rest, [*others, *sorted(compact)], away, near, NetModel(compact=compact)).model
+    model = NetModel(compact=compact, seam=len(lines.twins) > 0)
+    return _Assembly(stations, rest, [*others, *sorted(compact)], away, near, model).model
 
 
 class _Assembly:
@@ -133,7 +136,7 @@ class _Assembly:
         self.node = dict[int, int]()
         self.place = list[dict[float, int]]()
         self.edges = list[list[int]]()
-        stops = [sorted(some) for some in stations.stops]
+        stops = [sorted(some | stations.stops[lines.twins.get(i, i)]) for i, some in enumerate(stations.stops)]
         poles = lines.parts([(i, a, b) for i, some in enumerate(stops) for a, b in pairwise(some)])
         each = np.split(poles, np.cumsum([len(some) - 1 for some in stops])[:-1])
         for i, (some, P) in enumerate(zip(stops, each, strict=True)):

@@ -21,14 +21,16 @@ of one that a fillet makes shorter at others, and where it is off by a thousandt
 
 
 class NetText:
-    """Writes a model after what `new` holds already; thickness in millimetres."""
+    """Writes a model after what `new` holds already; thickness in millimetres. What a model with a seam has twice is
+    written once."""
 
     def __init__(self, new: Entities, model: NetModel, thickness: float) -> None:
         self.new, self.model = new, model
+        self._put = new.once if model.seam else new.add
         self.digits = int(np.clip(np.ceil(-np.log10(FINER * ROUNDING * thickness)), 2, 6))
         self._numbers = dict[tuple[float, ...], int]()
         self.vertices = [
-            [new.add(f"VERTEX_POINT('',#{p})") for p in self._points(both.reshape(2, 3))] for both in model.vertices
+            [self._put(f"VERTEX_POINT('',#{p})") for p in self._points(both.reshape(2, 3))] for both in model.vertices
         ]
         self.poles = [[list(self._points(edge.poles[:, s : s + 3])) for s in (0, 3)] for edge in model.edges]
         self.edges = [
@@ -41,7 +43,7 @@ class NetText:
 
     def faces(self, trimmed: list[TrimmedFace]) -> list[int]:
         """The numbers of all faces."""
-        found, posts = list[int](), dict[int, int]()
+        found, posts = list[int](), dict[tuple[int, int], int]()
         for patch in self.model.patches:
             for s in (0, 1):
                 rows = self._rows(patch.poles[:, :, 3 * s : 3 * s + 3])
@@ -61,7 +63,7 @@ class NetText:
             surface = self._surface([list(row) for row in zip(inner, outer, strict=True)], (3, 1))
             below = [(self.edges[e][1], way) for e, way in wall.steps]
             above = [(self.edges[e][0], not way) for e, way in wall.steps[::-1]]
-            wire = self.new.wire([*below, (two, True), *above, (one, False)])
+            wire = self.new.wire([*below, two, *above, (one[0], not one[1])])
             found.append(self.new.face([wire], surface))
         return found
 
@@ -94,19 +96,21 @@ class NetText:
         return [found[i : i + poles.shape[1]] for i in range(0, len(found), poles.shape[1])]
 
     def _curve(self, poles: list[int], start: int, end: int) -> int:
-        curve = self.new.add(
+        curve = self._put(
             f"B_SPLINE_CURVE_WITH_KNOTS('',3,{references(poles)},.UNSPECIFIED.,.F.,.F.,(4,4),(0.,1.),.UNSPECIFIED.)"
         )
-        return self.new.add(f"EDGE_CURVE('',#{start},#{end},#{curve},.T.)")
+        return self._put(f"EDGE_CURVE('',#{start},#{end},#{curve},.T.)")
 
-    def _post(self, posts: dict[int, int], vertex: int) -> int:
-        """The edge from the inner to the outer point of a vertex."""
-        if vertex not in posts:
-            outer, inner = self.vertices[vertex]
+    def _post(self, posts: dict[tuple[int, int], int], vertex: int) -> tuple[int, bool]:
+        """The edge between both points of a vertex, and whether it runs to the outer one."""
+        outer, inner = self.vertices[vertex]
+        if (outer, inner) in posts:
+            return posts[outer, inner], False  # it was made for the other side of a seam
+        if (inner, outer) not in posts:
             ends = [next(self._points(self.model.vertices[vertex][None, i : i + 3])) for i in (3, 0)]
             line = self.new.add(f"POLYLINE('',{references(ends)})")
-            posts[vertex] = self.new.add(f"EDGE_CURVE('',#{inner},#{outer},#{line},.T.)")
-        return posts[vertex]
+            posts[inner, outer] = self.new.add(f"EDGE_CURVE('',#{inner},#{outer},#{line},.T.)")
+        return posts[inner, outer], True
 
     def _surface(self, rows: list[list[int]], degrees: tuple[int, int]) -> int:
         """A Bezier patch, as a spline with one span."""

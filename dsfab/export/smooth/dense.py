@@ -3,14 +3,14 @@
 Nothing is known there, but two charts must say the same: a spline with as many poles as points waves between them.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from functools import cached_property
 
 import igl
 import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints, cross
-from dsfab.export.smooth.source import Curved
+from dsfab.export.smooth.source import NO_PAIRS, Curved
 from dsfab.surface.mesh import Surface
 from dsfab.surface.neighbours import on_boundary
 from dsfab.units import MM_PER_M
@@ -21,13 +21,14 @@ class Dense:
     """A surface divided some times, with its skins. Lengths in millimetres.
 
     surface : metres.    half : (n,) half the thickness of the faces, metres.    shift : see `Curved`.
-    parent  : (m,) the face of the mesh that each face is a part of.
+    parent  : (m,) the face of the mesh that each face is a part of.    twins : see `Curved`.
     """
 
     surface: Surface
     half: Floats
     shift: int
     parent: Ints
+    twins: Ints = field(default_factory=lambda: NO_PAIRS)
 
     @cached_property
     def points(self) -> Floats:
@@ -39,6 +40,8 @@ class Dense:
         """(n, 3) of the vertices: the means of their faces', weighted with the angles there."""
         V, F = self.surface.V, self.surface.F
         N = np.asarray(igl.per_vertex_normals(V, F, igl.PER_VERTEX_NORMALS_WEIGHTING_TYPE_ANGLE))
+        a, b = self.twins.T
+        N[a], N[b] = N[a] - N[b], N[b] - N[a]
         return np.asarray(N / np.maximum(np.linalg.norm(N, axis=1, keepdims=True), 1e-300))
 
     @cached_property
@@ -83,7 +86,8 @@ def dense(surface: Surface, curved: Curved) -> Dense:
     D = curved.D[surface.F]  # longer at corners: so long that the faces have their thickness
     seen = np.bincount(surface.F.ravel(), np.einsum("mci,mi->mc", D, surface.normals).ravel(), surface.n)
     half = seen / np.bincount(surface.F.ravel(), minlength=surface.n)
-    return Dense(surface, half, curved.shift, np.arange(surface.m))
+    half[curved.twins] = half[curved.twins].mean(axis=1, keepdims=True)
+    return Dense(surface, half, curved.shift, np.arange(surface.m), curved.twins)
 
 
 def between(P: Floats, d: Floats, ends: Ints) -> Floats:

@@ -63,6 +63,8 @@ class SmoothPlan:
 
         The first one is for open sheets only: on a closed surface its charts become too flat, and fits fail.
         """
+        if len(self.curved.twins):
+            raise ExportError("the surface has one side only, so it has no two skins")
         some = LAYOUTS if self.surface.edges.boundary.any() else LAYOUTS[1:]
         known = set[bytes]()
         for lean, fewest, start in some:

@@ -1,13 +1,16 @@
 """What smooth STEP takes: a solid's mesh does not know which of its edges are the pattern's, the cut sheet does."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
 from scipy.sparse import csr_array
 
 from dsfab.arrays import Bools, Floats, Ints, lock
+
+NO_PAIRS = np.zeros((0, 2), dtype=np.int64)
+NO_PAIRS.setflags(write=False)
 
 
 class DividedSheet(NamedTuple):
@@ -34,12 +37,14 @@ class StripedSheet(NamedTuple):
     F       : (m, 3) cells, oriented as the uncut surface.
     weights : (n', n) barycentric weights of its vertices on those of the uncut surface.
     label   : (m,) equal for cells that lie in the same stripes.    loose : (m,) cells that lie in none.
+    seam    : (k, 2) half-edges at one place, in one direction, where a surface with one side only was cut open.
     """
 
     F: Ints
     weights: csr_array
     label: Ints
     loose: Bools
+    seam: Ints = NO_PAIRS
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,6 +57,7 @@ class Curved:
     divided : the sheet, divided along the upper envelope of fields (n, c) on the uncut surface: chart k is where
               field k is largest.
     striped : the sheet by its stripes; None where these are not known.
+    twins : (k, 2) vertices at one place, with opposite D, where a surface with one side only was cut open.
     """
 
     V: Floats
@@ -60,8 +66,10 @@ class Curved:
     shift: int
     divided: Callable[[Floats], DividedSheet]
     striped: Callable[[], StripedSheet] | None = None
+    twins: Ints = field(default_factory=lambda: NO_PAIRS)
 
     def __post_init__(self) -> None:
         lock(self, "V", np.float64, (None, 3))
         lock(self, "F", np.int64, (None, 3))
         lock(self, "D", np.float64, (None, 3))
+        lock(self, "twins", np.int64, (None, 2))
