@@ -15,6 +15,7 @@ from dsfab.app.cli import main
 from dsfab.app.editor.source import open_preset
 from dsfab.app.options import Source
 from dsfab.errors import PresetError, SurfaceError
+from dsfab.pipeline import Design
 from dsfab.pipeline.measures import cut_error, used_symmetry
 from dsfab.preset_file import load_preset
 from dsfab.proposal import decisions, preset_for, propose
@@ -534,7 +535,7 @@ def test_what_is_proposed_for_a_dome_is_as_symmetric_as_the_dome():
 
 @pytest.mark.parametrize(
     ("width", "length", "ends", "thick", "told"),
-    [(3.0, 30.0, True, 0.045, "span of 29.4 m"), (8.0, 10.0, False, 0.04, "span of 8 m")],
+    [(3.0, 30.0, True, 0.05, "span of 29.4 m"), (8.0, 10.0, False, 0.04, "span of 8 m")],
     ids=["a bridge on its short ends", "a vault on its long sides"],
 )
 def test_what_spans_far_more_than_its_shorter_side_is_thicker(width, length, ends, thick, told):
@@ -546,6 +547,29 @@ def test_what_spans_far_more_than_its_shorter_side_is_thicker(width, length, end
     assert len(found.stands) == 2
     assert found.size.thickness == thick
     assert any(told in line for line in found.lines)
+
+
+def long_deck():
+    """An arched deck of 3.7 m x 60 m, bent in plan and cambered."""
+    flat = grid(60, 7, 60.0, 2.2)
+    x, y = (flat.V - flat.V.mean(axis=0))[:, :2].T
+    z = 3.5 * (1 - (x / 30) ** 2) + 0.08 * (1 - (y / 1.1) ** 2)
+    return Surface(np.stack([x, y + 1.5 * (x / 30) ** 2, z], axis=1), flat.F)
+
+
+def test_a_long_deck_has_as_few_and_wide_members_as_its_thickness_asks_for():
+    """It was 100 mm thick, a fifth of the spacing for its width."""
+    found = propose(long_deck())
+    assert found.size.thickness == pytest.approx(0.16)
+    assert found.size.spacing == pytest.approx(5 * found.size.thickness, rel=0.03)
+    assert any("about 5 across" in line for line in found.lines)
+
+
+@pytest.mark.slow
+def test_a_long_deck_bears_its_load():
+    """Its timber bore 144 % of its strength, as `dsfab build` told at the end."""
+    design = Design.of(propose(long_deck()).preset)
+    assert 0.5 < design.statics.answers.stress.peak.stress / design.preset.statics.strength < 1
 
 
 def test_a_wall_is_no_span_of_its_own_thickness():
