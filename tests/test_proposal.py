@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose
 
 import dsfab
 from dsfab.app.cli import main
@@ -604,6 +605,35 @@ def test_a_size_that_nothing_is_built_in_is_doubted(tmp_path, unit, doubt):
     assert (doubt is None) == ("is that the file's unit?" not in text)
     assert (doubt or "10 m x") in text
     assert unit < 1e6 or "10 km x" in text
+
+
+def test_a_surface_in_coordinates_of_a_survey_gets_an_origin_of_its_own(tmp_path):
+    """A vault 5 567 km away was refused after its whole build: numbers of STL are half a metre apart there."""
+    vault = barrel_vault(edge=0.8)
+    here = propose(obj(tmp_path / "vault.obj", vault))
+    site = np.array([452_345.25, 5_567_123.5, 118.0])
+    away = propose(obj(tmp_path / "away.obj", Surface(vault.V + site, vault.F)))
+    assert (away.size.thickness, away.size.spacing) == (here.size.thickness, here.size.spacing)
+    assert [foot.name for foot in away.stands] == [foot.name for foot in here.stands]
+    at = away.preset.surface
+    assert np.all(np.array(at.origin) % 1 == 0)
+    assert at.origin[2] == 0  # a height above the sea is no long way
+    assert np.abs(at.build().V[:, :2]).max() < 2 * vault.size
+    assert_allclose(at.given().V + at.origin, vault.V + site, atol=1e-6)
+    for foot in at.support:
+        assert foot.at.vertices(at.build()).any()
+    assert any("move what is written back by that; change surface.origin" in line for line in away.lines)
+    near = propose(obj(tmp_path / "near.obj", Surface(vault.V + [40 * vault.size, 0, 0], vault.F)))
+    assert near.preset.surface.origin == (0, 0, 0)
+
+
+def test_a_unit_that_the_file_says_is_doubted_with_what_it_would_be_in_others(tmp_path, capsys):
+    """A hall in millimetres whose comment says feet was 4.57 km long, and `dsfab inspect` said nothing of it."""
+    path = obj(tmp_path / "hall.obj", dome(edge=0.8), 1000.0)
+    path.write_text("# units: ft\n" + path.read_text())
+    assert main(["inspect", str(path)]) == 0
+    told = capsys.readouterr().out
+    assert "far larger than what is built; is that the file's unit?; --unit mm: 10 m x" in told
 
 
 @pytest.mark.parametrize(

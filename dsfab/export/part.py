@@ -185,7 +185,7 @@ def without_collapsed(part: Part, V: Floats, holding: str) -> Part:
         raise ExportError(
             f"{len(close)} vertices of {part.name!r} are too close together for {holding} "
             f"(first: {first(close)}) and the shape does not survive their merging; "
-            "coarsen the mesh there, or move it to the origin"
+            "coarsen the mesh there, or move it to the origin (surface.origin)"
         )
     return small
 
