@@ -28,9 +28,6 @@ from dsfab.surface.neighbours import corners_of
 GAP = 1 / 20
 """Widest gap between a skin and the edges on it, as a share of the thickness."""
 
-UNDRAWN = "OCCT makes no triangles of a face"
-"""Why a piece is refused in which a seam passes so close to an opening that chords of both cross."""
-
 
 @dataclass(frozen=True, eq=False)
 class Acceptance:
@@ -131,7 +128,7 @@ class Gate:
         tests = (
             (sound, "OCCT finds it invalid"),
             (found.faces == piece.faces, f"OCCT reads {found.faces} faces instead of {piece.faces}"),
-            (found.tessellates, UNDRAWN),
+            (found.tessellates, "OCCT makes no triangles of a face"),
             (gap <= GAP * limits.thickness, f"a gap of {gap:.3g} mm is wider than {GAP * limits.thickness:.3g} mm"),
             (near, f"it is {far.worst:.2g} mm off the mesh, more than {far.allowed:.2g} mm"),
             (

@@ -17,7 +17,7 @@ from dsfab.errors import ExportError
 from dsfab.export.budget import BudgetError, within
 from dsfab.export.part import Part
 from dsfab.export.program import Ahead
-from dsfab.export.smooth.acceptance import GAP, UNDRAWN, Acceptance
+from dsfab.export.smooth.acceptance import GAP, Acceptance
 from dsfab.export.smooth.edges import TIGHTER
 from dsfab.export.smooth.file import SmoothPieceFile, file_text, rest_of
 from dsfab.export.smooth.limits import Limits
@@ -39,10 +39,6 @@ REFITS = 2
 HOPELESS = 40
 """Places that OCCT refuses in a first file beyond which refits are not tried in a hurry: of seven sheets with 1100 to
 3800 faces four had none, one 2, and two 104 and 216, which refits did not cure."""
-
-HURRIED = 2
-"""Layouts that are tried in a hurry where the first one fails for `UNDRAWN` alone: seams of another lie elsewhere. Of
-ten surfaces as people bring them three failed so."""
 
 SECONDS = 120
 SECONDS_PER_FACE = 0.1
@@ -105,15 +101,11 @@ class _Ladder:
                 if self.part.hurry:
                     break
                 continue
-            if not len(self.left) or self.inspected > self.most or self._is_late(turn):
+            if not len(self.left) or self.inspected > self.most or turn == self.part.hurry:
                 break
         if not self.taken:
             raise ExportError(f"{self.reason}; write step = 'faceted'")
         return self._file()
-
-    def _is_late(self, turn: int) -> bool:
-        """Whether no more layouts are tried after so many, because of a hurry."""
-        return bool(self.part.hurry) and (turn >= HURRIED or self.reason != UNDRAWN)
 
     def _try(self, fields: Floats) -> None:
         """A layout: its pieces of solids that are not done yet, refitted where they are refused."""
