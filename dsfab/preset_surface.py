@@ -4,7 +4,7 @@ import base64
 import inspect
 import zlib
 from collections.abc import Mapping, Sequence
-from dataclasses import fields, is_dataclass
+from dataclasses import fields, is_dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, Union
 
@@ -164,6 +164,8 @@ class FileSurface(OwnSurface):
     """Unit of the file's numbers: mm, cm, m, in, ft ...; GLB and 3MF files know their own."""
     up: Up = "z"
     """The file's axis that points to the sky; what follows is told with z up. GLB files are turned already."""
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Metres, with z up; the point of the file that is the design's origin, where it has a survey's coordinates."""
     mend: bool = False
     """Mend small faults: weld vertices that all but touch, drop crumbs and faces without area, close pinholes."""
     repair: bool = False
@@ -190,7 +192,10 @@ class FileSurface(OwnSurface):
                 'dsfab.load_preset(name, mesh="FILE"), or add --mesh FILE to a command'
             )
         most = self.max_triangles or DEFAULT_TRIANGLES
-        return surface_in_file(self.file, self.unit, self.up, self.mend, most, self.repair)
+        found = surface_in_file(self.file, self.unit, self.up, self.mend, most, self.repair)
+        if not any(self.origin):
+            return found
+        return replace(found, surface=Surface(found.surface.V - self.origin, found.surface.F))
 
 
 def _mesh_from(value: Any) -> Surface:

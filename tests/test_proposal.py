@@ -9,12 +9,14 @@ import numpy as np
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from numpy.testing import assert_allclose
 
 import dsfab
 from dsfab.app.cli import main
 from dsfab.app.editor.source import open_preset
 from dsfab.app.options import Source
 from dsfab.errors import PresetError, SurfaceError
+from dsfab.pipeline import Design
 from dsfab.pipeline.measures import cut_error, used_symmetry
 from dsfab.preset_file import load_preset
 from dsfab.proposal import decisions, preset_for, propose
@@ -534,7 +536,7 @@ def test_what_is_proposed_for_a_dome_is_as_symmetric_as_the_dome():
 
 @pytest.mark.parametrize(
     ("width", "length", "ends", "thick", "told"),
-    [(3.0, 30.0, True, 0.045, "span of 29.4 m"), (8.0, 10.0, False, 0.04, "span of 8 m")],
+    [(3.0, 30.0, True, 0.05, "span of 29.4 m"), (8.0, 10.0, False, 0.04, "span of 8 m")],
     ids=["a bridge on its short ends", "a vault on its long sides"],
 )
 def test_what_spans_far_more_than_its_shorter_side_is_thicker(width, length, ends, thick, told):
@@ -546,6 +548,29 @@ def test_what_spans_far_more_than_its_shorter_side_is_thicker(width, length, end
     assert len(found.stands) == 2
     assert found.size.thickness == thick
     assert any(told in line for line in found.lines)
+
+
+def long_deck():
+    """An arched deck of 3.7 m x 60 m, bent in plan and cambered."""
+    flat = grid(60, 7, 60.0, 2.2)
+    x, y = (flat.V - flat.V.mean(axis=0))[:, :2].T
+    z = 3.5 * (1 - (x / 30) ** 2) + 0.08 * (1 - (y / 1.1) ** 2)
+    return Surface(np.stack([x, y + 1.5 * (x / 30) ** 2, z], axis=1), flat.F)
+
+
+def test_a_long_deck_has_as_few_and_wide_members_as_its_thickness_asks_for():
+    """It was 100 mm thick, a fifth of the spacing for its width."""
+    found = propose(long_deck())
+    assert found.size.thickness == pytest.approx(0.16)
+    assert found.size.spacing == pytest.approx(5 * found.size.thickness, rel=0.03)
+    assert any("about 5 across" in line for line in found.lines)
+
+
+@pytest.mark.slow
+def test_a_long_deck_bears_its_load():
+    """Its timber bore 144 % of its strength, as `dsfab build` told at the end."""
+    design = Design.of(propose(long_deck()).preset)
+    assert 0.5 < design.statics.answers.stress.peak.stress / design.preset.statics.strength < 1
 
 
 def test_a_wall_is_no_span_of_its_own_thickness():
@@ -580,6 +605,35 @@ def test_a_size_that_nothing_is_built_in_is_doubted(tmp_path, unit, doubt):
     assert (doubt is None) == ("is that the file's unit?" not in text)
     assert (doubt or "10 m x") in text
     assert unit < 1e6 or "10 km x" in text
+
+
+def test_a_surface_in_coordinates_of_a_survey_gets_an_origin_of_its_own(tmp_path):
+    """A vault 5 567 km away was refused after its whole build: numbers of STL are half a metre apart there."""
+    vault = barrel_vault(edge=0.8)
+    here = propose(obj(tmp_path / "vault.obj", vault))
+    site = np.array([452_345.25, 5_567_123.5, 118.0])
+    away = propose(obj(tmp_path / "away.obj", Surface(vault.V + site, vault.F)))
+    assert (away.size.thickness, away.size.spacing) == (here.size.thickness, here.size.spacing)
+    assert [foot.name for foot in away.stands] == [foot.name for foot in here.stands]
+    at = away.preset.surface
+    assert np.all(np.array(at.origin) % 1 == 0)
+    assert at.origin[2] == 0  # a height above the sea is no long way
+    assert np.abs(at.build().V[:, :2]).max() < 2 * vault.size
+    assert_allclose(at.given().V + at.origin, vault.V + site, atol=1e-6)
+    for foot in at.support:
+        assert foot.at.vertices(at.build()).any()
+    assert any("move what is written back by that; change surface.origin" in line for line in away.lines)
+    near = propose(obj(tmp_path / "near.obj", Surface(vault.V + [40 * vault.size, 0, 0], vault.F)))
+    assert near.preset.surface.origin == (0, 0, 0)
+
+
+def test_a_unit_that_the_file_says_is_doubted_with_what_it_would_be_in_others(tmp_path, capsys):
+    """A hall in millimetres whose comment says feet was 4.57 km long, and `dsfab inspect` said nothing of it."""
+    path = obj(tmp_path / "hall.obj", dome(edge=0.8), 1000.0)
+    path.write_text("# units: ft\n" + path.read_text())
+    assert main(["inspect", str(path)]) == 0
+    told = capsys.readouterr().out
+    assert "far larger than what is built; is that the file's unit?; --unit mm: 10 m x" in told
 
 
 @pytest.mark.parametrize(

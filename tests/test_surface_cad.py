@@ -319,22 +319,33 @@ def test_marks_in_millimetres_and_what_encloses_nothing(tmp_path, within):
     assert "1 of them enclose nothing and are passed over" in "\n".join(propose(path).lines)
 
 
-def test_dxf_has_layers_too(tmp_path):
+@pytest.mark.parametrize("away", [0.0, 452_345.0], ids=["here", "in coordinates of a survey"])
+def test_dxf_has_layers_too(tmp_path, away):
     import ezdxf
     from ezdxf.render import MeshBuilder
 
     document = ezdxf.new(units=6)
     V, faces = roof()
     builder = MeshBuilder()
-    builder.add_mesh(vertices=V.tolist(), faces=faces)
+    builder.add_mesh(vertices=(V + [away, 0, 0]).tolist(), faces=faces)
     builder.render_mesh(document.modelspace())
     for x in (0, 4):
-        document.modelspace().add_line((x, 0, 0), (x, 3, 0), dxfattribs={"layer": "SUPPORT"})
-    document.modelspace().add_circle((2, 1.5, 5), 0.5, dxfattribs={"layer": "void"})
+        document.modelspace().add_line((x + away, 0, 0), (x + away, 3, 0), dxfattribs={"layer": "SUPPORT"})
+    document.modelspace().add_circle((2 + away, 1.5, 5), 0.5, dxfattribs={"layer": "void"})
     document.saveas(tmp_path / "site.dxf")
     preset = propose(tmp_path / "site.dxf").preset
+    assert preset.surface.origin == (away, 0, 0)
+    surface = preset.surface.build()
     assert len(preset.surface.support) == 2
-    assert [region.do for region in preset.pattern.region] == ["void"]
+    ends = [surface.V[one.at.vertices(surface)][:, 0].mean() for one in preset.surface.support]
+    assert ends == pytest.approx([0, 4], abs=1e-6)
+    (void,) = preset.pattern.region
+    assert void.do == "void"
+    opening = (
+        surface.centroids[void.at.faces(surface)] if hasattr(void.at, "faces") else surface.V[void.at.vertices(surface)]
+    )
+    assert len(opening)
+    assert opening[:, :2].mean(axis=0) == pytest.approx([2, 1.5], abs=0.2)
 
 
 @pytest.mark.slow

@@ -10,11 +10,23 @@ from scipy.spatial import cKDTree
 from dsfab.arrays import from_segments
 from dsfab.errors import SurfaceError
 from dsfab.preset_file import load_preset
-from dsfab.surface import Ball, Box, Nearest, Side, Surface, mended, nearest, read_surface, stitching, twin_remarks
+from dsfab.surface import (
+    Ball,
+    Box,
+    Nearest,
+    Side,
+    Surface,
+    mended,
+    nearest,
+    read_surface,
+    stitching,
+    twin_remarks,
+)
 from dsfab.surface.doubled import single_sheets
 from dsfab.surface.enclosed import signed_volume
 from dsfab.surface.mend import WELD
 from dsfab.surface.places import merged
+from dsfab.surface.reader import describe
 from dsfab.surface.shapes import dome, plate, sphere
 from dsfab.surface.stitching import SAG, _near
 from dsfab.surface.topology import (
@@ -208,6 +220,28 @@ def test_files_as_programs_write_them_become_sheets(tmp_path):
         assert whole.pieces[0] == 1
         assert whole.area == pytest.approx(raw.area, rel=2e-6)
         assert manifold_faults(whole.F, whole.edges, whole.n) == ()
+
+
+@pytest.mark.parametrize("broken", [1e30, -1e7, np.nan])
+def test_a_vertex_astray_takes_its_faces_along_and_no_others(broken):
+    """One number of 10^30 made all others one vertex: 'nothing is left', with no word of it."""
+    flat = grid(12, 12, 6.0, 6.0)
+    V = flat.V.copy()
+    V[45, 1] = broken
+    mesh = mended(V, flat.F)
+    assert len(mesh.F) == flat.m - int((flat.F == 45).any(axis=1).sum()) < flat.m
+    assert len(mesh.V) == flat.n - 1
+    assert len(mesh.repairs) == 1
+    assert ("no numbers" if np.isnan(broken) else "1,000 times as far away") in mesh.repairs[0]
+    assert mended(V[:, [1, 0, 2]] * [1, 400, 1], flat.F[(flat.F != 45).all(axis=1)]).repairs == ()
+
+
+def test_the_unit_is_guessed_without_a_vertex_astray(tmp_path):
+    path = tmp_path / "roof.obj"
+    V = 6.0 * np.eye(3)[[0, 1, 2, 0, 1, 2]] * np.array([1, 1, 1, 2, 2, 2])[:, None]
+    V[0, 0] = 1e9
+    path.write_text("".join("v {} {} {}\n".format(*v) for v in V) + "f 1 2 3\nf 4 5 6\nf 4 2 3\nf 4 5 3\n")
+    assert describe(path).unit_guess == "m"
 
 
 def test_nothing_but_faults_is_refused(tmp_path):

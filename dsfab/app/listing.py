@@ -166,10 +166,11 @@ def _verdict(path: Path, source: Source, raw: "RawMesh") -> tuple[bool, str]:
 
 def _unit(facts: "MeshFacts") -> str:
     """The file's unit; or the likely one, and what the mesh would measure in others."""
-    from dsfab.proposal import sizes_in_other_units
+    from dsfab.proposal import size_doubt, sizes_in_other_units
 
     if facts.unit_said:
-        return f"{facts.unit_guess}, as the file says"
+        doubt = size_doubt(facts.box, facts.unit) if facts.unit == facts.unit_guess else ""
+        return f"{facts.unit_guess}, as the file says{doubt}"
     return "; ".join([facts.unit_guess, *sizes_in_other_units(facts.box, facts.unit)])
 
 

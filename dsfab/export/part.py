@@ -99,9 +99,9 @@ class Part:
     simpler    : whether that left it with fewer triangles than its solid has.
     curved     : makes what smooth STEP needs of the sheet; None where only the solid is known.
     cut        : whether OCCT tries one cut of a smooth file, if that is not too much work.
-    hurry      : where nobody asked for smooth STEP by name, it is given up early, and not tried where it has more than
-                 so many times the walls that are soon made, nor by members where these have too many faces; 0 where
-                 somebody did.
+    hurry      : where nobody asked for smooth STEP by name, it is given up early, after so many layouts, and not tried
+                 where it has more than so many times the walls that are soon made, nor by members where these have too
+                 many faces; 0 where somebody did.
     """
 
     V: Floats
@@ -185,7 +185,7 @@ def without_collapsed(part: Part, V: Floats, holding: str) -> Part:
         raise ExportError(
             f"{len(close)} vertices of {part.name!r} are too close together for {holding} "
             f"(first: {first(close)}) and the shape does not survive their merging; "
-            "coarsen the mesh there, or move it to the origin"
+            "coarsen the mesh there, or move it to the origin (surface.origin)"
         )
     return small
 

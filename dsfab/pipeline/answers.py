@@ -107,5 +107,9 @@ def _note_case(under: str, answers: Answers, sheet: Statics, log: Log) -> None:
             "statics", f"the uncut sheet buckles{under} before it carries the load; make it thicker or the load smaller"
         )
     reliable = answers.elements.bending != "hinge"
-    if sheet.strength and reliable and answers.stress.peak.stress > sheet.strength:
-        log.note("statics", f"the largest stress in the uncut sheet{under} exceeds the strength")
+    if sheet.strength and reliable and (share := answers.stress.peak.stress / sheet.strength) > 1:
+        log.note(
+            "statics",
+            f"the largest stress in the uncut sheet{under} exceeds the strength, being {share:.0%} of it: a thicker "
+            "sheet (statics.thickness) is stressed less, unless its own weight is most of the load",
+        )

@@ -6,6 +6,6 @@ marks.py     what is drawn beside it on layers                    propose.py   a
 """
 
 from dsfab.proposal.decisions import OWN, Proposal, preset_for, propose
-from dsfab.proposal.reading import Decision, preset_name, sizes_in_other_units
+from dsfab.proposal.reading import Decision, preset_name, size_doubt, sizes_in_other_units
 
-__all__ = ["OWN", "Decision", "Proposal", "preset_for", "preset_name", "propose", "sizes_in_other_units"]
+__all__ = ["OWN", "Decision", "Proposal", "preset_for", "preset_name", "propose", "size_doubt", "sizes_in_other_units"]

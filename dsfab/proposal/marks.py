@@ -36,13 +36,14 @@ def drawn_marks(given: GivenMesh) -> dict[str, Marks]:
             f"{path} has marks on layer {next(iter(found))!r}, and its surface stands on its side; turn all of it so "
             "that z points up, and save it again"
         )
-    return found
+    origin = given.keys.get("origin")
+    return {word: drawn.about(origin) for word, drawn in found.items()} if origin else found
 
 
 def mark_tables(marks: Mapping[str, Marks], file: str, unit: str, size: Sizes, edge: float) -> Iterator[list[str]]:
     """Tables of a preset for what is drawn, a list of lines each.
 
-    file : as the preset's folder sees it.    edge : metres, of the triangles.
+    file : as the preset's folder sees it, or "" to write curves into the preset.    edge : metres, of the triangles.
     """
     radius = round(0.6 * edge, 3)
     for word, drawn in marks.items():
@@ -56,7 +57,7 @@ def mark_tables(marks: Mapping[str, Marks], file: str, unit: str, size: Sizes, e
         for line in lines if word != "void" else ():
             stroke = f'pick = "brush", points = {_points(_resampled(line, STEP * radius))}, radius = {radius}'
             yield [head, *_what(word, drawn, FORCE * _length(line)), f"at = {{ {stroke} }}"]
-        if areas and word in TABLES:
+        if areas and (word in TABLES or not file):
             for area in areas:
                 curve = f'pick = "curve", curves = [{_points(area[:-1])}]'
                 yield [head, *_what(word, drawn, FORCE * _plan_area(area)), f"at = {{ {curve} }}"]

@@ -37,6 +37,10 @@ SMALLEST, LARGEST = 0.02, 1000.0
 """Metres that a surface's box is long at least and at most, or its unit is doubted."""
 USUAL = 2.0, 100.0
 """Metres between which most that is built is long; beyond, sizes in other units are told where the file has none."""
+FAR_OFF = 100.0
+"""A surface further from the origin of its file than so many times its size gets an origin of its own: numbers of
+single precision, as in STL files, are then coarser than a hundred-thousandth of it, and CAD programs lose digits, too.
+"""
 POSSIBLE = 0.2, 500.0
 """The same for what `dsfab inspect` tells of sizes in other units."""
 GUESSED = ("mm", "cm", "m", "in", "ft")
@@ -91,7 +95,8 @@ def mesh_in_file(
     surface = found.surface
     known = raw.unit is not None or given
     told = f"{unit}{', as the file says' if raw.unit == unit else ''}: it is {_box(surface)}"
-    told += _doubt(surface) or ("" if known else _others(surface, unit))
+    doubt = size_doubt(np.ptp(surface.V, axis=0).tolist(), unit)
+    told += doubt or ("" if known else _others(surface, unit))
     decisions = [Decision("unit", told, "surface.unit, or --unit cm")]
     for remark in raw.record.remarks:
         decisions.append(Decision("file", remark))
@@ -105,7 +110,15 @@ def mesh_in_file(
     surface, up, turned = _turned(surface, up, path.suffix, raw.up)
     if up != "z":
         keys["up"] = up
-    return GivenMesh(surface, preset_name(path), keys, (*decisions, turned), found.record.repaired)
+    decisions.append(turned)
+    origin = _origin(surface)
+    if any(origin):
+        keys["origin"] = list(origin)
+        surface = Surface(surface.V - origin, surface.F)
+        where = f"({', '.join(f'{x:,.0f}'.replace(',', ' ') for x in origin)}) m of the file"
+        why = "it lies so far away that other programs have too few digits; move what is written back by that"
+        decisions.append(Decision("origin", f"{where}: {why}", "surface.origin"))
+    return GivenMesh(surface, preset_name(path), keys, tuple(decisions), found.record.repaired)
 
 
 def preset_name(mesh: str | Path) -> str:
@@ -153,11 +166,21 @@ def _turned(
     return turned, guess, Decision("up", told, change)
 
 
-def _doubt(surface: Surface) -> str:
-    """What is to be said of a size that nothing is built in: mostly the unit is another, or the file scaled twice."""
-    if SMALLEST <= surface.size <= LARGEST:
+def _origin(surface: Surface) -> tuple[float, ...]:
+    """Where the origin of a surface is, metres: whole ones near its lowest corner along the axes on which it is
+    `FAR_OFF`, 0 along others, as its height above the sea."""
+    low = surface.V.min(axis=0)
+    far = np.abs(surface.V).max(axis=0) > FAR_OFF * surface.size
+    return tuple(np.where(far, np.floor(low), 0.0).tolist())
+
+
+def size_doubt(sides: Sequence[float], unit: str) -> str:
+    """What is to be said of a box of such sides, metres, that nothing is built in, read in that unit: mostly it is
+    another one, or the file scaled twice."""
+    if SMALLEST <= max(sides) <= LARGEST:
         return ""
-    return f" (far {'larger' if surface.size > LARGEST else 'smaller'} than what is built; is that the file's unit?)"
+    doubt = f"far {'larger' if max(sides) > LARGEST else 'smaller'} than what is built; is that the file's unit?"
+    return f" ({'; '.join([doubt, *sizes_in_other_units(sides, unit, USUAL)])})"
 
 
 def _others(surface: Surface, unit: str) -> str:

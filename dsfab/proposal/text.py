@@ -41,7 +41,8 @@ def proposal_text(
     beside it, which takes the place of feet that were found.
     """
     surface, stand = given.surface, () if "support" in marks else stands
-    drawn = mark_tables(marks, str(keys.get("file")), str(keys.get("unit")), size, size.edge or surface.mean_edge)
+    file = "" if "origin" in keys else str(keys.get("file"))  # a drawing in a file is about that file's origin
+    drawn = mark_tables(marks, file, str(keys.get("unit")), size, size.edge or surface.mean_edge)
     tables = list(drawn)
     head = [
         f"# {given.name}: made by `dsfab new`; every value is a proposal. Units: metres, newtons, pascals.",
@@ -79,6 +80,7 @@ def _surface(keys: Mapping[str, Any], notes: Mapping[str, str], size: Sizes) -> 
     yield "[surface]"
     comments = {"unit": notes["unit"], "up": notes["up"], "mend": notes.get("mended", "")}
     comments["repair"] = comments["mend"]
+    comments["origin"] = "m; files that are written are about this point of the mesh's"
     for key, value in keys.items():
         if key != "mesh":
             yield _entry(key, value, comments.get(key, ""))

@@ -1,6 +1,6 @@
 """Closed curves out of DXF and 3DM files, as polygons: what an architect draws to say where something is."""
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from pathlib import Path
@@ -29,6 +29,10 @@ class Marks:
     layer: str
     points: Floats
     curves: tuple[Floats, ...]
+
+    def about(self, origin: Sequence[float]) -> "Marks":
+        """The same with this point, metres, as the origin."""
+        return Marks(self.layer, self.points - origin, tuple(run - origin for run in self.curves))
 
     @property
     def closed(self) -> list[Floats]:

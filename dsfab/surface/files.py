@@ -145,8 +145,8 @@ def _checked(path: Path, raw: RawMesh) -> RawMesh:
     bad = np.flatnonzero((raw.F.min(axis=1) < 0) | (raw.F.max(axis=1) >= n))
     if len(bad):
         raise SurfaceError(
-            f"{path}: {len(bad)} faces name vertices outside the file's {n} vertices (first triangles: {first(bad)}); "
-            "export it again"
+            f"{path}: {counted(len(bad), 'face')} {'name' if len(bad) > 1 else 'names'} vertices outside the file's "
+            f"{n} vertices (first triangles: {first(bad)}); export it again"
         )
     used, F = np.unique(raw.F, return_inverse=True)
     record = raw.record

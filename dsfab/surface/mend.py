@@ -7,7 +7,7 @@ import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints, area_vectors, closed_length, complement, lengths
 from dsfab.surface.doubled import single_sheets
-from dsfab.surface.places import merged
+from dsfab.surface.places import FAR, in_reach, merged
 from dsfab.surface.stitching import joined_at_points, stitched
 from dsfab.surface.topology import boundary_loops, duplicate_faces, edge_table, flips_to_orient, pieces
 
@@ -19,6 +19,8 @@ FLAT = 1e-9
 """A face whose height is a smaller share of its longest edge has no area."""
 PINHOLE = 1e-3
 """Share of the largest side under which the outline of a hole is closed by a fan of faces."""
+
+_ASTRAY = f"with corners more than {FAR:,.0f} times as far away as the others"
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,9 +65,10 @@ def mended(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
 
 def sound_faces(V: Floats, F: Ints) -> MendedMesh:
     """The mesh V (n, 3), any unit, F (m, 3) with vertices that all but touch made one, without faces of no area, of
-    corners that are no numbers, and those that repeat others."""
+    corners that are no numbers or far from all others, and those that repeat others."""
     finite: Bools = np.asarray(np.isfinite(V).all(axis=1))
     mesh = MendedMesh(V, F).with_faces(np.flatnonzero(finite[F].all(axis=1)), "with corners that are no numbers")
+    mesh = mesh.with_faces(np.flatnonzero(in_reach(V)[mesh.F].all(axis=1)), _ASTRAY)
     mesh = _without(_welded(_compact(mesh)), _UNSOUND)
     once = _unrepeated(mesh.V, mesh.F)
     twice = 2 * len(once) <= len(mesh.F)

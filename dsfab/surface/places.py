@@ -5,11 +5,27 @@ from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 from scipy.spatial import cKDTree
 
-from dsfab.arrays import Floats, Ints, lengths
+from dsfab.arrays import Bools, Floats, Ints, lengths
 
 SAME_PLACE = 1e-9
 """Vertices closer than this share of the mesh's largest side are at one place: `trimesh.slice_plane` works out the end
 of a cut once for each face there, and some of these differ in the last digit."""
+
+
+FAR = 1000.0
+"""A vertex is astray that many times as far from the middle of all as 99 of 100 are: a number of its file is broken."""
+
+
+def in_reach(V: Floats) -> Bools:
+    """(n,) whether a vertex of V (n, 3) has finite numbers and is not astray: see `FAR`."""
+    near: Bools = np.asarray(np.isfinite(V).all(axis=1))
+    if not near.any():
+        return near
+    from_middle = np.abs(V[near] - np.median(V[near], axis=0)).max(axis=1)
+    most = float(np.quantile(from_middle, 0.99, method="lower"))
+    if most > 0:
+        near[near] = from_middle <= FAR * most
+    return near
 
 
 def merged(V: Floats, within: float = SAME_PLACE) -> tuple[Floats, Ints]:

@@ -14,6 +14,7 @@ from dsfab.surface.formats import DEFAULT_TRIANGLES, FileRecord, counted
 from dsfab.surface.mend import mended
 from dsfab.surface.mesh import ZERO_AREA, Surface
 from dsfab.surface.orientation import Up, upright
+from dsfab.surface.places import in_reach
 from dsfab.surface.repair import repaired_scan
 from dsfab.surface.topology import (
     EdgeTable,
@@ -300,5 +301,5 @@ def _areas_and_smallest_angle(V: Floats, F: Ints, size: float) -> tuple[Floats, 
 
 def unit_guess(raw: RawMesh) -> str:
     """The declared unit, else metres for a box up to 250 long (a 30 is 30 m) and millimetres beyond (30000)."""
-    finite = raw.V[np.isfinite(raw.V).all(axis=1)]
-    return raw.unit or ("m" if np.ptp(finite, axis=0).max() <= LARGEST_IN_METRES else "mm")
+    V = raw.V[in_reach(raw.V)]
+    return raw.unit or ("m" if np.ptp(V, axis=0).max() <= LARGEST_IN_METRES else "mm")

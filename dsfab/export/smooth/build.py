@@ -91,7 +91,7 @@ class _Ladder:
 
     def made(self) -> SmoothPieceFile:
         """Each solid in the first layout that has all its pieces accepted; those of other solids may be in others."""
-        for fields in self.plan.layouts():
+        for turn, fields in enumerate(self.plan.layouts(), 1):
             try:
                 self._try(fields)
             except BudgetError:
@@ -101,7 +101,7 @@ class _Ladder:
                 if self.part.hurry:
                     break
                 continue
-            if not len(self.left) or self.inspected > self.most or self.part.hurry:
+            if not len(self.left) or self.inspected > self.most or turn == self.part.hurry:
                 break
         if not self.taken:
             raise ExportError(f"{self.reason}; write step = 'faceted'")
