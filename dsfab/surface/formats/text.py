@@ -50,6 +50,12 @@ class TextFile:
         return () if self.ended else (f"the last line has no end: the file may be cut off within {last}",)
 
 
+def may_lack_digits(word: str, count: int) -> bool:
+    """Whether a whole number at the end of a file, which counts from 1 to `count`, may have lost its last digits: there
+    are none with more unless ten times as many are counted."""
+    return not word.isdigit() or 10 * int(word) <= count
+
+
 def text_file(data: bytes) -> TextFile:
     """The text in `data`: UTF-8, or what a byte order mark or zeros between the letters say.
 
