@@ -135,6 +135,8 @@ def test_a_file_that_is_cut_off_at_any_byte_is_never_another_surface_in_silence(
         ("obj", "f 1/1 2/1 3/2", True),
         ("obj", "f 1/1 2/1 3", True),
         ("obj", "f 1//1 2//1 3//", True),
+        ("obj", "f 1//1 2//1 3//²", True),
+        ("obj", f"f 1//1 2//1 3//{'9' * 5000}", False),
         ("obj", "v 0 0 0", True),
         ("obj", "# f 1 2", False),
         ("off", "3 1 2 3", False),

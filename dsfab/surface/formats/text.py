@@ -53,7 +53,9 @@ class TextFile:
 def may_lack_digits(word: str, count: int) -> bool:
     """Whether a whole number at the end of a file, which counts from 1 to `count`, may have lost its last digits: there
     are none with more unless ten times as many are counted."""
-    return not word.isdigit() or 10 * int(word) <= count
+    if not (word.isascii() and word.isdigit()):
+        return True
+    return len(word) <= len(str(count)) and 10 * int(word) <= count  # Python reads no number of 5000 digits
 
 
 def text_file(data: bytes) -> TextFile:
