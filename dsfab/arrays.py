@@ -90,6 +90,11 @@ def area_vectors(V: Floats, F: Ints) -> Floats:
     return cross(b - a, c - a)
 
 
+def unit_vectors(x: Floats) -> Floats:
+    """Vectors x (..., 3) at length 1; those without a length stay zero."""
+    return np.asarray(x / np.maximum(np.linalg.norm(x, axis=-1, keepdims=True), np.finfo(float).tiny))
+
+
 def face_angles(V: Floats, F: Ints) -> Floats:
     """(m, 3) the angles of faces F (m, 3) of vertices V (n, 3) at their corners, radians."""
     P = V[F]

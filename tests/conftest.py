@@ -5,6 +5,7 @@ import os
 import signal
 import sys
 from collections.abc import Iterator
+from pathlib import Path
 
 import pytest
 
@@ -83,9 +84,11 @@ def here(monkeypatch):
     def drawn(program, path, folder, *how, seconds):
         return step_mesh.written(path, folder, *how)
 
-    def said(program, path, folder, deflection, limit, *how):
-        judge = check.whole_findings if how else check.solid_findings
+    def said(program, path, folder, deflection, limit, look=None):
+        judge = check.whole_findings if look else check.solid_findings
         found[:] = [dict(one) for one in judge(path, folder, deflection)]
+        if look and (Path(folder) / "mesh.npz").exists():
+            look()
         return [dict(one) for one in found]
 
     monkeypatch.setattr(occt_check, "_said", said)

@@ -206,6 +206,9 @@ def test_figures_are_those_of_the_built_sheet(dome):
     assert sum(told["widths"]) == pytest.approx(1)
     assert told["limits"][0] == 0
     assert 0 < told["narrowest"] < told["limits"][-1]
+    assert told["under"] == (told["narrowest"] < told["min_member"])
+    assert len(told["bars_under"]) == len(told["widths"])
+    assert told["bars_under"] == [end <= told["min_member"] for end in told["limits"][1:]]
     assert told["notes"] == [f"{note.stage}: {note.text}" for note in design.notes if note.stage == "slicing"]
 
 

@@ -35,11 +35,13 @@ SHARES = {
 
 DRAWS = """
 import sys, pickle, pathlib
+print("aWindow", flush=True)
 n = int.from_bytes(sys.stdin.buffer.read(8), "little")
 sys.path.append(sys.argv[1])
 path, = pickle.loads(sys.stdin.buffer.read(n))
 pathlib.Path(path).write_bytes(b"first")
-print("aWindow")
+print("drawn", flush=True)
+sys.stdin.buffer.read()
 """
 
 
@@ -117,6 +119,57 @@ def test_it_is_there_before_the_true_one_and_says_what_can_draw(drawn_apart, tmp
     assert opengl.take_for_granted(window) == "aWindow"
     opengl.require_rendering()  # by a window that no machine has: nobody is asked
     assert os.environ[opengl.WINDOW] == "aWindow"
+
+
+def draws(count):
+    """A program that draws so many pictures: 0, 1, ..."""
+    return f"""
+import sys, pickle, pathlib
+print("aWindow", flush=True)
+for number in range({count}):
+    n = int.from_bytes(sys.stdin.buffer.read(8), "little")
+    pathlib.Path(pickle.loads(sys.stdin.buffer.read(n))[-1]).write_text(str(number))
+    print("drawn", flush=True)
+"""
+
+
+@pytest.mark.parametrize("sketched", [True, False])
+def test_the_finished_structure_is_drawn_by_the_same_process(drawn_apart, tmp_path, sketched):
+    drawn_apart(draws(2 if sketched else 1))
+    path = tmp_path / "a.png"
+    with FirstPicture((lambda: None) if sketched else None) as first, first.replaced():
+        assert first.sketches == sketched
+        if sketched:
+            first.draw(None, path, (160, 120), {})
+        assert first.finish() == "aWindow"
+        assert path.exists() == sketched
+        assert first.structure("anything", path)
+        assert path.read_text() == str(int(sketched))
+        assert not first.structure("anything", tmp_path / "b.png")  # it has ended
+        assert first.finish() is None
+    assert list(tmp_path.iterdir()) == [path]
+
+
+APART = """
+import sys
+from dsfab.app.cli import main
+from dsfab.render import opengl
+code = main(sys.argv[1:])
+print(code, "vtkmodules" in sys.modules, opengl._draws.cache_info().misses)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(os.cpu_count() == 1, reason="one core draws last, in one process")
+def test_a_preview_loads_nothing_that_draws_and_looks_as_if_it_had(monkeypatch, tmp_path):
+    sets = [word for key, value in STRIPES.items() for word in ("--set", f"{key}={value}")]
+    asked = ["preview", DOME_MODES, *sets, "--size", "160x120", "--quiet", "-o"]
+    command = [sys.executable, "-c", APART, *asked, str(tmp_path / "apart.png")]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    assert done.stdout.split() == ["0", "False", "0"]
+    monkeypatch.setattr(preview.os, "cpu_count", lambda: 1)
+    assert main([*asked, str(tmp_path / "here.png")]) == 0
+    assert (tmp_path / "apart.png").read_bytes() == (tmp_path / "here.png").read_bytes()
 
 
 @pytest.mark.parametrize("before", [b"older", b"", None])

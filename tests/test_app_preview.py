@@ -465,6 +465,8 @@ def test_the_machine_is_asked_once_and_the_working_window_is_chosen(
     asked_anew.setattr(sys, "platform", "linux")
     asked_anew.delenv("DISPLAY", raising=False)
     asked_anew.setattr(opengl, "_command", lambda: [sys.executable, "-c", only_osmesa])
+    opengl.ask_ahead()
+    opengl.ask_ahead()
     opengl.require_rendering()
     assert os.environ[opengl.WINDOW] == "vtkOSOpenGLRenderWindow"
     opengl.require_rendering()

@@ -139,6 +139,19 @@ def test_threshold_one_is_empty_and_minus_one_is_the_whole_silhouette(dome: Desi
             previewer.picture(SIZE)
 
 
+def test_that_there_is_no_material_is_seen_by_the_lamps_beside_marks(
+    dome: Design, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Without a frame of its own."""
+    both = {"pattern.keep": 0.0, "pattern.major.threshold": 1.0, "pattern.minor.threshold": 1.0}
+    with Previewer(dome) as previewer:
+        monkeypatch.setattr(Previewer, "mask", None)
+        previewer.picture(SIZE)
+        previewer.set(both)
+        with pytest.raises(PatternError, match="leaves no material"):
+            previewer.picture(SIZE)
+
+
 @pytest.mark.parametrize(
     ("name", "broken"),
     [

@@ -17,7 +17,7 @@ from dsfab.errors import ExportError
 from dsfab.export import StepOptions, sampled_use, write
 from dsfab.export.ladder import prepare
 from dsfab.export.network import draft, line_fits, straightening, use_check
-from dsfab.export.network.build import _asked_as_a_solid
+from dsfab.export.network.build import _asked_as_a_solid, _Drawn
 from dsfab.export.network.crossings import without_crossings
 from dsfab.export.network.curves import ChainCurve, SampledChain, curves_through, on_skins, parts_of
 from dsfab.export.network.dividing import _narrow, divided
@@ -771,14 +771,19 @@ def test_members_of_which_occt_draws_no_solid_are_refused(here):
     """A triangle is turned over: `dsfab check` would fail the file."""
     part, _, _ = draft_of(surface := cylinder_strip(), grid(surface))
     made, off = member_draft(part, made_of := SmoothPlan(part)), DEFLECTION * made_of.limits.distance
-    found, mesh = occt_check.whole_findings(None, made.text, off, 60)
+    seen = []
+    found = occt_check.whole_findings(None, made.text, off, 60, seen.append)
     assert [one["valid"] for one in here] == [True]
-    assert max(_asked_as_a_solid(part, made_of, made, found, mesh)) < made_of.limits.distance
+    (mesh,) = seen
+    assert mesh.solids == 1
+    *away, shape = _asked_as_a_solid(part, made_of, made, found, [_Drawn.of(mesh, made_of.gate)])
+    assert max(away) < made_of.limits.distance
+    assert shape == mesh.shape
     turned = replace(mesh, F=np.concatenate([mesh.F[:1, ::-1], mesh.F[1:]]))
     with pytest.raises(ExportError, match="3 edges have triangles that face opposite sides where OCCT draws it"):
-        _asked_as_a_solid(part, made_of, made, found, turned)
+        _asked_as_a_solid(part, made_of, made, found, [_Drawn.of(turned, made_of.gate)])
     with pytest.raises(ExportError, match="no triangles of a face"):
-        _asked_as_a_solid(part, made_of, made, found, None)
+        _asked_as_a_solid(part, made_of, made, found, [])
 
 
 @pytest.mark.slow

@@ -144,11 +144,31 @@ def test_what_is_judged_as_a_whole_is_drawn_as_check_draws_it(tmp_path, solids):
         assert all(np.array_equal(getattr(judged, name), getattr(other, name)) for name in ("V", "F", "face"))
 
 
-def test_nothing_is_drawn_of_a_whole_that_is_not_valid(tmp_path, vault):
+@pytest.mark.slow
+def test_a_copy_that_asks_while_a_whole_is_drawn_finds_the_same(tmp_path):
+    surface = barrel_vault(2.0, 1.6, 0.5, 0.2)
+    sheet = cut(surface, [surface.V[:, 0]], [np.array([-0.8, -0.6, -0.1, 0.2, 0.3, 0.7])]).kept()
+    written(surface, sheet, tmp_path / "a.step")
+    here = check.whole_findings(str(tmp_path / "a.step"), str(tmp_path), 0.5)
+    mesh, seen = mesh_in(str(tmp_path), {"deflection": 0.5}), []
+    with occt_check.occt() as program:
+        apart = occt_check.whole_findings(program, (tmp_path / "a.step").read_text(), 0.5, 60, seen.append)
+    assert len(apart) == mesh.solids == 3
+    for name in ("valid", "closed", "tessellates", "faces", "volume", "gap", "box"):
+        assert [getattr(one, name) for one in apart] == [one[name] for one in here]
+    assert all(one.volume > 0 for one in apart)
+    assert len(seen) == 1
+    assert all(np.array_equal(getattr(mesh, name), getattr(seen[0], name)) for name in ("V", "F", "face", "solids"))
+
+
+def test_a_whole_that_is_not_valid_is_known_though_it_is_drawn_meanwhile(tmp_path, vault):
     found = list(re.finditer(TURNED["a face"], vault))[-1]
     (tmp_path / "a.step").write_text(vault[: found.end() - 5] + ".F." + vault[found.end() - 2 :])
-    judged = occt_check.whole_findings(occt_check.occt(), (tmp_path / "a.step").read_text(), 0.5, 60)
-    assert ([one.valid for one in judged[0]], judged[1]) == ([False], None)
+    with occt_check.occt() as program:
+        judged = occt_check.whole_findings(program, (tmp_path / "a.step").read_text(), 0.5, 60)
+    assert [(one.valid, one.tessellates, one.volume) for one in judged] == [(False, False, 0)]
+    assert not check.whole_findings(str(tmp_path / "a.step"), str(tmp_path), 0.5)[0]["tessellates"]
+    assert not (tmp_path / "mesh.npz").exists()  # not without a copy that draws meanwhile
     assert not check.whole_findings(str(tmp_path / "none.step"), str(tmp_path), 0.5)
 
 

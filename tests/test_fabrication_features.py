@@ -6,7 +6,7 @@ from scipy.spatial import cKDTree
 
 from dsfab.pattern.width import slopes
 from dsfab.slicing import cut
-from dsfab.slicing.features import Features, features, kept_cells
+from dsfab.slicing.features import Features, features, kept_cells, under
 from dsfab.surface import Surface
 from dsfab.surface.topology import pieces
 from dsfab.thickening import Solid, offsets, thicken
@@ -276,3 +276,7 @@ def test_the_wall_of_a_very_small_solid_is_found_too():
     plate = grid(2, 2, 4e-4, 4e-4)
     solid = thicken(plate, np.tile([0.0, 0.0, 5e-5], (plate.n, 1)))
     assert thinnest_wall(solid).thickness == pytest.approx(1e-4, rel=1e-9)
+
+
+def test_what_was_widened_to_a_limit_is_not_under_it_for_rounding():
+    assert under(np.array([0.1, 0.1 - 1e-8, 0.1 - 1e-6]), 0.1).tolist() == [False, False, True]

@@ -95,3 +95,35 @@ def test_a_program_may_take_seconds_of_the_processor_and_not_of_the_clock(tmp_pa
     with pytest.raises(subprocess.TimeoutExpired) as ended:
         last_line(str(tmp_path / "works.py"), seconds=1)
     assert ended.value.timeout == 1  # the clock's is longer
+
+
+DRAWS = "import json, pathlib, sys, time\n" + (
+    "first, second = map(pathlib.Path, json.loads(sys.stdin.readline()))\n"
+    "first.touch()\n"
+    "for _ in range(3000):\n"
+    "    if second.exists(): print('seen'); break\n"
+    "    time.sleep(0.01)\n"
+)
+
+
+def test_work_begins_with_what_a_program_writes_while_it_goes_on(tmp_path):
+    """It ends only once that is done; what else waits is done before."""
+    first, second, order = tmp_path / "first", tmp_path / "second", []
+    with meanwhile(lambda: order.append("waiting")), program(tmp_path, DRAWS) as ahead:
+        ahead.ask(str(first), str(second))
+        assert ahead.answer_and(first.exists, lambda: order.append(second.touch() or "work"), 30) == "seen"
+    assert order == ["waiting", "work"]
+
+
+def test_without_what_the_work_needs_it_is_not_done(tmp_path):
+    with program(tmp_path, "exit(3)") as ahead, pytest.raises(ProgramError, match="code 3"):
+        ahead.answer_and(lambda: False, lambda: 1 / 0, 30)
+
+
+def test_a_mistake_in_the_work_ends_the_program(tmp_path):
+    first = tmp_path / "first"
+    with program(tmp_path, DRAWS) as ahead:
+        ahead.ask(str(first), str(tmp_path / "never"))
+        with pytest.raises(ZeroDivisionError):
+            ahead.answer_and(first.exists, lambda: 1 / 0, 30)
+    assert ahead._run.returncode

@@ -87,5 +87,6 @@ def test_where_nothing_can_be_drawn_it_is_said_before_a_process_starts(vault, tm
     monkeypatch.setattr(finished.os, "cpu_count", lambda: 2)
     monkeypatch.setattr(finished, "Ahead", None)
     monkeypatch.setattr(opengl, "_draws", lambda name: False)
+    monkeypatch.setattr(opengl, "_KNOWN", set())
     with pytest.raises(DsfabError, match="cannot be drawn"), finished.picture_meanwhile(vault, tmp_path / "a.png"):
         pass

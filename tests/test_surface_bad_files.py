@@ -14,6 +14,8 @@ from numpy.testing import assert_allclose, assert_array_equal
 from dsfab.errors import SurfaceError
 from dsfab.surface import read_surface, surface_in_file
 from dsfab.surface.formats.limits import Budget
+from dsfab.surface.formats.obj import read_obj
+from dsfab.surface.formats.off import read_off
 from dsfab.surface.polygon_cuts import large_polygon_cut, small_polygons_cut
 from tests.bad_meshes import (
     FORMATS,
@@ -105,7 +107,7 @@ def cut_off(name, lengths, folder):
         found = outcome(written(BadFile(name, data[:length], None), folder))
         if isinstance(found, str) or same_surface(found.surface, GOOD):
             continue
-        whole_lines = name == "plain.obj" and data[:length].endswith(b"\n")
+        whole_lines = name == "plain.obj" and b"\n" in data[length - 1 : length + 1]
         assert found.record.remarks or whole_lines, (length, found.surface.F)
 
 
@@ -119,6 +121,39 @@ def test_a_file_that_is_cut_off_is_never_another_surface_in_silence(name, tmp_pa
 @pytest.mark.parametrize("name", FORMATS)
 def test_a_file_that_is_cut_off_at_any_byte_is_never_another_surface_in_silence(name, tmp_path):
     cut_off(name, range(1, len(FORMATS[name]())), tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("name", "last", "cut"),
+    [
+        ("obj", "f 1 2 3", False),  # nothing has 30 or more vertices
+        ("obj", "f 2 3 1", True),  # of 10 to 19
+        ("obj", "f 2 3", True),
+        ("obj", "f 4 3 2 1 5", True),
+        ("obj", "f 3 4 5 9 8 7", False),
+        ("obj", "f 1/1 2/1 3/3", False),
+        ("obj", "f 1/1 2/1 3/2", True),
+        ("obj", "f 1/1 2/1 3", True),
+        ("obj", "f 1//1 2//1 3//", True),
+        ("obj", "f 1//1 2//1 3//²", True),
+        ("obj", f"f 1//1 2//1 3//{'9' * 5000}", False),
+        ("obj", "v 0 0 0", True),
+        ("obj", "# f 1 2", False),
+        ("off", "3 1 2 3", False),
+        ("off", "3 2 3 1", True),
+        ("off", "3 2 3 1 255", False),
+    ],
+)
+def test_a_last_line_without_an_end_is_told_where_it_may_be_cut(name, last, cut, tmp_path):
+    points = [f"{x} {x * x} 0" for x in range(12)]
+    if name == "off":
+        text = "\n".join(["OFF", "12 1 0", *points, last])
+    else:
+        six = "f 1 2 3 4 5 6\n" * (len(last.split()) == 6)
+        text = "\n".join([*(f"v {point}" for point in points), "vt 0 0\n" * 29 + "vn 0 0 1", six + last])
+    read = read_obj if name == "obj" else read_off
+    assert any("no end" in one for one in read(text.encode(), Budget()).doubts) == cut
+    assert not read(text.encode() + b"\n", Budget()).doubts
 
 
 def test_gltf_takes_its_numbers_from_beside(tmp_path):

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from dsfab.arrays import area_vectors, closed_length, edge_lengths, face_angles
+from dsfab.arrays import area_vectors, closed_length, edge_lengths, face_angles, unit_vectors
 from dsfab.surface.edge_changes import (
     contracted,
     has_new_diagonal,
@@ -95,3 +95,8 @@ def test_lengths_and_areas_of_a_known_triangle():
     assert closed_length(V) == 12
     assert_allclose(np.degrees(face_angles(V, np.array([[0, 1, 2]])))[0], [90, 53.130102, 36.869898])
     assert face_angles(V, np.array([[0, 1, 1]])).tolist() == [[0, 0, 0]]
+
+
+def test_unit_vectors_of_any_shape_have_length_1_but_for_those_without_one():
+    x = np.array([[[3.0, 0, 4], [0, 0, 0]], [[0, -1e-100, 0], [0, 0, 1e-3]]])
+    assert_allclose(unit_vectors(x), [[[0.6, 0, 0.8], [0, 0, 0]], [[0, -1, 0], [0, 0, 1]]])

@@ -19,6 +19,7 @@ from dsfab.wording import sentence, size
 if TYPE_CHECKING:
     from dsfab.pipeline.design import Design
     from dsfab.preset import Export, Preset
+    from dsfab.proposal import Proposal
 
 
 @Parameter(name="*")
@@ -58,6 +59,13 @@ class PictureFlags:
         bool, Parameter(negative=(), help="Also make fabrication.png: where the smallest member, gap and wall are.")
     ] = False
 
+    def ask_ahead(self) -> None:
+        """Begin to ask whether they can be drawn here; `possible` has the answer."""
+        from dsfab.render.opengl import ask_ahead
+
+        if self.picture or self.marked:
+            ask_ahead()
+
     def possible(self, reporter: Reporter) -> "PictureFlags":
         """Those that can be drawn here, asked before the work begins; without them everything else is still built."""
         from dsfab.render.opengl import why_no_pictures
@@ -90,15 +98,13 @@ def build(
     preset
         Name of a shipped preset (see `dsfab presets`), a TOML file, or a mesh file.
     """
+    if not step.estimate:
+        pictures.ask_ahead()
     from dsfab.export import require_writable
     from dsfab.pipeline import run
     from dsfab.report.design.save import ready_to_draw, save
 
-    wanted = source.also(*files.overrides(), *step.overrides())
-    proposal = wanted.proposal(preset)
-    for line in proposal.lines if proposal and not quiet else ():
-        out(line)
-    given = wanted.read(preset, proposal)
+    proposal, given = _read(preset, source.also(*files.overrides(), *step.overrides()), quiet)
     _require(given.export.formats)
     reporter = Reporter(quiet)
     if step.estimate:
@@ -122,6 +128,14 @@ def build(
         asked = files.format_ is not None or not (proposal or _may_be_left_out(design.preset.export))
         _refuse(saved.refused, design.preset, None if asked else folder, reporter)
     return 0
+
+
+def _read(name: str, source: Source, quiet: bool) -> "tuple[Proposal | None, Preset]":
+    """What is proposed for a mesh file, each decision told, and the preset."""
+    proposal = source.proposal(name)
+    for line in proposal.lines if proposal and not quiet else ():
+        out(line)
+    return proposal, source.read(name, proposal)
 
 
 def _may_be_left_out(export: "Export") -> bool:

@@ -1,4 +1,4 @@
-"""A first picture while a person waits: another process draws a sketch, while this one goes on to the true widths.
+"""Pictures drawn by another process: a sketch while this one goes on to the true widths, and the finished structure.
 
 It is started before there is anything to draw, and loads what draws meanwhile; so this module loads nothing itself.
 """
@@ -15,32 +15,42 @@ if TYPE_CHECKING:
     from dsfab.pipeline import Design
 
 PROGRAM = (
-    "import gc, sys; gc.disable(); sys.path.append(sys.argv[1]); from dsfab.render.sketch_program import main; main()"
+    "import gc, sys; gc.disable(); sys.path.append(sys.argv[1]); from dsfab.render.sketch_program import main; "
+    "main('sketches' in sys.argv)"
 )
-"""Looking for rings of objects takes a tenth of the time of importing, and it ends after one picture."""
+"""Looking for rings of objects takes a tenth of the time of importing."""
 
 SECONDS = 60.0
-"""After which it is given up, counted from when the true picture could be drawn."""
+"""After which a sketch is given up, counted from when the true picture could be drawn."""
+
+PATIENCE = 600.0
+"""After which a picture is given up."""
 
 
 class FirstPicture:
-    """Use as `with FirstPicture(told) as first`, and in it once `with first.replaced()`: in there `draw` and `finish`.
+    """Use as `with FirstPicture(told) as first`, and in it once `with first.replaced()`: in there the other methods.
 
-    told : called from another thread as soon as the picture is there.
+    told : called from another thread as soon as a sketch is there; None where nobody waits for one.
     """
 
-    def __init__(self, told: Callable[[], None]) -> None:
+    def __init__(self, told: Callable[[], None] | None) -> None:
         self._told = told
         home = str(Path(__file__).parents[2])
         self._process = subprocess.Popen(
-            [sys.executable, "-P", "-c", PROGRAM, home],
+            [sys.executable, "-P", "-c", PROGRAM, home, *["sketches"] * bool(told)],
             stdin=subprocess.PIPE,
             stdout=subprocess.PIPE,
             stderr=subprocess.DEVNULL,
         )
-        self._drawing: threading.Thread | None = None
+        self._talking: threading.Thread | None = None
+        self._sketched = False
         self._path, self._before = Path(), list[bytes]()
         self._window: str | None = None
+
+    @property
+    def sketches(self) -> bool:
+        """Whether somebody waits for a sketch."""
+        return self._told is not None
 
     def __enter__(self) -> Self:
         return self
@@ -57,7 +67,7 @@ class FirstPicture:
             yield
         except BaseException:
             self._end()
-            if self._drawing:
+            if self._sketched:
                 self._undo()
             raise
 
@@ -68,7 +78,7 @@ class FirstPicture:
         """
         from dsfab.app.carrier import carried
 
-        if self._drawing:
+        if self._sketched:
             return
         self._path = path
         if self._path.exists():
@@ -76,35 +86,60 @@ class FirstPicture:
                 self._before.append(self._path.read_bytes())
             except OSError:
                 return
-        self._drawing = threading.Thread(
-            target=self._draw, args=(carried((sketch, path, pixels, options)),), daemon=True
-        )
-        self._drawing.start()
+        self._sketched = True
+        self._talk(carried((sketch, path, pixels, options)), self._told)
 
     def finish(self) -> str | None:
-        """Wait until it is drawn; the kind of window that it was drawn with, or None where it was not."""
-        if self._drawing:
-            self._drawing.join(SECONDS)
-        self._end()
+        """Wait until a sketch is drawn, if one is; the kind of window that it can draw with, or None if it cannot."""
+        if not self._talking:
+            self._talk(None, None)
+        self._wait(SECONDS)
         return self._window
+
+    def structure(self, asked: object, path: Path) -> bool:
+        """Write the picture of a `StructurePicture`; False where it could not, for whoever asks to draw it."""
+        import pickle
+
+        drawn: list[bool] = []
+        if self.finish() is not None:
+            self._talk(pickle.dumps((asked, path), protocol=5), lambda: drawn.append(True))
+            self._wait(PATIENCE)
+        return bool(drawn)
+
+    def _wait(self, seconds: float) -> None:
+        """Until what was asked is there; a process that takes longer, or failed, is ended."""
+        assert self._talking
+        self._talking.join(seconds)
+        if self._talking.is_alive() or self._process.poll() is not None:
+            self._end()
 
     def _end(self) -> None:
         """End the other process, wherever it is."""
         self._process.kill()
-        if self._drawing:
-            self._drawing.join()
+        if self._talking:
+            self._talking.join()
 
-    def _draw(self, asked: bytes) -> None:
-        """Ask for it, and tell when it is there; a process that fails has said nothing."""
+    def _talk(self, asked: bytes | None, then: Callable[[], None] | None) -> None:
+        """Ask for a picture, and do something when it is there."""
+        self._talking = threading.Thread(target=self._ask, args=(asked, then), daemon=True)
+        self._talking.start()
+
+    def _ask(self, asked: bytes | None, then: Callable[[], None] | None) -> None:
+        """A process that fails says nothing more."""
         given, answer = self._process.stdin, self._process.stdout
         assert given
         assert answer
         with suppress(OSError, ValueError):
-            given.write(len(asked).to_bytes(8, "little") + asked)
-            given.flush()
-            if line := answer.readline():
+            if asked is not None:
+                given.write(len(asked).to_bytes(8, "little") + asked)
+                given.flush()
+            if self._window is None and (line := answer.readline()):
                 self._window = line.decode().strip()
-                self._told()
+            if self._window is not None and asked is not None:
+                if not answer.readline():
+                    self._window = None
+                elif then:
+                    then()
 
     def _undo(self) -> None:
         """What was in the file before the first picture."""

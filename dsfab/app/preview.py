@@ -1,6 +1,7 @@
 """`dsfab preview`: one design, seen before any file is written; again whenever its file is saved."""
 
 import os
+import sys
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -144,12 +145,19 @@ def preview(
 
 @contextmanager
 def _first_picture(picture: PictureOptions, reporter: Reporter) -> "Iterator[FirstPicture | None]":
-    """Inside, another process gets ready to draw first: where a person waits for one picture, and a core is free."""
+    """Inside, another process gets ready to draw where a core is free: first where a person waits for one picture, and
+    the finished structure, which only that one then draws."""
     single = "," not in picture.show and picture.show.strip() not in (*WORDS, *FINISHED)
-    if not (single and reporter.watched) or (os.cpu_count() or 1) == 1:
+    sketched = single and reporter.watched
+    finished = picture.show.strip() == "structure" and "vtkmodules" not in sys.modules  # or this one is as quick
+    if not (sketched or finished) or (os.cpu_count() or 1) == 1:
+        from dsfab.render.opengl import ask_ahead
+
+        ask_ahead()
         yield None
         return
-    with FirstPicture(lambda: reporter.say("preview     a first picture is there, its widths follow")) as first:
+    told = (lambda: reporter.say("preview     a first picture is there, its widths follow")) if sketched else None
+    with FirstPicture(told) as first:
         yield first
 
 
@@ -169,7 +177,7 @@ def _drawing(
         if first:
             first.draw(design, page.path, page.pixels, options)
 
-    with Previewers(sketched if first else None, **options) as previewers:
+    with Previewers(sketched if first and first.sketches else None, **options) as previewers:
 
         def draw(preset: "Preset") -> None:
             if page.names[0] in FINISHED:
@@ -179,9 +187,9 @@ def _drawing(
                     previewers.drafted(preset, reporter)
                     if (window := first.finish()) is not None:
                         take_for_granted(window)
-                    _draw(previewers, preset, page, reporter)
+                    _draw(previewers, preset, page, reporter, first)
             else:
-                _draw(previewers, preset, page, reporter)
+                _draw(previewers, preset, page, reporter, first)
             if not reporter.quiet:
                 out(f"  {page.path}  {size(page.path.stat().st_size)}")
 
@@ -203,9 +211,11 @@ def _layers(text: str) -> tuple[str, ...]:
     return names
 
 
-def _draw(previewers: "Previewers", preset: "Preset", page: Page, reporter: Reporter) -> None:
+def _draw(
+    previewers: "Previewers", preset: "Preset", page: Page, reporter: Reporter, first: FirstPicture | None
+) -> None:
     """One picture, or several on one page, into one file."""
-    if page.names != ("structure",) or not _draw_structure(previewers, preset, page, reporter):
+    if page.names != ("structure",) or not _draw_structure(previewers, preset, page, reporter, first):
         _draw_pattern(previewers, preset, page, reporter)
 
 
@@ -233,10 +243,13 @@ def _draw_pattern(previewers: "Previewers", preset: "Preset", page: Page, report
             reporter.say(f"note ({note.stage}): {note.text}")
 
 
-def _draw_structure(previewers: "Previewers", preset: "Preset", page: Page, reporter: Reporter) -> bool:
+def _draw_structure(
+    previewers: "Previewers", preset: "Preset", page: Page, reporter: Reporter, first: FirstPicture | None
+) -> bool:
     """Evenly spaced stripes as they are built, and whether they could be: what is drawn before they are cut has loose
     ends, holes at singular points of the stress and sharp corners that the structure has not."""
-    from dsfab.render.finished import structure_picture
+    from dsfab.render.finished import structure_drawing
+    from dsfab.render.opengl import require_rendering
     from dsfab.render.png import write_png
 
     design = previewers.drafted(preset, reporter)
@@ -248,7 +261,10 @@ def _draw_structure(previewers: "Previewers", preset: "Preset", page: Page, repo
         reporter.say(f"note (preview): drawn before it is cut, for it cannot be: {error}")
         return False
     reporter("preview", f"drawing {page.path.name}")
-    write_png(structure_picture(design, size=page.pixels, **page.options), page.path)
+    asked = structure_drawing(design, size=page.pixels, **page.options)
+    if not (first and first.structure(asked, page.path)):
+        require_rendering()
+        write_png(asked.drawn(), page.path)
     reporter.done()
     for note in design.notes:
         reporter.say(f"note ({note.stage}): {note.text}")

@@ -13,7 +13,7 @@ from scipy.sparse import csr_array, eye_array
 
 from dsfab.arrays import Bools, Floats, Ints, lock
 from dsfab.errors import PatternError
-from dsfab.surface import LARGEST_GROUP, SNAP, LoadCase, Surface, centroid, generated_group, nearest
+from dsfab.surface import LARGEST_GROUP, SNAP, LoadCase, Surface, centroid, generated_group, nearest, weights_at
 
 OFF = 0.25
 """Images of vertices may be off the surface by this share of the mean edge."""
@@ -179,8 +179,7 @@ def _point_map(surface: Surface, tree: igl.AABB, points: Floats) -> tuple[float,
     """The largest distance of points (p, 3) from the surface, and (p, n) the interpolation at the nearest ones."""
     squared, face, near = tree.squared_distance(surface.V, surface.F, np.ascontiguousarray(points))
     corner = surface.F[face]
-    a, b, c = (np.ascontiguousarray(surface.V[corner[:, i]]) for i in range(3))
-    weight = np.clip(igl.barycentric_coordinates(near, a, b, c), 0, 1)
+    weight = np.clip(weights_at(near, surface.V, corner), 0, 1)
     weight[weight < ON_VERTEX] = 0
     weight /= weight.sum(axis=1, keepdims=True)
     rows = np.repeat(np.arange(len(points)), 3)

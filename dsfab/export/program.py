@@ -10,6 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor, wait
 from contextlib import contextmanager, suppress
 from contextvars import ContextVar
 from types import TracebackType
@@ -24,6 +25,9 @@ LEAST = 1.0
 
 BUSY = 10.0
 """Seconds on the clock for each of the processor's that a program may take, where these are counted."""
+
+POLL = 0.02
+"""Seconds on the clock between looks for what a program writes."""
 
 GRACE = 5
 """Seconds of the processor between the signal that ends a program and the one that nothing survives."""
@@ -115,6 +119,22 @@ class Ahead:
     def answer(self, seconds: float) -> str:
         """The last line that it prints, once it was asked; raises as `last_line`."""
         return _last(_answer(self._run, seconds))
+
+    def answer_and(self, there: Callable[[], bool], work: Callable[[], None], seconds: float) -> str:
+        """`answer`; and as soon as something that it writes before is `there`, `work` is done, while it goes on."""
+        with ThreadPoolExecutor(1) as reading:
+            said = reading.submit(_answer, self._run, seconds)
+            try:
+                if waiting := _WAITING.get():
+                    waiting.do()
+                while not (there() or said.done()):
+                    wait([said], POLL)
+                if there():
+                    work()
+            except BaseException:  # or it would be waited for
+                self._run.kill()
+                raise
+            return _last(said.result())
 
     def last_line(self, *arguments: str, seconds: float) -> str:
         """The last line that it prints when it is asked, once; raises as `last_line`."""

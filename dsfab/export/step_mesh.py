@@ -87,13 +87,16 @@ def draw(shape: Any, deflection: float) -> None:
 
 
 def keep_drawn(shape: Any, folder: Path) -> None:
-    """Write a shape whose solids are drawn, as `written` does."""
+    """Write a shape whose solids are drawn, as `written` does, and their number; `mesh.npz` is last, and there as soon
+    as it is whole."""
     from OCP.TopAbs import TopAbs_ShapeEnum
 
-    solids = _parts(shape, TopAbs_ShapeEnum.TopAbs_SOLID)
+    solids = list(_parts(shape, TopAbs_ShapeEnum.TopAbs_SOLID))
     faces = [face for solid in solids for face in _parts(solid, TopAbs_ShapeEnum.TopAbs_FACE)]
     keep(shape, folder / "shape.bin")
-    np.savez(folder / "mesh.npz", **_mesh(faces, range(len(faces))))
+    part = folder / "part.npz"
+    np.savez(part, **_mesh(faces, range(len(faces))), solids=len(solids))
+    part.replace(folder / "mesh.npz")
 
 
 def _mesh(faces: list[Any], numbers: Iterable[int]) -> dict[str, Any]:

@@ -71,10 +71,12 @@ def _drawn(path: Path, folder: str, *how: str) -> dict[str, float]:
 
 
 def mesh_in(folder: str, found: dict[str, float], shape: bytes = b"") -> StepMesh:
-    """What `step_mesh` wrote to a folder, and said: `solids` and `deflection`; the shape where that is known already.
+    """What `step_mesh` wrote to a folder, and said: `deflection`, and `solids` unless that was written, too; the shape
+    where that is known already.
 
     Raises OSError where it wrote nothing.
     """
     shape = shape or (Path(folder) / "shape.bin").read_bytes()
     with np.load(Path(folder) / "mesh.npz") as mesh:
-        return StepMesh(mesh["V"], mesh["F"], mesh["face"], int(found["solids"]), float(found["deflection"]), shape)
+        solids = int(found["solids"] if "solids" in found else mesh["solids"])
+        return StepMesh(mesh["V"], mesh["F"], mesh["face"], solids, float(found["deflection"]), shape)

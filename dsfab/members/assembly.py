@@ -4,7 +4,7 @@ from typing import cast
 
 import numpy as np
 
-from dsfab.arrays import Floats
+from dsfab.arrays import Floats, unit_vectors
 from dsfab.members.axis import fitted_axis
 from dsfab.members.bands import Kind, pattern_bands
 from dsfab.members.components import Component, components
@@ -49,7 +49,7 @@ def spherical_normals(surface: Surface) -> Floats:
         one, two = one - at, two - at
         size = np.einsum("mi,mi->m", one, one) * np.einsum("mi,mi->m", two, two)
         np.add.at(total, surface.F[:, corner], np.cross(one, two) / size[:, None])
-    return np.asarray(total / np.maximum(np.linalg.norm(total, axis=1, keepdims=True), np.finfo(float).tiny))
+    return unit_vectors(total)
 
 
 def _member(overlay: Overlay, name: str, part: int, one: Component, edge: float) -> Member:

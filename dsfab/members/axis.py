@@ -13,7 +13,7 @@ from scipy.interpolate import BSpline
 from scipy.sparse import csc_array, csr_array, diags_array
 from scipy.sparse.linalg import splu
 
-from dsfab.arrays import Floats, lock, locked
+from dsfab.arrays import Floats, lock, locked, unit_vectors
 from dsfab.members.middle_lines import MiddleLine
 
 KNOTS, COARSE = 4.0, 2.0
@@ -74,7 +74,7 @@ class MemberAxis:
     def at(self, s: Floats) -> tuple[Floats, Floats, Floats]:
         """Points, tangents and normals (q, 3) each at arc lengths (q,), between the stations."""
         P, T, N = (np.stack([np.interp(s, self.s, x) for x in y.T], axis=-1) for y in (self.P, self.T, self.N))
-        return P, _units(T), _units(N)
+        return P, unit_vectors(T), unit_vectors(N)
 
     def station(self, traced: float) -> float:
         """Arc length where the line on the mesh is so long."""
@@ -103,7 +103,7 @@ def _fitted(line: MiddleLine, step: float) -> MemberAxis:
     (P, n), (d1, dn), (d2, _) = (np.split(both(x, order), 2, axis=1) for order in range(3))
     speed = np.linalg.norm(d1, axis=1)
     T = d1 / speed[:, None]
-    N = _units(n - np.einsum("ki,ki->k", n, T)[:, None] * T)
+    N = unit_vectors(n - np.einsum("ki,ki->k", n, T)[:, None] * T)
     B = np.cross(N, T)
     bent = d2 / speed[:, None] ** 2
     kg, kn = np.einsum("ki,ki->k", bent, B), np.einsum("ki,ki->k", bent, N)
@@ -125,7 +125,3 @@ def _spline(x: Floats, y: Floats, step: float, spans: int, closed: bool) -> BSpl
     weight = PENALTY * len(x) / count
     c = splu(csc_array(design.T @ design + weight * (bend.T @ bend))).solve(np.asarray(design.T @ y))
     return BSpline(t, np.asarray(fold @ c), DEGREE)
-
-
-def _units(x: Floats) -> Floats:
-    return np.asarray(x / np.maximum(np.linalg.norm(x, axis=-1, keepdims=True), np.finfo(float).tiny))

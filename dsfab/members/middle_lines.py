@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from dsfab.arrays import Floats, Ints, along_segments, lock
+from dsfab.arrays import Floats, Ints, along_segments, lock, unit_vectors
 from dsfab.slicing import Overlay
 from dsfab.surface import Surface, chains
 
@@ -91,7 +91,7 @@ def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> d
     t[node] = _shares(surface, live, side, offset[live])
     p, q = surface.edges.ends[key % len(surface.edges.ends)].T
     points, along = (x[p] + t[:, None] * (x[q] - x[p]) for x in (surface.V, normals))
-    along = along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), np.finfo(float).tiny)
+    along = unit_vectors(along)
     found: dict[int, list[MiddleLine]] = {}
     for order, chord in chains(node[:, 0], node[:, 1], len(key)):
         moved = (np.diff(points[order], axis=0) != 0).any(axis=1)

@@ -9,8 +9,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsfab.arrays import Floats, cross, weighted_quantile, weighted_quantiles
-from dsfab.pattern.frames import Frames, corner_sums, unit
+from dsfab.arrays import Floats, cross, unit_vectors, weighted_quantile, weighted_quantiles
+from dsfab.pattern.frames import Frames, corner_sums
 from dsfab.surface.hats import hat_gradients
 from dsfab.surface.mesh import Surface
 
@@ -50,7 +50,7 @@ def log_density(frames: Frames, g: Floats, confidence: Floats) -> Floats:
     mean = corners.mean(axis=1)
     mean -= np.einsum("mi,mi->m", mean, surface.normals)[:, None] * surface.normals
     length = np.linalg.norm(mean, axis=1)
-    along = cross(surface.normals, unit(mean))
+    along = cross(surface.normals, unit_vectors(mean))
     weight = surface.areas * confidence * agree * np.clip(length, 0, 1) ** 4
     p = np.einsum("mci,mi->mc", grad, along)
     mass = np.maximum(surface.vertex_areas, np.finfo(float).eps * surface.area)

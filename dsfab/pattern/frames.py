@@ -10,7 +10,7 @@ from typing import Self
 
 import numpy as np
 
-from dsfab.arrays import Complexes, Floats, Ints, cross
+from dsfab.arrays import Complexes, Floats, Ints, cross, unit_vectors
 from dsfab.pattern.twisted import TwistedFactors
 from dsfab.surface.hats import hat_gradients
 from dsfab.surface.mesh import Surface
@@ -42,7 +42,7 @@ class Frames:
         normal = surface.vertex_normals.copy()
         normal[~normal.any(axis=1)] = (0.0, 0.0, 1.0)
         axis = np.where(np.abs(normal[:, :1]) < 0.6, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
-        t1 = unit(axis - dots(axis, normal)[:, None] * normal)
+        t1 = unit_vectors(axis - dots(axis, normal)[:, None] * normal)
         return cls(surface, normal, t1, cross(normal, t1), _cotangents(surface))
 
     @property
@@ -86,11 +86,6 @@ class Frames:
 def dots(a: Floats, b: Floats) -> Floats:
     """(k,) scalar products of a and b (k, 3)."""
     return np.asarray(np.einsum("ki,ki->k", a, b))
-
-
-def unit(x: Floats) -> Floats:
-    """Vectors (..., 3) at length 1."""
-    return np.asarray(x / np.maximum(np.linalg.norm(x, axis=-1, keepdims=True), np.finfo(float).tiny))
 
 
 def corner_sums(surface: Surface, x: Floats) -> Floats:

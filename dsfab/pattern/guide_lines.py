@@ -11,10 +11,10 @@ from itertools import pairwise
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints
+from dsfab.arrays import Bools, Floats, Ints, unit_vectors
 from dsfab.errors import PatternError
 from dsfab.pattern.corners import CornerPhase
-from dsfab.pattern.frames import Frames, dots, unit
+from dsfab.pattern.frames import Frames, dots
 from dsfab.pattern.guides import Guide
 from dsfab.surface import Surface, nearest
 
@@ -67,7 +67,7 @@ class GuideLine:
         first = np.arange(len(self.points) - 1)
         found = nearest(surface.V[at], self.points, np.stack([first, first + 1], axis=1))
         piece = found.simplex
-        left = np.cross(frames.normal[at], unit(np.diff(self.points, axis=0))[piece])
+        left = np.cross(frames.normal[at], unit_vectors(np.diff(self.points, axis=0))[piece])
         away = dots(surface.V[at] - found.place, left) * np.where(dots(left, g[at]) < 0, -1.0, 1.0)
         F = surface.F[self.faces[piece]]
         shares = _shares(surface.V[F], self.points[piece])
@@ -84,7 +84,7 @@ class GuideLine:
 
     def across(self, directions: Floats) -> bool:
         """Whether the curve runs mostly across directions (m, 3) on the faces, unit vectors."""
-        step = unit(np.diff(self.points, axis=0))
+        step = unit_vectors(np.diff(self.points, axis=0))
         return bool((dots(step, directions[self.faces[:-1]]) ** 2).mean() < 0.5)
 
 

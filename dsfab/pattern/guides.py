@@ -7,9 +7,9 @@ from typing import Annotated, Any, ClassVar, Literal, Self
 import numpy as np
 from annotated_types import Ge, Gt
 
-from dsfab.arrays import Complexes, Floats, from_segments
+from dsfab.arrays import Complexes, Floats, from_segments, unit_vectors
 from dsfab.errors import PatternError, SurfaceError
-from dsfab.pattern.frames import Frames, unit
+from dsfab.pattern.frames import Frames
 from dsfab.surface import Picker
 from dsfab.surface.mesh import Surface
 from dsfab.surface.pickers import STRICT, Real, Vector
@@ -117,7 +117,7 @@ def _square(frames: Frames, number: int, guide: Guide, spacing: float) -> Comple
             inside = guide.at.vertices(surface)
         except SurfaceError as error:
             raise PatternError(f"pattern.guide.{number}: {error}") from None
-        found = np.where(inside, _tangent(frames, unit(np.array(guide.direction))) ** 2, 0.0)
+        found = np.where(inside, _tangent(frames, unit_vectors(np.array(guide.direction))) ** 2, 0.0)
     else:
         found = _along_curve(frames, number, guide, guide.reach or spacing)
     if np.abs(found).max() < SQUARE**2:
@@ -142,7 +142,7 @@ def _along_curve(frames: Frames, number: int, guide: Guide, reach: float) -> Com
         near = off.min(axis=1)
         nearest = min(nearest, float(near.min()))
         share = np.maximum(1 - (off - near[:, None]) / (TIE * reach), 0.0)
-        z = np.stack([_tangent(frames, t, rows) for t in unit(step)], axis=1)
+        z = np.stack([_tangent(frames, t, rows) for t in unit_vectors(step)], axis=1)
         mean = (share * z**2).sum(axis=1) / share.sum(axis=1)
         square[rows] = np.maximum(1 - (near / reach) ** 2, 0.0) ** 2 * mean
     if not nearest < reach:

@@ -78,8 +78,8 @@ def slicing_step(
 def _note_finishing(preset: Preset, done: Finished, smallest: Smallest, stubs: int, log: Log) -> None:
     """What was cut off, filled, bridged, widened and rounded."""
     if stubs:
-        told = f"members that met past their last crossings were cut off or straightened at {_places(stubs)}"
-        log.note("slicing", told)
+        which = "members that meet past their last crossings, or pass beside a singular point of the stress,"
+        log.note("slicing", f"{which} were cut off, straightened or evened at {_places(stubs)}")
     if done.filled:
         than = length(smallest.opening) + (", or far smaller than most," * (preset.slicing.min_opening is None))
         some, were = (f"{done.filled} openings", "were") if done.filled > 1 else ("an opening", "was")

@@ -4,7 +4,7 @@ from typing import TYPE_CHECKING, Literal, get_args
 
 import numpy as np
 
-from dsfab.arrays import Bools, Ints
+from dsfab.arrays import Ints
 from dsfab.errors import DsfabError
 from dsfab.render import light
 from dsfab.render.palette import Palette
@@ -60,9 +60,10 @@ def rendered(
     canvas = (_clear_floor if clear else _floor)(share, palette, width, height)
     pixel = 2 * stage.view.slope / height * float(np.linalg.norm(stage.view.eye - stage.centre)) / stage.radius
     lines = edges(pixels, 2.5 * pixel)
-    hit = np.isfinite(pixels.depth)
-    canvas[hit, :3] = _inked(pixels, hit, brightness, lines, palette)
-    canvas[hit, 3:] = 255
+    drawn = np.flatnonzero(np.isfinite(pixels.depth))
+    inked, flat = _inked(pixels, drawn, brightness, lines, palette), canvas.reshape(-1, canvas.shape[2])
+    for channel in range(canvas.shape[2]):  # by numbers and one by one: a sixth of the time of all by a mask
+        flat[drawn, channel] = inked[:, channel] if channel < 3 else 255
     return Image.fromarray(canvas).reduce(finer)
 
 
@@ -83,7 +84,7 @@ def _floor(share: Floats32 | None, palette: Palette, width: int, height: int) ->
         return np.asarray(np.broadcast_to(np.array(palette.paper, dtype=np.uint8), (height, width, 3)).copy())
     dark, bright = np.array(palette.shadow, dtype=np.float32), np.array(palette.paper, dtype=np.float32)
     table = dark + (np.arange(256, dtype=np.float32)[:, None] / 255) * (bright - dark)
-    return np.asarray(np.round(table).astype(np.uint8)[_open(share, width, height)])
+    return np.asarray(np.round(table).astype(np.uint8).take(_open(share, width, height), axis=0))
 
 
 def _clear_floor(share: Floats32 | None, palette: Palette, width: int, height: int) -> Bytes:
@@ -95,9 +96,10 @@ def _clear_floor(share: Floats32 | None, palette: Palette, width: int, height: i
     return canvas
 
 
-def _inked(pixels: Pixels, hit: Bools, brightness: Floats32, lines: Floats32, palette: Palette) -> Bytes:
-    """(k, 3) colours of what is drawn: light on colour, darker at edges; marks keep their colour, for the legend."""
-    drawn, lines = pixels.colour[hit], lines[hit]
+def _inked(pixels: Pixels, hit: Ints, brightness: Floats32, lines: Floats32, palette: Palette) -> Bytes:
+    """(k, 3) colours of the pixels drawn, of these numbers (k,): light on colour, darker at edges; marks keep their
+    colour, for the legend."""
+    drawn, lines = pixels.colour.reshape(-1, 3).take(hit, axis=0), lines.ravel().take(hit)
     marks = (palette.load, palette.support, palette.reaction, palette.person, palette.tension, palette.compression)
     fixed = _codes(np.array(marks, dtype=np.uint8))
     for start in range(0, len(drawn), light.CHUNK):

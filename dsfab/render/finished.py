@@ -10,21 +10,18 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from dsfab.export import Ahead, ProgramError, temporary_folder
 from dsfab.pipeline.design import Design
 from dsfab.render import picture_program
 from dsfab.render.caption import caption
-from dsfab.render.drawing import Ground, check_ground, rendered
-from dsfab.render.lettering import lettered
+from dsfab.render.drawing import Ground, check_ground
 from dsfab.render.opengl import require_rendering
 from dsfab.render.palette import PAPER
-from dsfab.render.picture import PLAIN, Look, picture
+from dsfab.render.picture import PLAIN, Look, StructurePicture, picture
 from dsfab.render.png import write_png
 from dsfab.render.previewer import NOMINAL, layers_of
-from dsfab.render.scene import Body, Bytes, Scene
-from dsfab.render.stage import Annotations, legend, set_stage
+from dsfab.render.scene import Bytes
+from dsfab.render.stage import Annotations
 from dsfab.render.view import named_side, up_axis
 
 SECONDS = 600.0
@@ -49,21 +46,29 @@ def structure_picture(
 
     view, marks, ground, size : see there. Raises DsfabError for what cannot be made, and where nothing can be drawn.
     """
-    check_ground(ground)
-    V, F = design.solid.V, design.solid.F
-    surface, load = design.surface, design.load
-    up = up_axis(surface.V, surface, load)
-    side = named_side(V, up, view)
+    asked = structure_drawing(design, view=view, marks=marks, ground=ground, size=size)
     require_rendering()
+    return asked.drawn()
+
+
+def structure_drawing(
+    design: Design,
+    *,
+    view: str = "iso",
+    marks: bool | Collection[str] = True,
+    ground: Ground = "paper",
+    size: tuple[int, int] = NOMINAL,
+) -> StructurePicture:
+    """What `structure_picture` draws; the same are given, and raises DsfabError for what cannot be made."""
+    check_ground(ground)
+    solid, surface, load = design.solid, design.surface, design.load
+    up = up_axis(surface.V, surface, load)
     palette = replace(PAPER, paper=(255, 255, 255)) if ground == "white" else PAPER
     beside = Annotations(surface, load, design.statics.equilibrium.reaction, None, layers_of(marks, view))
-    body = Body(V, F, np.array(palette.members, dtype=np.uint8), casts=True)
-    stage = set_stage(body, side, up, design.preset.statics.thickness / 2, beside, palette, size)
-    if side.towards @ up < 0:  # from below one looks through the ground
-        stage = replace(stage, level=None)
-    with Scene(stage.bodies, stage.centre, stage.radius) as scene:
-        image = rendered(scene, stage, palette, size, clear=ground == "transparent")
-    return np.asarray(lettered(image, legend(stage, caption(design), palette, size), palette))
+    return StructurePicture(
+        *(solid.V, solid.F, design.preset.statics.thickness / 2, named_side(solid.V, up, view), up, beside),
+        *(caption(design), Look(size, palette=palette), ground == "transparent"),
+    )
 
 
 def _asked(design: Design, look: Look) -> dict[str, Any]:

@@ -3,6 +3,7 @@
 import os
 import subprocess
 import sys
+import threading
 from functools import cache
 
 from dsfab.errors import DsfabError
@@ -33,6 +34,18 @@ _KNOWN: set[str] = set()
 """Kinds of window that need not be asked about."""
 
 
+_ASKING: list[threading.Thread] = []
+"""Whoever asks already."""
+
+
+def ask_ahead() -> None:
+    """Begin to ask, while this process loads what it needs: `require_rendering` waits for the answer."""
+    name = _candidates(_chosen())[0]
+    if not _ASKING and name not in _KNOWN:
+        _ASKING.append(threading.Thread(target=lambda: _draws(name), daemon=True))
+        _ASKING[-1].start()
+
+
 def take_for_granted(window: str | None = None) -> str:
     """Draw from now on without asking, with this kind of window or the first that would be asked about; which it is.
 
@@ -53,14 +66,22 @@ def require_rendering() -> None:
     Sets VTK_DEFAULT_OPENGL_WINDOW when it is not set and a choice was needed. The answer is kept for this process.
     Raises DsfabError, naming the packages to install, where nothing can be drawn.
     """
-    chosen = os.environ.get(WINDOW, "")
-    if not chosen:
-        os.environ.pop(WINDOW, None)  # VTK takes an empty name for the name of a window, and crashes
+    chosen = _chosen()
+    while _ASKING:
+        _ASKING.pop().join()
     working = next((name for name in _candidates(chosen) if name in _KNOWN or _draws(name)), None)
     if working is None:
         raise DsfabError(_missing(chosen))
     if working:
         os.environ.setdefault(WINDOW, working)
+
+
+def _chosen() -> str:
+    """What a user has chosen, or ''."""
+    chosen = os.environ.get(WINDOW, "")
+    if not chosen:
+        os.environ.pop(WINDOW, None)  # VTK takes an empty name for the name of a window, and crashes
+    return chosen
 
 
 def why_no_pictures() -> str:

@@ -1,6 +1,6 @@
 """The picture of a finished structure: a plaster-like model on white paper, with its loads, supports and scale."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -13,7 +13,7 @@ from dsfab.render.opengl import require_rendering
 from dsfab.render.palette import PAPER, Palette
 from dsfab.render.scene import Body, Bytes, Scene
 from dsfab.render.stage import Annotations, legend, set_stage
-from dsfab.render.view import best_side, up_axis
+from dsfab.render.view import ViewSide, best_side, up_axis
 from dsfab.surface import LoadCase, Surface
 
 
@@ -79,6 +79,44 @@ def drawn_picture(
     with Scene(stage.bodies, stage.centre, stage.radius) as scene:
         image = rendered(scene, stage, palette, size)
     return np.asarray(lettered(image, legend(stage, caption, palette, size), palette))
+
+
+@dataclass(frozen=True, eq=False)
+class StructurePicture:
+    """What a picture of a finished structure is drawn of, from a side that is asked for; another process can have it.
+
+    V, F    : (n, 3) metres and (m, 3), outward oriented.
+    half    : half its thickness, metres.
+    side, up: where it is seen from, and (3,) the unit vector that is up.
+    beside  : what explains it.
+    caption : one line below.
+    look    : its size and colours; `up` of it is not asked.
+    clear   : whether it stands on nothing, not on paper.
+    """
+
+    V: Floats
+    F: Ints
+    half: float
+    side: ViewSide
+    up: Floats
+    beside: Annotations
+    caption: str
+    look: Look
+    clear: bool
+
+    def drawn(self) -> Bytes:
+        """(height, width, 3) bytes, red green blue, on transparent ground (height, width, 4).
+
+        It does not ask whether this machine can draw: VTK ends the process where it cannot.
+        """
+        palette, size = self.look.palette, self.look.size
+        body = Body(self.V, self.F, np.array(palette.members, dtype=np.uint8), casts=True)
+        stage = set_stage(body, self.side, self.up, self.half, self.beside, palette, size)
+        if self.side.towards @ self.up < 0:  # from below one looks through the ground
+            stage = replace(stage, level=None)
+        with Scene(stage.bodies, stage.centre, stage.radius) as scene:
+            image = rendered(scene, stage, palette, size, clear=self.clear)
+        return np.asarray(lettered(image, legend(stage, self.caption, palette, size), palette))
 
 
 def _member_colours(F: Ints, family: ArrayLike | None, palette: Palette) -> Bytes:

@@ -223,8 +223,8 @@ class Previewer:
         stage = replace(self._stage, view=view)
         image = rendered(self._scene, stage, self._palette, size, quality, self._clear)
         give_back(PER_PIXEL * size[0] * size[1] * quality.finer**2)  # of pictures on the way to this one
-        alone = len(stage.bodies) == 1  # then nothing is seen if there is no material, and that costs no frame
-        if self._scene.empty if alone else not self.mask(size, words).any():
+        alone = len(stage.bodies) == 1  # what a lamp or the eye has seen needs no frame of its own
+        if self._scene.empty if alone else not self._scene.casting:
             raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")
         if words:
             line = self._caption() if caption is None else caption

@@ -91,6 +91,7 @@ class Scene:
             self.actors = [self._add(body) for body in bodies]
             self.bodies = list(bodies)
             self.empty = True
+            self.casting = False  # whether a lamp saw anything, when lamps were asked last
             self.casts = [body.casts for body in bodies]
         except BaseException:
             self.close()
@@ -165,6 +166,7 @@ class Scene:
     @contextmanager
     def lamps(self) -> Iterator[None]:
         """Inside, `lamp` may be called: only what casts shadows is there."""
+        self.casting = False
         for actor, body, casts in zip(self.actors, self.bodies, self.casts, strict=True):
             actor.SetVisibility(casts)
             actor.GetMapper().SetScalarVisibility(body.shader is not None)  # depth has no colour: a tenth of the time
@@ -190,7 +192,9 @@ class Scene:
         camera.SetFocalPoint(0, 0, 0)
         camera.SetViewUp(*frame[1])
         camera.SetClippingRange(*LAMP_DEPTHS)
-        return self._depth()[::-1]
+        seen = self._depth()[::-1]
+        self.casting = self.casting or bool((seen < 1).any())
+        return seen
 
     def _look(self, view: View) -> tuple[float, float]:
         """Point the camera; returns its nearest and farthest depth."""

@@ -11,7 +11,7 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from dsfab.arrays import Floats
+from dsfab.arrays import Floats, unit_vectors
 from dsfab.pattern import distance_to_boundary, distance_to_vertices
 from dsfab.pattern.even_family import finest_half_widths
 from dsfab.pipeline.design import Design
@@ -92,8 +92,7 @@ class StripedMesh:
         """(n', 3) unit normals of the uncut surface, so that light shows nothing of how it was divided."""
         if self.even is None:
             return self.uncut.vertex_normals
-        normals = self.carry(self.uncut.vertex_normals)
-        return np.asarray(normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny))
+        return unit_vectors(self.carry(self.uncut.vertex_normals))
 
     def phases(self, made: Design) -> Floats:
         """(n', 2) of both families: the modes they run on, or the phases of lines that are drawn here."""

@@ -65,6 +65,10 @@ class Window:
         self._renderer.DrawOn()
         give_back(6 * 4 * width * height)
 
+    def fill(self, colour: tuple[float, float, float]) -> None:
+        """Another ground than black, red green blue from 0 to 1."""
+        self._renderer.SetBackground(*colour)
+
     def draw(self) -> None:
         """Draw what there is."""
         self.window.Render()
@@ -96,8 +100,11 @@ class Window:
         return _numbers(values)
 
 
-def warm_up() -> None:
-    """Load what draws, and draw nothing once: for a process that waits until it is asked for a picture."""
+def warm_up() -> bool:
+    """Load what draws, and draw nothing but red once: for a process that waits until it is asked for a picture.
+
+    Returns whether that was seen.
+    """
     import PIL.ImageDraw
     import PIL.ImageFont
     import PIL.PngImagePlugin  # noqa: F401
@@ -107,8 +114,11 @@ def warm_up() -> None:
     import dsfab.export  # noqa: F401  (it writes pictures)
 
     window = Window()
+    window.fill((1.0, 0.0, 0.0))
     window.draw()
+    red = bool((window.colours() == (255, 0, 0)).all())
     window.close()
+    return red
 
 
 def split_mesh(points: Floats, F: Ints, split: float) -> tuple[Any, NDArray[np.float32], Ints]:

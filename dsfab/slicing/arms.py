@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsfab.arrays import Floats, Ints, group_sums, unfolded
+from dsfab.arrays import Floats, Ints, group_sums, unfolded, unit_vectors
 from dsfab.surface.mesh import Surface
 from dsfab.surface.refine import refined
 from dsfab.surface.topology import connected
@@ -65,8 +65,8 @@ def arms(sheet: Surface, place: Floats, radius: float) -> Arms:
     width = np.bincount(strip, np.linalg.norm(at[::2] - at[1::2], axis=1), count)
     closed = 2 * int(around.sum())
     return Arms(
-        np.concatenate([_unit(towards[~around]), np.zeros((closed, 3))]),
-        np.concatenate([_unit(normal[~around]), np.zeros((closed, 3))]),
+        np.concatenate([unit_vectors(towards[~around]), np.zeros((closed, 3))]),
+        np.concatenate([unit_vectors(normal[~around]), np.zeros((closed, 3))]),
         np.concatenate([width[~around], np.zeros(closed)]),
     )
 
@@ -88,7 +88,3 @@ def _limit(sheet: Surface, far: Floats, edge: Ints, radius: float) -> Floats:
     a, b = sheet.edges.ends[edge].T
     share = np.clip((radius - far[a]) / np.where(far[a] == far[b], 1.0, far[b] - far[a]), 0, 1)[:, None]
     return np.asarray(sheet.V[a] + share * (sheet.V[b] - sheet.V[a]))
-
-
-def _unit(x: Floats) -> Floats:
-    return np.asarray(x / np.maximum(np.linalg.norm(x, axis=1, keepdims=True), np.finfo(float).tiny))

@@ -71,6 +71,11 @@ class Features:
         return limits, np.asarray(share / self.weight.sum())
 
 
+def under(sizes: float | Floats, limit: float) -> Bools:
+    """Whether widths are under a limit, metres: what was widened to it may miss it by `ROUNDING`."""
+    return np.asarray(np.asarray(sizes) < limit * (1 - ROUNDING))
+
+
 def _bins(end: float, limit: float) -> Floats:
     """(b + 1,) limits of equal bins from 0 to about `end`, one of them at `limit`, where that is neither beyond the end
     nor so little that this would take too many bins: then the first is narrower, and ends there."""

@@ -32,8 +32,8 @@ class Sheet:
     family  : (m',) index of the field that made the cell material, `VOID` (-1) for void.
     weights : (n', n) barycentric weights of the vertices on the uncut surface's vertices: not negative, at most three
               in a row, rows sum to 1. A vertex of the uncut surface has itself with weight 1.
-    stubs   : at how many places stripes that met past their last crossings were cut off or drawn straight, when it was
-              cut.
+    stubs   : at how many places stripes that met past their last crossings were cut off or drawn straight, or got an
+              even bow, when it was cut.
     """
 
     surface: Surface

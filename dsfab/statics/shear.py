@@ -17,7 +17,7 @@ import numpy as np
 from scipy.sparse import csr_array, diags_array
 from scipy.spatial import cKDTree
 
-from dsfab.arrays import Floats, Ints
+from dsfab.arrays import Floats, Ints, unit_vectors
 from dsfab.sparse import Factor, factorise
 from dsfab.statics.elements import assembled
 from dsfab.statics.hhj import moment_loads
@@ -149,7 +149,7 @@ def _spread(surface: Surface, columns: Ints, sign: Floats, points: Floats) -> cs
     crowded[columns[heights(surface) < reach]] = True
     normal = np.zeros((size, 3))
     np.add.at(normal, columns, sign[:, :, None] * (surface.normals * surface.areas[:, None])[:, None])
-    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), np.finfo(float).tiny)
+    normal = unit_vectors(normal)
     source = np.flatnonzero(crowded)
     near = cKDTree(points[source]).sparse_distance_matrix(cKDTree(points), reach, output_type="coo_matrix")
     i, j = source[near.coords[0]], near.coords[1]

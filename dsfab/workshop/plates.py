@@ -8,7 +8,7 @@ import numpy as np
 
 from dsfab.arrays import Floats, Ints
 from dsfab.members import Member, MemberGraph
-from dsfab.surface import Surface, nearest
+from dsfab.surface import Surface, nearest, weights_at
 from dsfab.workshop.layering import Layering
 from dsfab.workshop.parts import LABEL, FlatPart, Hole, label, polygon_area
 from dsfab.workshop.strips import EDGE, is_strip
@@ -114,5 +114,4 @@ class FlattenedMesh:
         """(2,) where the place of the mesh nearest to a point (3,) is in the plane."""
         there = nearest(point[None], self.V, self.F)
         face = self.F[there.simplex]
-        a, b, c = (np.ascontiguousarray(self.V[face[:, k]]) for k in range(3))
-        return np.asarray((igl.barycentric_coordinates(there.place, a, b, c) @ self.U[face[0]])[0])
+        return np.asarray((weights_at(there.place, self.V, face) @ self.U[face[0]])[0])

@@ -7,7 +7,7 @@ from dsfab.pipeline import Design, Log, least_widths
 from dsfab.pipeline.geometry import slicing_step
 from dsfab.pipeline.measures import measured_pattern
 from dsfab.results import SlicingResult
-from dsfab.slicing.features import features, kept_cells
+from dsfab.slicing.features import features, kept_cells, under
 
 
 def cut_as_built(made: Design, progress: Telling | None = None) -> tuple[SlicingResult, list[str]]:
@@ -21,7 +21,10 @@ def cut_as_built(made: Design, progress: Telling | None = None) -> tuple[Slicing
 
 
 def figures(made: Design, cut: SlicingResult, notes: list[str]) -> dict[str, Any]:
-    """Square metres, kilograms (sheet area times thickness), pieces and widths in metres, ready for JSON."""
+    """Square metres, kilograms (sheet area times thickness), pieces and widths in metres, ready for JSON.
+
+    under, bars_under : whether the narrowest member, and what a bar of the histogram holds, is under the least width.
+    """
     preset, sheet = made.preset, cut.sheet.surface
     found = features(cut.cells, kept_cells(cut.cells, cut.sheet), made.pattern.names)
     least = preset.fabrication.min_member or least_widths(made.settled, made.surface).member
@@ -34,9 +37,11 @@ def figures(made: Design, cut: SlicingResult, notes: list[str]) -> dict[str, Any
         "pieces": len(cut.pieces),
         "loose": sum(not piece.held for piece in cut.pieces),
         "narrowest": None if narrow is None else narrow.size,
+        "under": narrow is not None and bool(under(narrow.size, least)),
         "place": None if narrow is None else narrow.place.tolist(),
         "limits": limits.tolist(),
         "widths": share.tolist(),
+        "bars_under": under((limits[1:] + limits[:-1]) / 2, least).tolist(),  # one ends at the least width
         "min_member": least,
         "pattern": _pattern(made, cut),
         "compliance": made.statics.equilibrium.compliance,

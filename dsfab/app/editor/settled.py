@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
+from dsfab.arrays import unit_vectors
 from dsfab.pipeline import Design
 from dsfab.render.striped_mesh import StripedMesh
 from dsfab.slicing import Sheet
@@ -41,7 +42,7 @@ def settled(made: Design, sheet: Sheet) -> dict[str, NDArray[Any]]:
         "F": F.reshape(-1, 3),
         "E": np.searchsorted(vertex, outline),
         "tint": (pairs % (len(TINTS) + 1)).astype(float),
-        "normals": normals / np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), np.finfo(float).tiny),
+        "normals": unit_vectors(normals),
         "corners": corners,
         "shares": np.clip(weights_at(there.place, drawn.V, corners), 0.0, 1.0),
     }

@@ -14,7 +14,7 @@ from dsfab.export.network.draft import ManyFacesError, MemberDraft, member_draft
 from dsfab.export.part import Part
 from dsfab.export.program import ProgramError
 from dsfab.export.sampled_use import MOST_FACES, box_fault, said_of_use, sampled_use
-from dsfab.export.smooth.acceptance import GAP
+from dsfab.export.smooth.acceptance import GAP, Away, Gate
 from dsfab.export.smooth.limits import Limits
 from dsfab.export.smooth.occt_check import OcctFinding, occt, whole_findings
 from dsfab.export.smooth.plan import SmoothPlan
@@ -93,12 +93,34 @@ def _accepted(part: Part) -> MemberFile:
         draft = member_draft(part, plan)
         within(part, draft.faces, len(draft.text))
         seconds, off = SECONDS + SECONDS_PER_FACE * draft.faces, DEFLECTION * plan.limits.distance
-        found, mesh = whole_findings(program, draft.text, off, seconds)
-    there, back = _asked_as_a_solid(part, plan, draft, found, mesh)
-    shape = mesh.shape if mesh else b""
+        drawn = list[_Drawn]()
+        found = whole_findings(program, draft.text, off, seconds, lambda mesh: drawn.append(_Drawn.of(mesh, plan.gate)))
+    there, back, shape = _asked_as_a_solid(part, plan, draft, found, drawn)
     used = _cut_once(part, plan, draft, shape) if part.hurry else _used(part, plan, draft, seconds)
     volume, gap = sum(one.volume for one in found), max(draft.gap, *(one.gap for one in found))
     return MemberFile(draft.text, draft.solids, draft.faces, draft.trimmed, gap, there, back, volume, used, plan.limits)
+
+
+@dataclass(frozen=True, eq=False)
+class _Drawn:
+    """What the triangles that OCCT draws tell: how far they are from the mesh, and the mesh from them; what keeps them
+    from being a solid, or why that is not known; and what was drawn, as OCCT keeps it."""
+
+    there: Away
+    back: Away
+    fault: str
+    shape: bytes
+
+    @classmethod
+    def of(cls, mesh: StepMesh, gate: Gate) -> "_Drawn":
+        """Found while OCCT still looks at the rest, so nothing is refused here."""
+        drawn = step_triangles(mesh)
+        there, back = gate.distances(MM_PER_M * drawn.V, drawn.F)
+        try:
+            fault = drawn_fault(drawn, mesh.deflection / MM_PER_M, mesh.shape)
+        except ExportError as error:
+            fault = str(error)
+        return cls(there, back, fault, mesh.shape)
 
 
 def _require(*tests: tuple[bool, str]) -> None:
@@ -109,10 +131,10 @@ def _require(*tests: tuple[bool, str]) -> None:
 
 
 def _asked_as_a_solid(
-    part: Part, plan: SmoothPlan, draft: MemberDraft, found: list[OcctFinding], mesh: StepMesh | None
-) -> tuple[float, float]:
-    """The largest distances from the mesh and back; raises ExportError where the solids are not those of the part, or
-    are none to `dsfab check`."""
+    part: Part, plan: SmoothPlan, draft: MemberDraft, found: list[OcctFinding], drawn: list[_Drawn]
+) -> tuple[float, float, bytes]:
+    """The largest distances from the mesh and back, and what OCCT read; raises ExportError where the solids are not
+    those of the part, or are none to `dsfab check`."""
     t, gap, faces = plan.limits.thickness, max((one.gap for one in found), default=0.0), sum(one.faces for one in found)
     _require(
         (len(found) == draft.solids, "OCCT did not read the solids by members within the time limit"),
@@ -122,12 +144,10 @@ def _asked_as_a_solid(
     )
     box = box_fault(part, _box(found), plan.limits, WIDE_BOX)
     _require((not box, f"by members {box}"))
-    if mesh is None:
-        raise ExportError("OCCT makes no triangles of a face by members")
-    gate, drawn = plan.gate, step_triangles(mesh)
+    _require((bool(drawn), "OCCT makes no triangles of a face by members"))
+    gate, (there, back) = plan.gate, (drawn[0].there, drawn[0].back)
     volume, wanted = sum(one.volume for one in found), float(gate.volumes.sum())
     rounder = float((gate.rounder * gate.volumes).sum()) / wanted
-    there, back = gate.distances(MM_PER_M * drawn.V, drawn.F)
     far = max(there, back, key=lambda way: way.worst - way.allowed)
     _require(
         (far.worst <= far.allowed, f"by members it is {far.worst:.2g} mm off the mesh, more than {far.allowed:.2g} mm"),
@@ -136,9 +156,8 @@ def _asked_as_a_solid(
             f"its volume by members is off by {volume / wanted - 1:.1%}",
         ),
     )
-    if fault := drawn_fault(drawn, mesh.deflection / MM_PER_M, mesh.shape):
-        raise ExportError(fault)
-    return there.most, back.most
+    _require((not drawn[0].fault, drawn[0].fault))
+    return there.most, back.most, drawn[0].shape
 
 
 def _box(found: list[OcctFinding]) -> list[float]:

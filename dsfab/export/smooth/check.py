@@ -69,7 +69,8 @@ def whole_findings(path: str, folder: str, deflection: float, copies: bool = Fal
     """The findings for each solid of a file that is judged as a whole; empty when it cannot be read.
 
     Its triangles are those that `dsfab check` draws, though that lets OCCT mend what it reads: on what is valid without
-    there is nothing to mend. They and the shape lie in the folder as `step_mesh` writes them.
+    there is nothing to mend. They and the shape lie in the folder as `step_mesh` writes them, if every face has some,
+    and with `copies` before the rest is known: whoever asks can look at them meanwhile.
     """
     from OCP.TopAbs import TopAbs_ShapeEnum
 
@@ -77,11 +78,16 @@ def whole_findings(path: str, folder: str, deflection: float, copies: bool = Fal
     if reader is None or not reader.TransferRoots():
         return []
     shape = reader.OneShape()
-    solids, draw = _parts(shape, TopAbs_ShapeEnum.TopAbs_SOLID), partial(_drawn, drawing, deflection)
-    found = [_findings(solid, draw, copies) for solid in solids]
-    if all(one["tessellates"] for one in found):
+    solids = list(_parts(shape, TopAbs_ShapeEnum.TopAbs_SOLID))
+    ask = partial(_asked, solids)
+    copy = _Meanwhile(ask) if copies else None
+    asked = [] if copy else ask()
+    drawn = [_drawn(drawing, deflection, solid) for solid in solids if all(one["valid"] for one in asked)]
+    if len(drawn) == len(solids) and all(drawn):
         drawing.keep_drawn(shape, Path(folder))
-    return found
+    asked = copy() if copy else asked
+    has = [one["valid"] and all(drawn[i : i + 1]) for i, one in enumerate(asked)]
+    return [{**one, "tessellates": has, "volume": one["volume"] * has} for one, has in zip(asked, has, strict=True)]
 
 
 def _read(path: str) -> Any | None:
@@ -179,40 +185,49 @@ class _Meanwhile:
 
 def _findings(solid: Any, draw: Callable[[Any, list[Any]], bool], copies: bool) -> dict[str, Any]:
     """About a solid; `draw` makes triangles of it and its faces, and says whether every face has some."""
-    from OCP.BRep import BRep_Tool
-    from OCP.BRepCheck import BRepCheck_Analyzer
-    from OCP.TopAbs import TopAbs_ShapeEnum
-    from OCP.TopoDS import TopoDS
-
-    faces = [TopoDS.Face(face) for face in _parts(solid, TopAbs_ShapeEnum.TopAbs_FACE)]
-    box = _box(solid)
+    faces = _faces(solid)
     meanwhile = _Meanwhile(partial(_measures, solid, faces)) if copies else None
-    checked = BRepCheck_Analyzer(solid, True, True)
-    valid = bool(checked.IsValid())
-    tessellates = valid and draw(solid, faces)
+    checked = _checked(solid)
+    tessellates = checked["valid"] and draw(solid, faces)
     if meanwhile and not tessellates:
         meanwhile.stop()
         meanwhile = None
     gap, volume = (meanwhile or partial(_measures, solid, faces, tessellates))()
+    return {**checked, "tessellates": tessellates, "gap": gap, "volume": volume}
+
+
+def _faces(solid: Any) -> list[Any]:
+    from OCP.TopAbs import TopAbs_ShapeEnum
+    from OCP.TopoDS import TopoDS
+
+    return [TopoDS.Face(face) for face in _parts(solid, TopAbs_ShapeEnum.TopAbs_FACE)]
+
+
+def _checked(solid: Any) -> dict[str, Any]:
+    """What is found of a solid but its triangles and measures."""
+    from OCP.BRep import BRep_Tool
+    from OCP.BRepCheck import BRepCheck_Analyzer
+    from OCP.TopAbs import TopAbs_ShapeEnum
+
+    faces, box = _faces(solid), _box(solid)
+    checked = BRepCheck_Analyzer(solid, True, True)
+    valid = bool(checked.IsValid())
     return {
         "valid": valid,
         "closed": all(BRep_Tool.IsClosed_s(shell) for shell in _parts(solid, TopAbs_ShapeEnum.TopAbs_SHELL)),
-        "tessellates": tessellates,
         "faces": len(faces),
-        "volume": volume,
-        "gap": gap,
         "box": box,
         "bad": [] if valid else _crossing([face for face in faces if not checked.IsValid(face)] or faces),
     }
 
 
-def _drawn(drawing: ModuleType, deflection: float, solid: Any, faces: list[Any]) -> bool:
+def _drawn(drawing: ModuleType, deflection: float, solid: Any) -> bool:
     """Whether every face of a solid becomes triangles as `step_mesh` draws them."""
     from OCP.BRep import BRep_Tool
     from OCP.TopLoc import TopLoc_Location
 
     drawing.draw(solid, deflection)
-    return all(BRep_Tool.Triangulation_s(face, TopLoc_Location()) is not None for face in faces)
+    return all(BRep_Tool.Triangulation_s(face, TopLoc_Location()) is not None for face in _faces(solid))
 
 
 def _tessellates(deflection: float, solid: Any, faces: list[Any]) -> bool:
@@ -262,6 +277,16 @@ def _measures(solid: Any, faces: list[Any], volume: bool = True) -> tuple[float,
     """Its widest gap, millimetres, and its volume, cubic millimetres, or 0 where nobody wants to know."""
     gap = max((_gap(face) for face in faces), default=0.0)
     return gap, float(_beside("occt_volume.py").volume(solid)) if volume else 0.0
+
+
+def _asked(solids: list[Any]) -> list[dict[str, Any]]:
+    """All that is found of solids but their triangles."""
+    found = []
+    for solid in solids:
+        checked = _checked(solid)
+        gap, volume = _measures(solid, _faces(solid), checked["valid"])
+        found.append({**checked, "gap": gap, "volume": volume})
+    return found
 
 
 def _box(solid: Any) -> list[float]:

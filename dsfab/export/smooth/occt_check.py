@@ -3,7 +3,9 @@
 import json
 import subprocess
 import tempfile
+from collections.abc import Callable
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -58,10 +60,10 @@ def findings(program: Ahead, text: str, deflection: float, limit: float) -> list
 
 
 def whole_findings(
-    program: Ahead, text: str, deflection: float, limit: float
-) -> tuple[list[OcctFinding], StepMesh | None]:
+    program: Ahead, text: str, deflection: float, limit: float, drawn: Callable[[StepMesh], None] = lambda mesh: None
+) -> list[OcctFinding]:
     """As `findings`, of solids that are judged together: they have no triangles of their own, but those of all are as
-    `read_step` draws them. None of a file with a solid that is not valid or does not become triangles.
+    `read_step` draws them. `drawn` is called with these, if every face becomes triangles, while OCCT goes on.
 
     One reading serves both: it takes OCCT half of the time of everything that it is asked here.
     """
@@ -69,17 +71,25 @@ def whole_findings(
         path = Path(folder) / "a.step"
         path.write_text(text, encoding="ascii")
         try:
-            said = _said(program, str(path), folder, deflection, limit, "whole")
-            found = [_finding(one, Path(folder) / "none.stl") for one in said]
-            return found, mesh_in(folder, {"solids": len(found), "deflection": deflection})
+            look = partial(_drawn, folder, deflection, drawn)
+            said = _said(program, str(path), folder, deflection, limit, look)
         except (subprocess.TimeoutExpired, ProgramError):
-            return [], None
-        except FileNotFoundError:
-            return found, None
+            return []
+        return [_finding(one, Path(folder) / "none.stl") for one in said]
 
 
-def _said(program: Ahead, path: str, folder: str, deflection: float, limit: float, *how: str) -> list[dict[str, Any]]:
-    return list(json.loads(program.last_line(path, folder, str(deflection), *how, seconds=limit))["solids"])
+def _drawn(folder: str, deflection: float, drawn: Callable[[StepMesh], None]) -> None:
+    drawn(mesh_in(folder, {"deflection": deflection}))
+
+
+def _said(
+    program: Ahead, path: str, folder: str, deflection: float, limit: float, look: Callable[[], None] | None = None
+) -> list[dict[str, Any]]:
+    """What the program says; of solids that are judged together with a `look` at what it draws of them."""
+    program.ask(path, folder, str(deflection), *["whole"] * bool(look))
+    drawn = Path(folder) / "mesh.npz"
+    line = program.answer_and(drawn.exists, look, limit) if look else program.answer(limit)
+    return list(json.loads(line)["solids"])
 
 
 def _finding(said: dict[str, Any], path: Path) -> OcctFinding:

@@ -11,7 +11,7 @@ import numpy as np
 
 from dsfab.surface.formats.limits import Budget, MalformedFileError
 from dsfab.surface.formats.record import PolygonFile, counted
-from dsfab.surface.formats.text import TextFile, said_in_comments, text_file
+from dsfab.surface.formats.text import TextFile, may_lack_digits, said_in_comments, text_file
 from dsfab.surface.polygons import Polygons
 
 _LOUD = {"l": "line", "p": "point", "curv": "curve", "curv2": "curve", "surf": "free-form surface"}
@@ -44,7 +44,7 @@ def read_obj(data: bytes, budget: Budget) -> PolygonFile:
         file = TextFile(_continued(file.text), file.doubts, file.ended)
     V, corners, sizes = array("d"), array("q"), array("q")
     others: Counter[str] = Counter()
-    odd, last = "", ""
+    odd, last = "", [""]
     for number, line in file.numbered(budget):
         words = line.split() if "#" not in line else line[: line.index("#")].split()
         if not words:
@@ -52,7 +52,7 @@ def read_obj(data: bytes, budget: Budget) -> PolygonFile:
         if number % OFTEN == 0:
             budget.require_vertices(len(V) // 3)
             budget.require_triangles(len(sizes))
-        last = word = words[0]
+        last, word = words, words[0]
         try:
             if word == "v":
                 _add_vertex(V, words, line)
@@ -67,8 +67,23 @@ def read_obj(data: bytes, budget: Budget) -> PolygonFile:
             raise MalformedFileError(f"line {number} cannot be read: {line.strip()[:60]!r}{comma}") from None
     budget.require_vertices(len(V) // 3)
     mesh = Polygons(np.array(V).reshape(-1, 3), np.array(corners), np.array(sizes))
-    doubts = file.cut_off("a vertex" if last == "v" else "a face") if last in ("v", "f") else ()
+    doubts = file.cut_off("a vertex") if last[0] == "v" else ()
+    if last[0] == "f" and not file.ended and _may_be_cut(last[1:], max(sizes), len(V) // 3, file.text):
+        doubts = file.cut_off("a face")
     return PolygonFile(mesh, (*file.doubts, *doubts), _passed_over(others, odd), said.unit, said.up)
+
+
+def _may_be_cut(face: list[str], most: int, count: int, text: str) -> bool:
+    """Whether the last face of a file may lack something: corners that others have, `most`, or a part of its last one.
+
+    count : of vertices.    text : that of the file.
+    """
+    *others, last = (word.split("/") for word in face or [""])
+    if len(face) < max(most, 3) or len(last) < len(others[0]):
+        return True
+    if len(last) > 1:
+        count = len(re.findall(r"^\s*vt\s" if len(last) == 2 else r"^\s*vn\s", text, re.MULTILINE))
+    return may_lack_digits(last[-1], count)
 
 
 def _continued(text: str) -> str:

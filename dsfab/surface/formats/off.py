@@ -7,7 +7,7 @@ import numpy as np
 
 from dsfab.surface.formats.limits import Budget, MalformedFileError
 from dsfab.surface.formats.record import PolygonFile, counted
-from dsfab.surface.formats.text import float_of, said_in_comments, text_file, whole_number
+from dsfab.surface.formats.text import float_of, may_lack_digits, said_in_comments, text_file, whole_number
 from dsfab.surface.polygons import Polygons
 
 KINDS = {"OFF", "COFF", "NOFF", "CNOFF", "NCOFF", "STOFF", "STCOFF", "STNOFF", "STCNOFF"}
@@ -41,7 +41,8 @@ def read_off(data: bytes, budget: Budget) -> PolygonFile:
             except (ValueError, IndexError, OverflowError):
                 raise MalformedFileError(f"line {number} cannot be read: {' '.join(words)[:60]!r}") from None
     more = sum(1 for _ in lines)
-    doubts = file.cut_off("a face") if not more else ()
+    bare = not more and m and len(words) == 1 + sizes[-1]  # no colour is behind its corners
+    doubts = file.cut_off("a face") if bare and may_lack_digits(words[-1], n) else ()
     mesh = Polygons(np.array(V).reshape(-1, 3), np.array(corners), np.array(sizes))
     dropped = (f"{counted(more, 'line')} after the last face",) if more else ()
     return PolygonFile(mesh, (*file.doubts, *doubts), dropped, said_in_comments(file.text, ("#",)).unit)

@@ -50,6 +50,14 @@ class TextFile:
         return () if self.ended else (f"the last line has no end: the file may be cut off within {last}",)
 
 
+def may_lack_digits(word: str, count: int) -> bool:
+    """Whether a whole number at the end of a file, which counts from 1 to `count`, may have lost its last digits: there
+    are none with more unless ten times as many are counted."""
+    if not (word.isascii() and word.isdigit()):
+        return True
+    return len(word) <= len(str(count)) and 10 * int(word) <= count  # Python reads no number of 5000 digits
+
+
 def text_file(data: bytes) -> TextFile:
     """The text in `data`: UTF-8, or what a byte order mark or zeros between the letters say.
 

@@ -4,7 +4,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dsfab.arrays import Floats, Ints, grouped, lengths
+from dsfab.arrays import Floats, Ints, grouped, lengths, unit_vectors
 from dsfab.thickening.separation_proof.layer import OffsetLayer
 
 REACH = 2
@@ -57,7 +57,7 @@ def boxes_of(layer: OffsetLayer, off: float, count: int) -> Boxes:
     grid.ravel()[key] = np.arange(len(key))
     centre: Floats = np.stack([np.bincount(of, column) for column in middle.T], axis=1) / np.bincount(of)[:, None]
     axis: Floats = np.stack([np.bincount(of, column) for column in uncut.normals.T], axis=1).astype(np.float64)
-    axis /= np.maximum(np.linalg.norm(axis, axis=1, keepdims=True), np.finfo(float).tiny)
+    axis = unit_vectors(axis)
     radius = np.zeros(len(key))
     np.maximum.at(radius, of, lengths(middle - centre.take(of, axis=0)) + reach)
     at = np.stack(np.unravel_index(key, tuple(shape)), axis=1)

@@ -4,9 +4,6 @@ import { short } from './controls.js';
 
 const by = (id) => document.getElementById(id);
 
-/** Share of the least width by which what was widened to it may miss it, as in the server's histogram. */
-const ROUNDING = 1e-6;
-
 /** At once, from points on the surface; marked as about. */
 export function estimated(share, facts) {
   by('f-share').textContent = `≈ ${Math.round(100 * share)} %`;
@@ -14,16 +11,15 @@ export function estimated(share, facts) {
   for (const id of ['f-mass', 'f-pieces']) by(id).classList.add('old');
 }
 
-/** From the slice: { area, share, mass, pieces, loose, narrowest, limits, widths, min_member, pattern }. */
+/** From the slice: { area, share, mass, pieces, loose, narrowest, under, limits, widths, bars_under, min_member, pattern }. */
 export function measured(told) {
   by('f-share').textContent = `${(100 * told.share).toFixed(1)} %`;
   by('f-area').textContent = metres2(told.area);
   by('f-mass').textContent = mass(told.mass);
   by('f-pieces').textContent = told.loose ? `${told.pieces} (${told.loose} loose)` : String(told.pieces);
   for (const id of ['f-mass', 'f-pieces']) by(id).classList.remove('old');
-  const thin = told.narrowest !== null && told.narrowest < told.min_member * (1 - ROUNDING);
-  const narrow = told.narrowest === null ? '' : `, narrowest ${metres(told.narrowest)}${thin ? `: under ${metres(told.min_member)}` : ''}`;
-  by('f-widths').classList.toggle('bad', thin);
+  const narrow = told.narrowest === null ? '' : `, narrowest ${metres(told.narrowest)}${told.under ? `: under ${metres(told.min_member)}` : ''}`;
+  by('f-widths').classList.toggle('bad', told.under);
   by('f-widths').textContent = `widths of members${narrow}; ${ends(told.pattern)}`;
   last = told;
   histogram();
@@ -58,8 +54,7 @@ export function histogram() {
   const most = Math.max(...last.widths);
   const step = wide / last.widths.length;
   last.widths.forEach((share, i) => {
-    const narrow = last.limits[i + 1] <= last.min_member; // a bin ends at the least width, or just under it
-    pen.fillStyle = style.getPropertyValue(narrow ? '--bad' : '--bar');
+    pen.fillStyle = style.getPropertyValue(last.bars_under[i] ? '--bad' : '--bar');
     const high = (30 * share) / most;
     pen.fillRect(i * step + 0.5, 31 - high, Math.max(step - 1, 1), high);
   });
