@@ -17,6 +17,7 @@ stations    : where opposite sides of a region are divided.
 patches     : their patches; trimmed : the surfaces of all other regions.
 parting     : trimmed regions whose surface does not meet their edges, divided; chords : where.
 model       : edges, walls and faces of one solid; text : their entities.
+flush       : trimmed faces on their edges at sharp corners, as far as a fillet goes.
 ordering    : walls in an order, edges in directions and lengths with which OCCT rounds the corners between walls.
 build       : the file of a part, and what OCCT says of its use (`use_check`, a program of its own).
 """

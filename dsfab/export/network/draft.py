@@ -15,6 +15,7 @@ from dsfab.export.network.crossings import TOUCHING, crossing_chains, without_cr
 from dsfab.export.network.curves import SampledChain, sampled_chains
 from dsfab.export.network.dividing import divided
 from dsfab.export.network.fillets import without_fillets
+from dsfab.export.network.flush import flush_at_corners
 from dsfab.export.network.graph import VOID, ChainNet, net_of
 from dsfab.export.network.joining import joined_outlines, without_lenses
 from dsfab.export.network.lifting import Lifting
@@ -187,7 +188,7 @@ def _solid(
         faces = _trimmed_faces(net, model, sheet, fits, plan)
     inside = partial(_inside, net, sheet, lifting)
     wanted, near = NARROW * plan.limits.thickness, plan.limits.distance
-    return in_order(model, parted(model, faces, inside, lifting.away, wanted, near))
+    return in_order(*flush_at_corners(model, parted(model, faces, inside, lifting.away, wanted, near)))
 
 
 def _trimmed_faces(

@@ -58,6 +58,7 @@ class TrimmedFace:
     axes (3, 3) of these: their planes' and their heights'.
 
     gap : widest between them and the edges.    off : largest distance from points inside, along the mean normal.
+    exact : whether they run through some of their edges.
     """
 
     loops: list[Loop]
@@ -66,6 +67,7 @@ class TrimmedFace:
     axes: tuple[Floats, Floats]
     gap: float
     off: float
+    exact: bool = False
 
     def gaps(self, points: Floats) -> Floats:
         """(k, 2) heights of both surfaces over points (k, 6) of edges, millimetres."""

@@ -1,0 +1,144 @@
+r"""Trimmed faces that run exactly through their edges beside sharp corners of openings, where fillets may be asked for.
+
+      | seam          A trimmed face is near its edges, not on them, and an edge has the tolerance that a reader finds
+      x               at 23 places of it. A fillet makes all edges at its corner shorter or longer, and OCCT (8.0) keeps
+----x-o-x----         that tolerance: at 23 places of what is left the gap may be a thousandth wider, and then the solid
+      void            is not valid. So all edges there are cut at x, as far as a fillet goes, and between o and x the
+                      surface is on them: of four corners of a dome two were rounded before, and all are.
+"""
+
+from collections.abc import Iterable
+from dataclasses import replace
+
+import numpy as np
+from scipy.linalg import lstsq
+
+from dsfab.arrays import Floats
+from dsfab.export.network.model import NetModel
+from dsfab.export.network.ordering import CutEdges, corner_tangents
+from dsfab.export.network.trimmed import SPLIT, TrimmedFace, _differences, _raised, _rows, _samples
+from dsfab.export.splines import bernstein
+
+CLEAR = 1 / 6
+"""Of the thickness, radius of a fillet that takes no more of an edge than the surface is on."""
+
+HELD = (1 - np.cos(np.pi * np.arange(6) / 5)) / 2
+"""Where a surface is held on a part of an edge; between six places it is then off by less than `EXACT`."""
+
+ASKED = np.linspace(0, 1, 33)
+"""Where that is measured, and where an edge is cut."""
+
+EXACT = 5e-8
+"""Millimetres that it is wanted to be off at most: OCCT takes 1e-7 as nothing, and poles are rounded."""
+
+NEARLY = 1e-6
+"""What it may be off: with 5e-7 all corners of a dome are rounded."""
+
+FAST, SMOOTH, SMALL = 1e6, 1e-2, 1e-4
+"""Weights of places where it is held, of second differences of what poles move by, and of that itself, against 1 of
+points along edges."""
+
+MORE = 6
+"""Degrees that a surface gets more, at most."""
+
+WHOLE = 0.1
+"""Share of an edge that is not worth a cut."""
+
+
+def flush_at_corners(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
+    """The same solid, whose edges at sharp corners beside trimmed faces are cut, and these faces on what is there.
+
+    Where no degree does it within `SPLIT` a face stays as it is.
+    """
+    beside = {e for face in faces for loop in face.loops for e, _ in loop}
+    near = {v for e in beside for v in (model.edges[e].start, model.edges[e].end)}
+    corners = {v: half for v, half in corner_tangents(model).items() if v in near}
+    work, held = CutEdges(model), set[int]()
+    for e, edge in enumerate(model.edges):
+        halves = corners.get(edge.start, 0.0), corners.get(edge.end, 0.0)
+        if any(halves):
+            stops = _stops(edge.poles, halves)
+            work.cut(e, True, stops, False)
+            parts = [k for k, _ in work.loop([(e, True)])]
+            held |= {k for k, half in ((parts[0], halves[0]), (parts[-1], halves[1])) if half}
+    new = work.model(model.walls)
+    return new, [_flush(replace(face, loops=[work.loop(loop) for loop in face.loops]), new, held) for face in faces]
+
+
+def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
+    """Where an edge is cut, between whose walls fillets at its ends go on for their radius times `halves`."""
+    radius = CLEAR * float(np.linalg.norm(poles[0, :3] - poles[0, 3:]))
+    line, found = (bernstein(ASKED) @ poles)[:, :3], list[float]()
+    for end, half in enumerate(halves):
+        if half:
+            away = np.linalg.norm(line - line[-end], axis=1)[:: -1 if end else 1]
+            beyond = int(np.argmax(away > radius * half))  # 0 where none is
+            x = (
+                float(np.interp(radius * half, away[beyond - 1 : beyond + 1], ASKED[beyond - 1 : beyond + 1]))
+                if beyond
+                else 1.0
+            )
+            if x > 1 - WHOLE:
+                return []
+            found.append(1 - x if end else x)
+    near = len(found) == 2 and found[1] - found[0] < WHOLE
+    return [float(np.mean(found))] if near else found
+
+
+def _flush(face: TrimmedFace, model: NetModel, held: Iterable[int]) -> TrimmedFace:
+    """A face on those of its edges on which it is held."""
+    mine = [model.edges[e].poles for e in sorted({e for loop in face.loops for e, _ in loop} & set(held))]
+    if not mine:
+        return face
+    at, asked = (np.concatenate([bernstein(x) @ P for P in mine]) for x in (HELD, ASKED))
+    edges = np.concatenate([_samples(model, loop) for loop in face.loops])
+    two = list[Floats]()
+    for poles, axes, s in ((face.outer, face.axes[0], np.s_[:, :3]), (face.inner, face.axes[1], np.s_[:, 3:])):
+        on = _through(poles, axes, at[s], asked[s], edges[s])
+        if on is None:
+            return face
+        two.append(on)
+    new = replace(face, outer=two[0], inner=two[1], exact=True)
+    return replace(new, gap=float(np.abs(new.gaps(edges)).max()))
+
+
+def _through(poles: Floats, axes: Floats, at: Floats, asked: Floats, edges: Floats) -> Floats | None:
+    """Poles of a surface through points `at`, near to the given one and to points along edges, if it is off `asked` by
+    less than `NEARLY`; all points are (k, 3)."""
+    local, count, best = poles @ axes.T, len(poles), None
+    three = [_places(local, points @ axes.T) for points in (at, asked, edges)]
+    heights = [points @ axes[2] for points in (at, asked, edges)]
+    least = np.inf
+    for degree in range(count - 1, count + MORE):
+        new = np.stack([_raised(local[..., i], degree) for i in range(3)], axis=2)
+        rows = [_rows(uv, degree) for uv in three]
+        off = [z - A @ new[..., 2].ravel() for z, A in zip(heights, rows, strict=True)]
+        calm = [SMOOTH * _differences(degree + 1), SMALL * np.eye((degree + 1) ** 2)]
+        right = np.concatenate([FAST * off[0], off[2], np.zeros(sum(map(len, calm)))])
+        A = np.concatenate([FAST * rows[0], rows[2], *calm])
+        more = lstsq(A, right, lapack_driver="gelsd", cond=1e-15, check_finite=False)[0]
+        left = [float(np.abs(z - A @ more).max()) for z, A in zip(off, rows, strict=True)]
+        if left[2] <= SPLIT and left[1] < least:
+            new[..., 2] += more.reshape(new.shape[:2])
+            best, least = new @ axes, left[1]
+        if least < EXACT:
+            break
+    return best if least < NEARLY else None
+
+
+def _places(local: Floats, points: Floats) -> Floats:
+    """(k, 2) parameters of points (k, 3) on a surface with poles (p + 1, p + 1, 3), whose two first coordinates are
+    bilinear: by Newton's method, which needs one step where they are linear."""
+    (a, c), (b, d) = local[:: len(local) - 1, :: len(local) - 1, :2]
+    uv = np.full((len(points), 2), 0.5)
+    for _ in range(8):
+        u, v = uv[:, :1], uv[:, 1:]
+        off = points[:, :2] - ((1 - u) * (1 - v) * a + u * (1 - v) * b + (1 - u) * v * c + u * v * d)
+        du, dv = (1 - v) * (b - a) + v * (d - c), (1 - u) * (c - a) + u * (d - b)
+        size = _cross(du, dv)
+        uv = uv + np.stack([_cross(off, dv), _cross(du, off)], axis=1) / size[:, None]
+    return uv
+
+
+def _cross(a: Floats, b: Floats) -> Floats:
+    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])
