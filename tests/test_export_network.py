@@ -24,6 +24,7 @@ from dsfab.export.network.dividing import _narrow, divided
 from dsfab.export.network.draft import ManyFacesError, member_draft
 from dsfab.export.network.fillets import without_fillets
 from dsfab.export.network.graph import VOID, Chain, ChainNet, net_of
+from dsfab.export.network.heights import _powers
 from dsfab.export.network.joining import joined_outlines, without_lenses
 from dsfab.export.network.lifting import Lifting
 from dsfab.export.network.lines import ChainLine, NetLines, with_ends_on_lines
@@ -33,7 +34,7 @@ from dsfab.export.network.quads import quads_of
 from dsfab.export.network.stations import Stations, paired
 from dsfab.export.network.straightening import straightened
 from dsfab.export.network.text import NetText
-from dsfab.export.network.trimmed import SPLIT, _powers, _surface, trimmed_face
+from dsfab.export.network.trimmed import SPLIT, _surface, trimmed_face
 from dsfab.export.part import part_of
 from dsfab.export.plate_text import Entities
 from dsfab.export.program import run_program

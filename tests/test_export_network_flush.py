@@ -4,14 +4,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from dsfab.export.network.flush import CLEAR, NEARLY, _places, flush_at_corners
+from dsfab.export.network.flush import CLEAR, NEARLY, flush_at_corners
+from dsfab.export.network.heights import places
 from dsfab.export.network.model import NetWall
 from dsfab.export.network.trimmed import SPLIT, TrimmedFace
 from dsfab.export.splines import bernstein
 from tests.test_export_network import flat_model
 
 SQUARE, THICK = np.array([[0, 0], [100, 0], [100, 100], [0, 100.0]]), 40.0
-TAPERED = np.array([[-9, -9], [-9, 120], [130, -9], [109, 105.0]]).reshape(2, 2, 2)
 
 
 def given(bump: float):
@@ -52,11 +52,16 @@ def test_a_face_that_would_be_too_far_off_its_other_edges_stays():
     np.testing.assert_array_equal(found.outer, face.outer)
 
 
-def test_places_are_found_between_sides_that_are_not_parallel():
-    u, v = np.random.default_rng(1).random((2, 20))
-    corners = np.concatenate([TAPERED, np.zeros((2, 2, 1))], axis=2)
-    points = np.einsum("ka,kb,abi->ki", np.stack([1 - u, u], axis=1), np.stack([1 - v, v], axis=1), corners)
-    np.testing.assert_allclose(_places(corners, points), np.stack([u, v], axis=1), atol=1e-12)
+def test_places_are_found_over_a_parallelogram_in_a_plane_of_any_direction():
+    rng = np.random.default_rng(1)
+    axes = np.linalg.qr(rng.normal(size=(3, 3)))[0]
+    x, y, uv = *np.meshgrid(*[np.linspace(0, 1, 4)] * 2, indexing="ij"), rng.random((20, 2))
+    skew, heights = np.array([[100.0, 20], [-30, 60]]), [rng.normal(size=(k, 1)) for k in (16, 20)]
+    poles, points = (
+        np.hstack([[5, 7] + at @ skew, z]) @ axes
+        for at, z in zip((np.stack([x, y], axis=2).reshape(16, 2), uv), heights, strict=True)
+    )
+    np.testing.assert_allclose(places(poles.reshape(4, 4, 3), axes, points), uv, atol=1e-12)
 
 
 def test_a_face_without_corners_stays_as_it_is():

@@ -123,27 +123,7 @@ def test_a_gap_may_be_widest_at_the_corner_or_where_an_edge_is_cut(outer, inner,
     poles = poles + 0.01 * np.outer(outer, np.eye(6)[2]) + 0.01 * np.outer(inner, np.eye(6)[5])
     flat = np.array([[[x, y, 20.0] for y in (-1, 101)] for x in (-1, 101)])
     face = TrimmedFace([], flat, flat - [0, 0, 40], (np.eye(3), np.eye(3)), 0.01, 0.0)
-    assert _stops(poles, [face], (1.0, 0.0), (False, False)) == pytest.approx(at, abs=1 / 128)
-
-
-def test_a_seam_is_cut_where_a_face_beside_it_is_farthest_off():
-    """A fillet along the wall at either of its ends makes it shorter."""
-    (given, loop), seam = flat_model(SQUARE), 4
-    poles = np.linspace(given.edges[1].poles[3], given.edges[0].poles[0], 4) + 0.01 * np.eye(4)[1][:, None]
-    edges = [*given.edges, NetEdge(2, 0, poles)]
-    walls = [NetWall([step], given.edges[step[0]].poles) for step in loop]
-    flat = np.array([[[x, y, 20.0] for y in (-1, 101)] for x in (-1, 101)])
-    loops = [[loop[0], loop[1], (seam, True)], [loop[2], loop[3], (seam, False)]]
-    faces = [TrimmedFace([one], flat, flat - [0, 0, 40], (np.eye(3), np.eye(3)), 0.01, 0.0) for one in loops]
-    model, found = in_order(replace(given, edges=edges, walls=walls), faces)
-    two = [
-        [step for step in face.loops[0] if step[0] not in {e for w in model.walls for e, _ in w.steps}]
-        for face in found
-    ]
-    assert [len(steps) for steps in two] == [2, 2]
-    assert {e for e, _ in two[0]} == {e for e, _ in two[1]}
-    off = np.abs(found[0].gaps(line(model, two[0])[[1], 0]))
-    assert off == pytest.approx(0.01 * 4 / 9, rel=1e-3)  # 3 x (1 - x)^2 at a third
+    assert _stops(poles, face, (1.0, 0.0), (False, False)) == pytest.approx(at, abs=1 / 128)
 
 
 def ball_grid() -> tuple[Surface, object]:

@@ -64,7 +64,8 @@ def drawn_picture(
     caption: str = "",
     look: Look = PLAIN,
 ) -> Bytes:
-    """The same without asking first whether this machine can draw: VTK ends the process where it cannot."""
+    """The same without asking first whether this machine can draw, (height, width, 3): VTK ends the process where it
+    cannot."""
     vertices, faces = np.asarray(V, dtype=np.float64), np.asarray(F, dtype=np.int64)
     if not len(faces):
         raise DsfabError("there is nothing to draw: the solid has no faces; loosen the pattern's thresholds")

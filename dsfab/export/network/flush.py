@@ -14,9 +14,10 @@ import numpy as np
 from scipy.linalg import lstsq
 
 from dsfab.arrays import Floats
+from dsfab.export.network.heights import differences, height_rows, places, raised
 from dsfab.export.network.model import NetModel
 from dsfab.export.network.ordering import CutEdges, corner_tangents
-from dsfab.export.network.trimmed import SPLIT, TrimmedFace, _differences, _raised, _rows, _samples
+from dsfab.export.network.trimmed import SPLIT, TrimmedFace, loop_samples
 from dsfab.export.splines import bernstein
 
 CLEAR = 1 / 6
@@ -91,7 +92,7 @@ def _flush(face: TrimmedFace, model: NetModel, held: Iterable[int]) -> TrimmedFa
     if not mine:
         return face
     at, asked = (np.concatenate([bernstein(x) @ P for P in mine]) for x in (HELD, ASKED))
-    edges = np.concatenate([_samples(model, loop) for loop in face.loops])
+    edges = np.concatenate([loop_samples(model, loop) for loop in face.loops])
     two = list[Floats]()
     for poles, axes, s in ((face.outer, face.axes[0], np.s_[:, :3]), (face.inner, face.axes[1], np.s_[:, 3:])):
         on = _through(poles, axes, at[s], asked[s], edges[s])
@@ -106,14 +107,14 @@ def _through(poles: Floats, axes: Floats, at: Floats, asked: Floats, edges: Floa
     """Poles of a surface through points `at`, near to the given one and to points along edges, if it is off `asked` by
     less than `NEARLY`; all points are (k, 3)."""
     local, count, best = poles @ axes.T, len(poles), None
-    three = [_places(local, points @ axes.T) for points in (at, asked, edges)]
+    three = [places(poles, axes, points) for points in (at, asked, edges)]
     heights = [points @ axes[2] for points in (at, asked, edges)]
     least = np.inf
     for degree in range(count - 1, count + MORE):
-        new = np.stack([_raised(local[..., i], degree) for i in range(3)], axis=2)
-        rows = [_rows(uv, degree) for uv in three]
+        new = np.stack([raised(local[..., i], degree) for i in range(3)], axis=2)
+        rows = [height_rows(uv, degree) for uv in three]
         off = [z - A @ new[..., 2].ravel() for z, A in zip(heights, rows, strict=True)]
-        calm = [SMOOTH * _differences(degree + 1), SMALL * np.eye((degree + 1) ** 2)]
+        calm = [SMOOTH * differences(degree + 1), SMALL * np.eye((degree + 1) ** 2)]
         right = np.concatenate([FAST * off[0], off[2], np.zeros(sum(map(len, calm)))])
         A = np.concatenate([FAST * rows[0], rows[2], *calm])
         more = lstsq(A, right, lapack_driver="gelsd", cond=1e-15, check_finite=False)[0]
@@ -124,21 +125,3 @@ def _through(poles: Floats, axes: Floats, at: Floats, asked: Floats, edges: Floa
         if least < EXACT:
             break
     return best if least < NEARLY else None
-
-
-def _places(local: Floats, points: Floats) -> Floats:
-    """(k, 2) parameters of points (k, 3) on a surface with poles (p + 1, p + 1, 3), whose two first coordinates are
-    bilinear: by Newton's method, which needs one step where they are linear."""
-    (a, c), (b, d) = local[:: len(local) - 1, :: len(local) - 1, :2]
-    uv = np.full((len(points), 2), 0.5)
-    for _ in range(8):
-        u, v = uv[:, :1], uv[:, 1:]
-        off = points[:, :2] - ((1 - u) * (1 - v) * a + u * (1 - v) * b + (1 - u) * v * c + u * v * d)
-        du, dv = (1 - v) * (b - a) + v * (d - c), (1 - u) * (c - a) + u * (d - b)
-        size = _cross(du, dv)
-        uv = uv + np.stack([_cross(off, dv), _cross(du, off)], axis=1) / size[:, None]
-    return uv
-
-
-def _cross(a: Floats, b: Floats) -> Floats:
-    return np.asarray(a[:, 0] * b[:, 1] - a[:, 1] * b[:, 0])

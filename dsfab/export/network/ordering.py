@@ -7,11 +7,10 @@ r"""Walls in an order, and edges in directions and lengths, with which OCCT (8.0
 
 It also makes edges shorter, which keep their tolerance. That is their largest distance from a face at 23 points; at
 those of what is left it may be a thousandth more, and then the solid is not valid. Where the largest is at an end, both
-are exact, or what is left has less. So edges of trimmed faces are cut in two where they are farthest off: those along
-walls for corners, and those that end on walls for fillets along these.
+are exact, or what is left has less. So edges of trimmed faces are cut in two where they are farthest off.
 """
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from dataclasses import replace
 
 import numpy as np
@@ -47,18 +46,14 @@ def in_order(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[
     first wall, and an edge of this ends at each: a wall with a single edge gets two.
     """
     work, walls = CutEdges(model), list[NetWall]()
-    beside = dict[int, list[TrimmedFace]]()
-    for face in faces:
-        for e in {e for loop in face.loops for e, _ in loop}:
-            beside.setdefault(e, []).append(face)
+    beside = {e: face for face in faces for loop in face.loops for e, _ in loop}
     for outline in _outlines(model):
         walls += _directed(outline, model, beside, work)
-    _cut_seams(model, beside, work)
     return work.model(walls), [replace(face, loops=[work.loop(loop) for loop in face.loops]) for face in faces]
 
 
 def _directed(
-    outline: list[NetWall], model: NetModel, beside: Mapping[int, list[TrimmedFace]], work: "CutEdges"
+    outline: list[NetWall], model: NetModel, beside: dict[int, TrimmedFace], work: "CutEdges"
 ) -> list[NetWall]:
     """An outline from where it is smoothest, once its edges are directed and cut."""
     cosines = [float(_way(wall, model, True) @ _way(outline[i - 1], model, False)) for i, wall in enumerate(outline)]
@@ -70,21 +65,9 @@ def _directed(
             corners = turns[i] if j == 0 else 0.0, turns[i + 1] if j == len(wall.steps) - 1 else 0.0
             against = i == 0 and corners[0] > 0
             ending = against, i + 1 < len(walls) and corners[1] > 0
-            stops = _stops(model.poles((e, ahead)), beside.get(e, []), corners, ending)
+            stops = _stops(model.poles((e, ahead)), beside.get(e), corners, ending)
             work.cut(e, ahead, stops or ([0.5] if against and len(wall.steps) == 1 else []), against)
     return walls
-
-
-def _cut_seams(model: NetModel, beside: Mapping[int, list[TrimmedFace]], work: "CutEdges") -> None:
-    """Cut edges between faces of the skins where they are farthest off, too: a fillet along a wall makes all shorter
-    that end there."""
-    along = {e for wall in model.walls for e, _ in wall.steps}
-    rim = {v for e in along for v in (model.edges[e].start, model.edges[e].end)}
-    for e in sorted(beside.keys() - along):
-        edge = model.edges[e]
-        if edge.start in rim or edge.end in rim:
-            square = float(edge.start in rim), float(edge.end in rim)  # between a skin and a wall
-            work.cut(e, True, _stops(edge.poles, beside[e], square, (False, False)), False)
 
 
 def corner_tangents(model: NetModel) -> dict[int, float]:
@@ -104,7 +87,7 @@ def _half_turn(cosine: float) -> float:
 
 
 def _stops(
-    poles: Floats, faces: list[TrimmedFace], corners: tuple[float, float], ending: tuple[bool, bool]
+    poles: Floats, face: TrimmedFace | None, corners: tuple[float, float], ending: tuple[bool, bool]
 ) -> list[float]:
     """Where an edge is cut that has corners at its ends: as far from each as the gap of a trimmed face is nowhere wider
     between than here or there, on both skins, and not `FAR` from one that is rounded at the end of this edge."""
@@ -112,8 +95,7 @@ def _stops(
     share = thick / max(long, 1e-300)
     first, last = (CLEAR * share * half for half in corners)
     between = (first < DENSE) & (last < DENSE[::-1]) & (DENSE > 0) & (DENSE < 1)
-    line = bernstein(DENSE) @ poles
-    gaps = np.max([np.zeros((len(DENSE), 2)), *(np.abs(face.gaps(line)) for face in faces)], axis=0)
+    gaps = np.zeros((len(DENSE), 2)) if face is None else np.abs(face.gaps(bernstein(DENSE) @ poles))
     gaps[:, gaps.max(axis=0) < EXACT] = 0
     found = set[float]()
     for at_end in np.flatnonzero(corners):

@@ -1,15 +1,14 @@
 """Regions without four sides: one Bezier surface over their mean plane, trimmed by their edges, with a measured gap."""
 
 from dataclasses import dataclass
-from functools import cache
 
 import numpy as np
 from scipy.linalg import lstsq
-from scipy.special import comb
 
 from dsfab.arrays import Bools, Floats
 from dsfab.errors import ExportError
 from dsfab.export.network.graph import Loop
+from dsfab.export.network.heights import differences, height_rows, places, raised
 from dsfab.export.network.model import NetModel
 from dsfab.export.splines import bernstein
 
@@ -83,7 +82,7 @@ def trimmed_face(
     wanted : gap, millimetres.    near : what points inside may be off, if it is wider but such that edges can be split.
     part : whether the points are those of a larger region that it was cut off from, which may bend away.
     """
-    lines = [_samples(model, loop) for loop in loops]
+    lines = [loop_samples(model, loop) for loop in loops]
     edges = np.concatenate(lines)
     if part:
         points = points[_surrounded(points, lines)]
@@ -114,7 +113,7 @@ def _surrounded(points: Floats, lines: list[Floats]) -> Bools:
     return np.asarray(found & (_across(points) @ mean > SEEN))
 
 
-def _samples(model: NetModel, loop: Loop) -> Floats:
+def loop_samples(model: NetModel, loop: Loop) -> Floats:
     """(k, 6) points along a loop, closer to each other at the ends of edges: there a surface strays first."""
     poles = [model.poles(step) for step in loop]
     long = np.array([np.linalg.norm(np.diff(P[:, :3], axis=0), axis=1).sum() for P in poles])
@@ -164,9 +163,8 @@ def _surface(
 
 def _heights_over(poles: Floats, axes: Floats, points: Floats) -> Floats:
     """(k,) how far points (k, 3) are above a surface with such poles and axes, millimetres."""
-    low, high, at = poles[0, 0] @ axes.T, poles[-1, -1] @ axes.T, points @ axes.T
-    uv = (at[:, :2] - low[:2]) / (high - low)[:2]
-    return np.asarray(at[:, 2] - _rows(uv, len(poles) - 1) @ (poles @ axes[2]).ravel())
+    rows = height_rows(places(poles, axes, points), len(poles) - 1)
+    return np.asarray(points @ axes[2] - rows @ (poles @ axes[2]).ravel())
 
 
 def _over_square(points: Floats, edges: Floats, axes: Floats) -> tuple[Floats, Floats, Floats, Floats]:
@@ -196,9 +194,9 @@ def _misfit(points: Floats, line: Floats, axes: Floats, degree: int) -> Floats:
     axes = _along_smallest_rectangle(line - line.mean(axis=0), axes)
     _, low, high, both = _over_square(points, line, axes)
     uv, z, inside = (both[:, :2] - low) / (high - low), both[:, 2], len(both) - len(line)
-    A, weight = _rows(uv, degree), np.repeat([1.0, BOUNDARY[0]], [inside, len(line)])
-    base = _heights(_rows(uv, BASE), z, np.ones(len(z)), SMOOTH[1], np.zeros((BASE + 1, BASE + 1)))
-    poles = _heights(A, z, weight, SMOOTH[0], _raised(base, degree))
+    A, weight = height_rows(uv, degree), np.repeat([1.0, BOUNDARY[0]], [inside, len(line)])
+    base = _heights(height_rows(uv, BASE), z, np.ones(len(z)), SMOOTH[1], np.zeros((BASE + 1, BASE + 1)))
+    poles = _heights(A, z, weight, SMOOTH[0], raised(base, degree))
     return np.asarray(np.abs(A @ poles.ravel() - z)[inside:])
 
 
@@ -217,13 +215,13 @@ def _best(uv: Floats, z: Floats, inside: int, wanted: float, near: float) -> tup
     Where none closes the gap as wanted, high degrees wave between the points for next to nothing: that is taken which
     is least off inside of those whose edges can be split, or which is least off both together.
     """
-    base = _heights(_rows(uv, BASE), z, np.ones(len(z)), SMOOTH[1], np.zeros((BASE + 1, BASE + 1)))
+    base = _heights(height_rows(uv, BASE), z, np.ones(len(z)), SMOOTH[1], np.zeros((BASE + 1, BASE + 1)))
     fits, good = list[tuple[Floats, float, float]](), list[tuple[Floats, float, float]]()
     for i, (edge, smooth, degree) in enumerate((*USUAL, *OTHERS)):
         if good and i >= len(USUAL):
             break
-        A = _rows(uv, degree)
-        poles = _heights(A, z, np.repeat([1.0, edge], (inside, len(z) - inside)), smooth, _raised(base, degree))
+        A = height_rows(uv, degree)
+        poles = _heights(A, z, np.repeat([1.0, edge], (inside, len(z) - inside)), smooth, raised(base, degree))
         off = np.abs(A @ poles.ravel() - z)
         fits.append((poles, float(off[inside:].max()), float(off[:inside].max(initial=0.0))))
         if fits[-1][2] <= near and fits[-1][1] <= SPLIT:
@@ -236,42 +234,8 @@ def _best(uv: Floats, z: Floats, inside: int, wanted: float, near: float) -> tup
 def _heights(A: Floats, z: Floats, weight: Floats, smooth: float, base: Floats) -> Floats:
     """(p + 1, p + 1) poles near to heights z (k,) where they count as in A (k, (p + 1)^2), with weights, and to other
     poles of as many."""
-    rows = np.concatenate([weight[:, None] * A, smooth * _differences(len(base))])
+    rows = np.concatenate([weight[:, None] * A, smooth * differences(len(base))])
     right = np.zeros(len(rows))
     right[: len(z)] = weight * (z - A @ base.ravel())
     more = lstsq(rows, right, lapack_driver="gelsy", check_finite=False)[0]  # in half the time of numpy's
     return np.asarray(base + more.reshape(base.shape))
-
-
-def _raised(poles: Floats, degree: int) -> Floats:
-    """(degree + 1, degree + 1) poles of the same surface."""
-    while (n := len(poles)) <= degree:
-        share = np.arange(n + 1)[:, None] / n
-        E = share * np.eye(n + 1, n, -1) + (1 - share) * np.eye(n + 1, n)
-        poles = E @ poles @ E.T
-    return poles
-
-
-def _rows(uv: Floats, degree: int) -> Floats:
-    """(k, (degree + 1)^2) what each pole counts at places of a square."""
-    both = np.einsum("ka,kb->kab", _powers(uv[:, 0], degree), _powers(uv[:, 1], degree))
-    return np.asarray(both.reshape(len(uv), -1))
-
-
-def _powers(x: Floats, degree: int) -> Floats:
-    """(k, degree + 1) Bernstein polynomials at x (k,)."""
-    i = np.arange(degree + 1)
-    return np.asarray(_binomials(degree) * x[:, None] ** i * (1 - x[:, None]) ** (degree - i))
-
-
-@cache
-def _binomials(degree: int) -> Floats:
-    """(degree + 1,) how many ways there are to take 0, 1 ... of as many things as the degree is."""
-    return np.asarray(comb(degree, np.arange(degree + 1)))
-
-
-@cache
-def _differences(count: int) -> Floats:
-    """Second differences of a square of poles, along both directions."""
-    second = np.diff(np.eye(count), n=2, axis=0)
-    return np.concatenate([np.kron(second, np.eye(count)), np.kron(np.eye(count), second)])
