@@ -3,11 +3,14 @@
 import re
 from collections import Counter
 from dataclasses import replace
+from importlib import import_module
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from scipy.sparse import csr_array, eye_array
 
+import dsfab
 from dsfab.delivery.files import curved_sheet
 from dsfab.delivery.opened import opened
 from dsfab.errors import ExportError
@@ -111,6 +114,16 @@ def test_a_strip_with_one_side_has_no_two_smooth_skins():
     part, _ = part_with_ladder()
     with pytest.raises(ExportError, match="one side only"):
         smooth_file(replace(part, step="smooth"))
+
+
+def test_a_file_of_a_strip_with_one_side_is_compared_with_what_it_was_cut_open_to(monkeypatch):
+    part, _ = part_with_ladder()
+    distance = import_module("dsfab.study.file_check.distance")
+    monkeypatch.setattr(distance, "curved_design", lambda design: part.curved())
+    design = SimpleNamespace(preset=dsfab.load_preset("dome"), surface=ladder()[0])
+    allowed = distance.Allowance.of(SimpleNamespace(reader="OCCT", deflection=1e-4), design)
+    assert allowed.limits
+    assert allowed.limits.thickness == pytest.approx(1000 * T, rel=0.02)
 
 
 @pytest.mark.slow

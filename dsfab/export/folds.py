@@ -136,6 +136,8 @@ def _facets(part: Part) -> FlatFacets:
     if part.curved is None:
         raise NotFlatError("only the solid is known")
     curved = part.curved()
+    if len(curved.twins):
+        raise NotFlatError("the surface has one side only, so it has no two skins")
     whole = curved.divided(np.ones((len(curved.V), 1)))
     skins = both_skins(whole, curved.shift)
     thickness = 2 * float(np.median(np.linalg.norm(MM_PER_M * whole.D, axis=1)))

@@ -86,7 +86,8 @@ class Allowance:
         if not found.deflection:
             return cls(asked or FURTHER * flat)
         try:
-            limits = smooth_limits(design.surface, curved_design(design), MM_PER_M * asked)
+            curved = curved_design(design)  # of a surface that may have been cut open
+            limits = smooth_limits(Surface(curved.V, curved.F), curved, MM_PER_M * asked)
         except ExportError:  # nothing but planes is made of it
             limits = None
         return cls(flat + found.deflection, limits)
