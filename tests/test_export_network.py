@@ -34,7 +34,7 @@ from dsfab.export.network.quads import quads_of
 from dsfab.export.network.stations import Stations, paired
 from dsfab.export.network.straightening import straightened
 from dsfab.export.network.text import NetText
-from dsfab.export.network.trimmed import SPLIT, _surface, trimmed_face
+from dsfab.export.network.trimmed import SPLIT, FaceLimits, _surface, trimmed_face
 from dsfab.export.part import part_of
 from dsfab.export.plate_text import Entities
 from dsfab.export.program import run_program
@@ -270,15 +270,20 @@ def flat_model(corners: np.ndarray) -> tuple[NetModel, list]:
     return model, [(i, True) for i in range(k)]
 
 
+def asked(gap: float, off: float) -> FaceLimits:
+    """Of trimmed faces, wherever their poles are."""
+    return FaceLimits(gap, off, np.array([[-np.inf] * 3, [np.inf] * 3]))
+
+
 def test_a_part_of_a_region_does_not_bend_where_the_rest_does():
     """A triangle, points in and beside it, and one beyond where the sheet has turned by 90 degrees."""
     model, loop = flat_model(np.array([[0, 0], [300, 0], [0, 300.0]]))
     points = np.array([[50.0, 50, 20, 50, 50, -20], [900, 0, 50, 900, 0, 10], [900, 0, -400, 860, 0, -400]])
-    face = trimmed_face(model, [loop], points, 0.01, 1.0, part=True)
+    face = trimmed_face(model, [loop], points, asked(0.01, 1.0), part=True)
     assert face.gap < 1e-6
     np.testing.assert_allclose(face.outer[..., 2], 20, atol=1e-6)
     with pytest.raises(ExportError, match="bends too much"):
-        trimmed_face(model, [loop], points, 0.01, 1.0)
+        trimmed_face(model, [loop], points, asked(0.01, 1.0))
 
 
 def test_a_trimmed_face_does_not_wave_to_meet_edges_that_no_surface_meets():
@@ -287,7 +292,7 @@ def test_a_trimmed_face_does_not_wave_to_meet_edges_that_no_surface_meets():
     edges = np.concatenate([ring(turn, 600), ring(turn, 1200), ring(0, r), ring(np.pi, r)])
     edges[:, 2] = 0.2 * np.sign(np.sin(9 * np.arctan2(edges[:, 1], edges[:, 0])))
     inside = ring(np.linspace(0, np.pi, 7)[1:-1], np.array([[800.0], [1000]]))
-    poles, _, gap, _ = _surface(inside, edges, np.eye(3), 1e-3, 1.0)
+    poles, _, gap, _ = _surface(inside, edges, np.zeros((0, 3)), np.eye(3), asked(1e-3, 1.0))
     u, v = ((ring(np.linspace(0, np.pi, 61), r[:, None]) - poles[0, 0]) / (poles[-1, -1] - poles[0, 0]))[:, :2].T
     B, C = (_powers(x, len(poles) - 1) for x in (u, v))
     assert np.abs(np.einsum("ka,kb,ab->k", B, C, poles[..., 2])).max() < 0.5
@@ -308,7 +313,7 @@ def test_the_gap_of_a_trimmed_face_is_found_along_a_long_edge():
     inside = np.array([[x, y, 0, x, y, 0] for x in np.linspace(300, 2100, 9) for y in (0, 150, 300.0)])
     height = np.sqrt(4000**2 - ((inside[:, :2] - [1200, 200]) ** 2).sum(axis=1))
     inside[:, 2], inside[:, 5] = height + 20, height - 20
-    face = trimmed_face(model, [loop], inside, 0.01, 5.0)
+    face = trimmed_face(model, [loop], inside, asked(0.01, 5.0))
     lines = np.concatenate([bernstein(np.linspace(0, 1, 400)) @ edge.poles for edge in model.edges])
     assert face.gap == pytest.approx(float(heights_off(face.outer, lines[:, :3]).max()), rel=0.1)
 
@@ -326,7 +331,7 @@ def test_edges_that_waves_keep_from_a_surface_are_near_enough_to_be_split():
     x = np.linspace(-1500, 1500, 241)
     edges = np.concatenate([np.stack(np.broadcast_arrays(x, y, 1.5 * np.sin(x / 160)), axis=1) for y in (-150, 150.0)])
     inside = np.stack(np.broadcast_arrays(x[::8], 0.0, 1.5 * np.sin(x[::8] / 160)), axis=1)
-    _, _, gap, off = _surface(inside, edges, np.eye(3), 1e-3, 1.0)
+    _, _, gap, off = _surface(inside, edges, np.zeros((0, 3)), np.eye(3), asked(1e-3, 1.0))
     assert gap <= SPLIT
     assert off <= 1.0
 
@@ -338,7 +343,7 @@ def test_a_parabola_is_itself_however_little_of_its_square_is_a_region():
         np.stack([a, 40 * b + 0.2 * a, a**2 / 2000 + a * b], axis=2).reshape(-1, 3) for a, b in ((x, y), (x, y / 2))
     )
     edges[:, 2], inside[:, 2] = ((P[:, 0] ** 2 + P[:, 1] ** 2) / 4000 for P in (edges, inside))
-    poles, _, gap, off = _surface(inside, edges, np.eye(3), 1e-3, 1.0)
+    poles, _, gap, off = _surface(inside, edges, np.zeros((0, 3)), np.eye(3), asked(1e-3, 1.0))
     assert max(gap, off) < 1e-3
     corners = poles[[0, 0, -1, -1], [0, -1, 0, -1]]
     np.testing.assert_allclose(corners[:, 2], (corners[:, :2] ** 2).sum(axis=1) / 4000, atol=1)
@@ -349,7 +354,7 @@ def test_the_rectangle_of_a_strip_lies_along_it():
     strip = np.array([[x, y, 0.0] for x in np.linspace(0, 900, 46) for y in (-30, 30)])
     c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
     edges = strip @ np.array([[c, s, 0], [-s, c, 0], [0, 0, 1]])
-    poles, *_ = _surface(edges[:2], edges, np.eye(3), 1e-3, 1.0)
+    poles, *_ = _surface(edges[:2], edges, np.zeros((0, 3)), np.eye(3), asked(1e-3, 1.0))
     long, wide = np.linalg.norm(poles[[-1, 0], [0, -1]] - poles[0, 0], axis=1)
     assert sorted([long, wide]) == pytest.approx([62, 902], abs=1e-6)
 

@@ -8,11 +8,11 @@ import numpy as np
 from dsfab.export.network.chords import HalvedOutline
 from dsfab.export.network.model import NetModel, NetPatch, NetWall
 from dsfab.export.network.parting import parted
-from dsfab.export.network.trimmed import SPLIT, trimmed_face
+from dsfab.export.network.trimmed import SPLIT, FaceLimits, trimmed_face
 from dsfab.export.splines import bernstein
 from tests.test_export_network import flat_model
 
-WANTED, NEAR = 0.01, 1.0
+LIMITS = FaceLimits(0.01, 1.0, np.array([[-np.inf] * 3, [np.inf] * 3]))
 
 
 def folded_model(corners: list[list[float]], fold: float) -> tuple[NetModel, list]:
@@ -29,8 +29,8 @@ def folded_model(corners: list[list[float]], fold: float) -> tuple[NetModel, lis
 
 def divided(model: NetModel, loop: list):
     """The face of a region before, and its faces after."""
-    face = trimmed_face(model, [loop], np.zeros((0, 6)), WANTED, NEAR)
-    return face, parted(model, {7: face}, lambda some: {7: np.zeros((0, 6))}, np.zeros_like, WANTED, NEAR)
+    face = trimmed_face(model, [loop], np.zeros((0, 6)), LIMITS)
+    return face, parted(model, {7: face}, lambda some: {7: np.zeros((0, 6))}, np.zeros_like, LIMITS)
 
 
 HALVES = [[0, 0], [300, 0], [600, 0], [600, 200], [300, 200], [0, 200]]

@@ -1,5 +1,7 @@
 """STEP by members: poles of curves stay in the box, and patches near the skins."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -7,6 +9,7 @@ from dsfab.export.network.curves import ChainCurve
 from dsfab.export.network.draft import member_draft
 from dsfab.export.network.lines import ChainLine
 from dsfab.export.network.model import _strays
+from dsfab.export.network.trimmed import FaceLimits, _surface
 from dsfab.export.smooth.plan import SmoothPlan
 from tests.test_export_network import cylinder_strip, draft_of, striped
 
@@ -56,3 +59,28 @@ def test_a_region_whose_patches_are_beside_the_skins_is_trimmed(monkeypatch):
     off = limit * np.array([1.0, 1.1])
     monkeypatch.setattr("dsfab.export.network.model._strays", lambda patches, _: off[-len(patches) :])
     assert member_draft(part, SmoothPlan(part)).trimmed == 2
+
+
+@pytest.mark.parametrize("turn", [1, -1])
+def test_a_face_at_a_slanted_corner_is_over_a_parallelogram_if_a_rectangle_leaves_the_box(turn):
+    """A rhombus on a paraboloid, whose sides are along no axis: those of a rectangle's corners that it has not are out
+    of the box. Along which way an outline runs its sides is nothing to the face's direction."""
+    way = np.array([[np.cos(a), np.sin(a), 0] for a in np.radians([25, 85])])
+    x, rng = np.linspace(0, 300, 40)[:, None], np.random.default_rng(3)
+    a, b = 300 * way
+    edges = np.concatenate([x * way[0], a + x * way[1], a + b - x * way[0], b - x * way[1]])
+    inside = 300 * rng.random((60, 2)) @ way
+    for points in (edges, inside):
+        points[:, 2] = 1e-4 * (points[:, 0] ** 2 + points[:, 1] ** 2)
+    box = np.array([edges.min(axis=0), edges.max(axis=0)]) + [[-3.0] * 3, [3.0] * 3]
+    free = FaceLimits(1e-3, 1.0, np.array([[-np.inf] * 3, [np.inf] * 3]))
+    ways = turn * way[::turn]
+    along = np.stack([way[0], np.cross([0, 0, 1], way[0]), [0, 0, 1]])
+    poles, axes, gap, _ = _surface(inside, edges, ways, along, replace(free, box=box))
+    assert gap < 1e-6
+    assert (poles >= box[0]).all()
+    assert (poles <= box[1]).all()
+    u, v = poles[-1, 0] - poles[0, 0], poles[0, -1] - poles[0, 0]
+    assert np.cross(u, v) @ axes[2] > 0
+    rectangle, *_ = _surface(inside, edges, ways, along, free)
+    assert (rectangle > box[1]).any()

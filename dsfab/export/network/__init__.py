@@ -14,7 +14,8 @@ quads       : which regions have four sides.
 line_fits   : chains in a row that become one curve; lines : these, divided where others end on them.
 arcs        : round corners of openings as arcs that go on as the walls do.
 stations    : where opposite sides of a region are divided.
-patches     : their patches; trimmed : the surfaces of all other regions; heights : what these are.
+patches     : their patches; trimmed : the surfaces of all other regions; heights : what these are;
+              domains : over what.
 parting     : trimmed regions whose surface does not meet their edges, divided; chords : where.
 model       : edges, walls and faces of one solid; text : their entities.
 flush       : trimmed faces on their edges at sharp corners, as far as a fillet goes.

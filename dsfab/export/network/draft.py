@@ -28,7 +28,7 @@ from dsfab.export.network.quads import REACH, quads_of
 from dsfab.export.network.seams import with_steep_ends
 from dsfab.export.network.straightening import straightened
 from dsfab.export.network.text import NetText
-from dsfab.export.network.trimmed import SPLIT, TrimmedFace, trimmed_face
+from dsfab.export.network.trimmed import SPLIT, FaceLimits, TrimmedFace, trimmed_face
 from dsfab.export.part import Part
 from dsfab.export.plate_text import Entities
 from dsfab.export.smooth.edges import FLAT
@@ -187,8 +187,7 @@ def _solid(
         _, model = fits.model(net)
         faces = _trimmed_faces(net, model, sheet, fits, plan)
     inside = partial(_inside, net, sheet, lifting)
-    wanted, near = NARROW * plan.limits.thickness, plan.limits.distance
-    return in_order(*flush_at_corners(model, parted(model, faces, inside, lifting.away, wanted, near)))
+    return in_order(*flush_at_corners(model, parted(model, faces, inside, lifting.away, fits.wanted)))
 
 
 def _trimmed_faces(
@@ -201,10 +200,9 @@ def _trimmed_faces(
         if len(loops) == 1 and (known := fits.faces.get((region, outlines[region]))):
             found[region] = replace(known, loops=loops)
     new = [region for region in model.trimmed if region not in found]
-    wanted, near = NARROW * plan.limits.thickness, plan.limits.distance
     for region, inside in _inside(net, sheet, fits.lifting, new).items():
         try:
-            face = trimmed_face(model, model.trimmed[region], inside, wanted, near, region in parts)
+            face = trimmed_face(model, model.trimmed[region], inside, fits.wanted, region in parts)
             found[region] = fits.faces[region, outlines[region]] = face
         except ExportError:
             if region not in model.compact:
@@ -258,7 +256,9 @@ class _Fits:
 
     def __init__(self, lifting: Lifting, plan: SmoothPlan) -> None:
         self.lifting, self.limits, self.reach = lifting, plan.limits, REACH * plan.limits.thickness
-        self.fits = LineFits(plan.limits.distance, _wide_box(plan.limits.V), lifting.away)
+        box = _wide_box(plan.limits.V)
+        self.fits = LineFits(plan.limits.distance, box, lifting.away)
+        self.wanted = FaceLimits(NARROW * plan.limits.thickness, plan.limits.distance, box)
         self.points, self.chains = dict[int, Ints](), dict[int, SampledChain]()
         self.faces = dict[tuple[int, bytes], TrimmedFace]()
         self.patched = set[int]()

@@ -17,7 +17,7 @@ from dsfab.export.network.chords import POINTS, HalvedOutline
 from dsfab.export.network.curves import ChainCurve, on_skins, parts_of
 from dsfab.export.network.graph import Loop
 from dsfab.export.network.model import NetEdge, NetModel
-from dsfab.export.network.trimmed import SPLIT, TrimmedFace, misfit, trimmed_face
+from dsfab.export.network.trimmed import SPLIT, FaceLimits, TrimmedFace, misfit, trimmed_face
 
 AT_GAP = 4
 """Places nearest to the widest gap, from which half of the seams that are tried begin."""
@@ -40,17 +40,16 @@ def parted(
     faces: Mapping[int, TrimmedFace],
     inside: Callable[[Sequence[int]], dict[int, Floats]],
     away: Callable[[Floats], Floats],
-    wanted: float,
-    near: float,
+    limits: FaceLimits,
 ) -> list[TrimmedFace]:
     """The faces of regions, those divided of which no edge can be split; the model gets the edges between their parts.
 
-    inside : (k, 6) points inside of regions.    away : see `net_model`.    wanted, near : see `trimmed_face`.
+    inside : (k, 6) points inside of regions.    away : see `net_model`.
     """
     bad = [region for region, face in faces.items() if face.gap > SPLIT and len(face.loops) == 1]
     if not bad:
         return list(faces.values())
-    work, points = _Parting(model, away, wanted, near), inside(bad)
+    work, points = _Parting(model, away, limits), inside(bad)
     parts = {region: work.parts(faces[region], points[region]) for region in bad}
     found = [part for region, face in faces.items() for part in parts.get(region, [face])]
     return work.settled(found)
@@ -59,8 +58,8 @@ def parted(
 class _Parting:
     """Divides regions of a model one after another; halves : of edges that became two, which."""
 
-    def __init__(self, model: NetModel, away: Callable[[Floats], Floats], wanted: float, near: float) -> None:
-        self.model, self.away, self.wanted, self.near = model, away, wanted, near
+    def __init__(self, model: NetModel, away: Callable[[Floats], Floats], limits: FaceLimits) -> None:
+        self.model, self.away, self.limits = model, away, limits
         self.halves = dict[int, tuple[int, int]]()
 
     def parts(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
@@ -97,7 +96,7 @@ class _Parting:
     def _faces(self, loops: Iterable[Loop], points: Floats) -> list[TrimmedFace]:
         """Of parts with one loop each, if all can be made."""
         try:
-            return [trimmed_face(self.model, [loop], points, self.wanted, self.near, True) for loop in loops]
+            return [trimmed_face(self.model, [loop], points, self.limits, True) for loop in loops]
         except ExportError:
             return []
 

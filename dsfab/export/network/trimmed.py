@@ -7,6 +7,7 @@ from scipy.linalg import lstsq
 
 from dsfab.arrays import Bools, Floats
 from dsfab.errors import ExportError
+from dsfab.export.network.domains import FaceDomain, beyond
 from dsfab.export.network.graph import Loop
 from dsfab.export.network.heights import differences, height_rows, places, raised
 from dsfab.export.network.model import NetModel
@@ -52,6 +53,19 @@ SEEN = 0.35
 
 
 @dataclass(frozen=True, eq=False)
+class FaceLimits:
+    """What trimmed faces are asked for, millimetres.
+
+    gap : between them and their edges.    off : what points inside may be off, if it is wider but such that edges can
+    be split.    box : (2, 3) where poles should be.
+    """
+
+    gap: float
+    off: float
+    box: Floats
+
+
+@dataclass(frozen=True, eq=False)
 class TrimmedFace:
     """A region's faces: loops of edges, the outer one first; poles (p + 1, p + 1, 3) of both surfaces, millimetres, and
     axes (3, 3) of these: their planes' and their heights'.
@@ -75,11 +89,10 @@ class TrimmedFace:
 
 
 def trimmed_face(
-    model: NetModel, loops: list[Loop], points: Floats, wanted: float, near: float, part: bool = False
+    model: NetModel, loops: list[Loop], points: Floats, limits: FaceLimits, part: bool = False
 ) -> TrimmedFace:
     """The faces of a region with points (k, 6) inside; raises ExportError where no plane sees it as one outline.
 
-    wanted : gap, millimetres.    near : what points inside may be off, if it is wider but such that edges can be split.
     part : whether the points are those of a larger region that it was cut off from, which may bend away.
     """
     lines = [loop_samples(model, loop) for loop in loops]
@@ -95,7 +108,9 @@ def trimmed_face(
     order = sorted(range(len(loops)), key=lambda i: -area[i])
     if sum(a > 0 for a in area) != 1:
         raise ExportError("a region without four sides has no single outline")
-    surfaces = [_surface(points[:, s : s + 3], edges[:, s : s + 3], axes, wanted, near) for s in (0, 3)]
+    ways = np.concatenate([_ways(model, loop) for loop in loops])
+    skins = (np.s_[:, :3], np.s_[:, 3:])
+    surfaces = [_surface(points[s], edges[s], ways[s], axes, limits) for s in skins]
     (outer, one, *both), (inner, two, *other) = surfaces
     gap, off = np.maximum(both, other).tolist()
     return TrimmedFace([loops[i] for i in order], outer, inner, (one, two), gap, off)
@@ -148,17 +163,30 @@ def signed_area(P: Floats) -> float:
 
 
 def _surface(
-    points: Floats, edges: Floats, axes: Floats, wanted: float, near: float
+    points: Floats, edges: Floats, ways: Floats, axes: Floats, limits: FaceLimits
 ) -> tuple[Floats, Floats, float, float]:
-    """Poles and axes of the surface nearest to points inside and, more so, on the edges; how far the latter and the
-    former are off."""
+    """Poles and axes of the surface nearest to points inside and, more so, on the edges, whose chords are `ways`; how
+    far the latter and the former are off.
+
+    What a surface does beside its outline nothing holds, and programs draw boxes around poles. Where those over a
+    rectangle are out of the box, it is over the parallelogram along two chords that is least out of it.
+    """
     axes = _along_smallest_rectangle(edges - edges.mean(axis=0), axes)
-    origin, low, high, both = _over_square(points, edges, axes)
-    inside = len(both) - len(edges)
-    z, gap, off = _best((both[:, :2] - low) / (high - low), both[:, 2], inside, wanted, near)
-    x, y = (np.linspace(low[i], high[i], len(z)) for i in (0, 1))
-    local = np.stack(np.broadcast_arrays(x[:, None], y[None], z), axis=2)
-    return np.asarray(origin + local @ axes), axes, gap, off
+    over = FaceDomain.of(points, edges, axes, np.eye(2))
+    poles, gap, off = _fitted(over, limits)
+    if (out := beyond(poles, limits.box)) > 0:
+        skew = over.least_beyond(ways @ axes[:2].T, limits.box)
+        other = _fitted(FaceDomain.of(points, edges, axes, skew), limits)
+        close = other[1] <= max(gap, limits.gap) and other[2] <= max(off, limits.off)
+        if close and beyond(other[0], limits.box) < out:
+            poles, gap, off = other
+    return poles, axes, gap, off
+
+
+def _fitted(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
+    """Poles of the best surface over a domain, and how far edges and points inside are off it."""
+    z, gap, off = _best(over.uv, over.z, over.inside, limits.gap, limits.off)
+    return over.lifted(z), gap, off
 
 
 def _heights_over(poles: Floats, axes: Floats, points: Floats) -> Floats:
@@ -167,14 +195,9 @@ def _heights_over(poles: Floats, axes: Floats, points: Floats) -> Floats:
     return np.asarray(points @ axes[2] - rows @ (poles @ axes[2]).ravel())
 
 
-def _over_square(points: Floats, edges: Floats, axes: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-    """The origin, lower and upper corner of a rectangle around edges along axes, and points inside of it and edges
-    there."""
-    origin = edges.mean(axis=0)
-    inside, around = (points - origin) @ axes.T, (edges - origin) @ axes.T
-    low, high = around[:, :2].min(axis=0) - 1, around[:, :2].max(axis=0) + 1
-    inside = inside[((inside[:, :2] > low) & (inside[:, :2] < high)).all(axis=1)]
-    return origin, low, high, np.concatenate([inside, around])
+def _ways(model: NetModel, loop: Loop) -> Floats:
+    """(k, 6) chords of the edges of a loop on both skins."""
+    return np.stack([P[3] - P[0] for P in map(model.poles, loop)])
 
 
 def misfit(points: Floats, line: Floats, degree: int) -> Floats:
@@ -192,8 +215,8 @@ def misfit(points: Floats, line: Floats, degree: int) -> Floats:
 def _misfit(points: Floats, line: Floats, axes: Floats, degree: int) -> Floats:
     """(k,) the same on one skin, with the first weights."""
     axes = _along_smallest_rectangle(line - line.mean(axis=0), axes)
-    _, low, high, both = _over_square(points, line, axes)
-    uv, z, inside = (both[:, :2] - low) / (high - low), both[:, 2], len(both) - len(line)
+    over = FaceDomain.of(points, line, axes, np.eye(2))
+    uv, z, inside = over.uv, over.z, over.inside
     A, weight = height_rows(uv, degree), np.repeat([1.0, BOUNDARY[0]], [inside, len(line)])
     base = _heights(height_rows(uv, BASE), z, np.ones(len(z)), SMOOTH[1], np.zeros((BASE + 1, BASE + 1)))
     poles = _heights(A, z, weight, SMOOTH[0], raised(base, degree))
