@@ -108,14 +108,15 @@ OWN: dict[str, Callable[[], tuple[np.ndarray, np.ndarray]]] = {
 
 
 def design(name: str, step: str, folder: Path) -> "dsfab.Design":
-    """The design of a name."""
+    """The design of a name: one of `OWN`, a mesh, or a preset."""
     path = next((p for p in (Path(name), Path(os.environ.get("DSFAB_MESHES", ".")) / name) if p.is_file()), None)
     if name in OWN:
         V, F = OWN[name]()
         path = folder / f"{name}.obj"
         lines = [*("v {:.9g} {:.9g} {:.9g}".format(*v) for v in V), *("f {} {} {}".format(*(f + 1)) for f in F)]
         path.write_text("\n".join(lines) + "\n")
-    preset = dsfab.preset_for(path) if path else dsfab.load_preset(name)
+    is_mesh = path is not None and path.suffix != ".toml"
+    preset = dsfab.preset_for(path) if is_mesh else dsfab.load_preset(name)
     return dsfab.run(overridden(preset, {"export.step": step}))
 
 

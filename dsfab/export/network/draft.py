@@ -1,12 +1,11 @@
 """The text of a part by members, which nobody has checked."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 from weakref import WeakSet
 
 import numpy as np
-from scipy.sparse import csr_array, vstack
 
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError
@@ -17,6 +16,7 @@ from dsfab.export.network.dividing import divided
 from dsfab.export.network.fillets import without_fillets
 from dsfab.export.network.flush import flush_at_corners
 from dsfab.export.network.graph import VOID, ChainNet, net_of
+from dsfab.export.network.interior import Interior
 from dsfab.export.network.joining import joined_outlines, without_lenses
 from dsfab.export.network.lifting import Lifting
 from dsfab.export.network.line_fits import LineFits
@@ -49,9 +49,6 @@ NARROW = 1 / 4000
 
 LENS = 1 / 3
 """Width of a region between two chains that is no region, as a share of the thickness."""
-
-INNER = ((1 / 3, 1 / 3, 1 / 3), (2 / 3, 1 / 6, 1 / 6), (1 / 6, 2 / 3, 1 / 6), (1 / 6, 1 / 6, 2 / 3))
-"""Barycentric weights of the points where a trimmed face is held in each cell: with the middle alone it may wave."""
 
 PASSES = 3
 """Looks at outlines that cross themselves; what one pass joins or leaves whole may cross anew."""
@@ -92,14 +89,17 @@ def member_plan(part: Part) -> SmoothPlan:
     return SmoothPlan(replace(part, hurry=0))
 
 
-def member_draft(part: Part, plan: SmoothPlan) -> MemberDraft:
+def member_draft(part: Part, plan: SmoothPlan, fine: bool = False) -> MemberDraft:
     """The file of a part before it is checked; raises ExportError where it cannot be made, and ManyFacesError
-    where nobody asked for so large a one."""
+    where nobody asked for so large a one.
+
+    fine : whether trimmed faces are near to many points of long triangles, see `interior`.
+    """
     with one_blas_thread():  # thousands of small systems
-        return _draft(part, plan)
+        return _draft(part, plan, fine)
 
 
-def _draft(part: Part, plan: SmoothPlan) -> MemberDraft:
+def _draft(part: Part, plan: SmoothPlan, fine: bool) -> MemberDraft:
     if plan.curved.striped is None:
         raise ExportError("STEP by members needs the stripes of the sheet, and these are not known")
     lifting = Lifting.of(plan.surface, plan.curved)
@@ -109,7 +109,7 @@ def _draft(part: Part, plan: SmoothPlan) -> MemberDraft:
         net = _net(sheet, lifting, plan)
         walls = sum(chain.right == VOID for chain in net.chains.values())
         _require_few(part, 2 * len(net.loops) + int(FEWER_WALLS * walls))
-        model, surfaces = _solid(part, net, sheet, lifting, plan)
+        model, surfaces = _solid(part, net, Interior(sheet, lifting, plan.limits.thickness, fine), plan)
         added = NetText(new, model, plan.limits.thickness).faces(surfaces)
         faces += added
         shells += [count] * len(added)
@@ -163,11 +163,9 @@ def _net(sheet: StripedSheet, lifting: Lifting, plan: SmoothPlan) -> ChainNet:
     return straightened(level(net, sheet, lifting, plan.limits), lifting, t)
 
 
-def _solid(
-    part: Part, net: ChainNet, sheet: StripedSheet, lifting: Lifting, plan: SmoothPlan
-) -> tuple[NetModel, list[TrimmedFace]]:
+def _solid(part: Part, net: ChainNet, interior: Interior, plan: SmoothPlan) -> tuple[NetModel, list[TrimmedFace]]:
     """The model of a piece, and its faces without four sides."""
-    fits = _Fits(lifting, plan)
+    fits = _Fits(interior.lifting, plan)
     lines, model = fits.model(net)
     _require_few(part, int(FEWER_FACES * model.faces))
     known = dict[int, bytes]()
@@ -180,19 +178,17 @@ def _solid(
         net, known = sound, outlines
         lines, model = fits.model(net)
     net, model = _divided(net, lines, model, fits, plan)
-    faces = _trimmed_faces(net, model, sheet, fits, plan)
+    faces = _trimmed_faces(net, model, interior, fits)
     bad = {region for region in model.compact if not _close(faces.get(region), plan)}
     if bad:
         fits.patched |= bad
         _, model = fits.model(net)
-        faces = _trimmed_faces(net, model, sheet, fits, plan)
-    inside = partial(_inside, net, sheet, lifting)
-    return in_order(*flush_at_corners(model, parted(model, faces, inside, lifting.away, fits.wanted)))
+        faces = _trimmed_faces(net, model, interior, fits)
+    inside = partial(interior.points, net)
+    return in_order(*flush_at_corners(model, parted(model, faces, inside, fits.lifting.away, fits.wanted)))
 
 
-def _trimmed_faces(
-    net: ChainNet, model: NetModel, sheet: StripedSheet, fits: "_Fits", plan: SmoothPlan
-) -> dict[int, TrimmedFace]:
+def _trimmed_faces(net: ChainNet, model: NetModel, interior: Interior, fits: "_Fits") -> dict[int, TrimmedFace]:
     """By region; none of one that no surface is near to, but has four sides."""
     found, parts = dict[int, TrimmedFace](), {*net.parent, *net.parent.values()}
     outlines = {region: model.outline(loops) for region, loops in model.trimmed.items()}
@@ -200,7 +196,7 @@ def _trimmed_faces(
         if len(loops) == 1 and (known := fits.faces.get((region, outlines[region]))):
             found[region] = replace(known, loops=loops)
     new = [region for region in model.trimmed if region not in found]
-    for region, inside in _inside(net, sheet, fits.lifting, new).items():
+    for region, inside in interior.points(net, new).items():
         try:
             face = trimmed_face(model, model.trimmed[region], inside, fits.wanted, region in parts)
             found[region] = fits.faces[region, outlines[region]] = face
@@ -280,15 +276,3 @@ def _wide_box(V: Floats) -> Floats:
     low, high = V.min(axis=0), V.max(axis=0)
     more = BEYOND * float(np.linalg.norm(high - low))
     return np.stack([low - more, high + more])
-
-
-def _inside(net: ChainNet, sheet: StripedSheet, lifting: Lifting, regions: Sequence[int]) -> dict[int, Floats]:
-    """By region, (k, 6) points of the skins over its cells, `INNER` of each; all are found at once."""
-    if not regions:
-        return {}
-    cells = [np.flatnonzero(net.cell == net.parent.get(region, region)) for region in regions]
-    F: Ints = sheet.F[np.concatenate(cells)]
-    a, b, c = (sheet.weights[F[:, i]] for i in range(3))
-    points = lifting.points(csr_array(vstack([a * u + b * v + c * w for u, v, w in INNER], format="csr")))
-    each = np.split(points.reshape(len(INNER), len(F), 6), np.cumsum([len(some) for some in cells])[:-1], axis=1)
-    return {region: some.reshape(-1, 6) for region, some in zip(regions, each, strict=True)}

@@ -1,0 +1,66 @@
+"""STEP by members: points inside of regions near which trimmed faces are, and a second try with more of them."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from dsfab.errors import ExportError
+from dsfab.export.network import build
+from dsfab.export.network.interior import INNER, MORE, Interior
+from dsfab.export.network.lifting import Lifting
+from dsfab.export.smooth.plan import SmoothPlan
+from tests.test_export_network import cylinder_strip, draft_of, striped
+
+
+def test_long_cells_have_more_points_where_faces_are_to_be_fine():
+    given = cylinder_strip()
+    part, _, _ = draft_of(given, striped(given))
+    plan = SmoothPlan(part)
+    sheet = plan.curved.striped()
+    few = Interior(sheet, Lifting.of(plan.surface, plan.curved), 1.0)
+    net = SimpleNamespace(cell=np.arange(len(sheet.F)) % 3, parent={7: 1})
+    regions = [2, 0, 7]
+    cells = [int((net.cell == net.parent.get(k, k)).sum()) for k in regions]
+    for interior, each in ((few, INNER), (replace(few, fine=True), INNER + MORE)):
+        found = interior.points(net, regions)
+        assert list(found) == regions
+        assert [len(found[k]) for k in regions] == [len(each) * count for count in cells]
+        for k in regions:
+            np.testing.assert_array_equal(found[k], interior.points(net, [k])[k], "each has its own")
+    thick = replace(few, fine=True, thickness=1e9).points(net, regions)
+    assert [len(some) for some in thick.values()] == [len(INNER) * count for count in cells]
+    assert few.points(net, []) == {}
+
+
+def test_weights_are_inside_of_a_cell_and_different():
+    weights = np.array(INNER + MORE)
+    np.testing.assert_allclose(weights.sum(axis=1), 1)
+    assert weights.min() > 0
+    assert len(np.unique(weights.round(6), axis=0)) == len(weights)
+
+
+def test_a_file_that_is_too_far_off_is_tried_once_more_with_finer_faces(monkeypatch):
+    given = cylinder_strip()
+    part, _, _ = draft_of(given, striped(given))
+    tried = []
+
+    def drafted(part, plan, fine):
+        tried.append(fine)
+        if not fine:
+            raise build._StrayError("by members it is 7.5 mm off the mesh")
+        return "a file"
+
+    monkeypatch.setattr(build, "_tried", drafted)
+    assert build._accepted(part) == "a file"
+    assert tried == [False, True]
+
+    def refused(part, plan, fine):
+        tried.append(fine)
+        raise ExportError("OCCT finds the solid by members invalid")
+
+    monkeypatch.setattr(build, "_tried", refused)
+    with pytest.raises(ExportError, match="invalid"):
+        build._accepted(part)
+    assert tried == [False, True, False], "not for other reasons"
