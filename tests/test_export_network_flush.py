@@ -45,6 +45,18 @@ def test_at_corners_a_face_is_on_its_edges_as_far_as_a_fillet_goes():
     assert sorted(found.loops[0]) == sorted(step for wall in model.walls for step in wall.steps)
 
 
+def test_inside_a_face_stays_where_it_was(monkeypatch):
+    """Of a sphere one went 1.4 mm away to run through four edges; where it has to, it is left as it is."""
+    old, face = given(0.03)
+    _, (found,) = flush_at_corners(old, [face])
+    inside = np.array([[x, y, 0.0] * 2 for x in (20, 50, 80) for y in (20, 50, 80)])
+    assert found.exact
+    assert np.abs(found.gaps(inside) - face.gaps(inside)).max() < found.gap
+    monkeypatch.setattr("dsfab.export.network.flush.MOVED", 1e-6)
+    _, (kept,) = flush_at_corners(old, [face])
+    assert not kept.exact
+
+
 def test_a_face_that_would_be_too_far_off_its_other_edges_stays():
     old, face = given(30.0)
     _, (found,) = flush_at_corners(old, [face])

@@ -39,6 +39,15 @@ FAST, SMOOTH, SMALL = 1e6, 1e-2, 1e-4
 """Weights of places where it is held, of second differences of what poles move by, and of that itself, against 1 of
 points along edges."""
 
+HOLD = np.stack(np.meshgrid(*[np.linspace(0, 1, 13)] * 2), axis=2).reshape(-1, 2)
+"""Where else a surface is held where it was, over all of its domain: of a sphere of 2 m one went 1.4 mm away."""
+
+INSIDE = np.array([0.3, 0.5, 0.7, 0.85, 0.95])
+"""Where that is measured: shares of the way from the middle of an outline to it."""
+
+MOVED = 1 / 400
+"""Share of the thickness that it may move there."""
+
 MORE = 6
 """Degrees that a surface gets more, at most."""
 
@@ -93,9 +102,11 @@ def _flush(face: TrimmedFace, model: NetModel, held: Iterable[int]) -> TrimmedFa
         return face
     at, asked = (np.concatenate([bernstein(x) @ P for P in mine]) for x in (HELD, ASKED))
     edges = np.concatenate([loop_samples(model, loop) for loop in face.loops])
-    two = list[Floats]()
+    middle, two = edges.mean(axis=0), list[Floats]()
+    inside = (middle + INSIDE[:, None, None] * (edges - middle)).reshape(-1, 6)
+    most = MOVED * float(np.linalg.norm(middle[:3] - middle[3:]))
     for poles, axes, s in ((face.outer, face.axes[0], np.s_[:, :3]), (face.inner, face.axes[1], np.s_[:, 3:])):
-        on = _through(poles, axes, at[s], asked[s], edges[s])
+        on = _through(poles, axes, (at[s], asked[s], edges[s], inside[s]), most)
         if on is None:
             return face
         two.append(on)
@@ -103,24 +114,25 @@ def _flush(face: TrimmedFace, model: NetModel, held: Iterable[int]) -> TrimmedFa
     return replace(new, gap=float(np.abs(new.gaps(edges)).max()))
 
 
-def _through(poles: Floats, axes: Floats, at: Floats, asked: Floats, edges: Floats) -> Floats | None:
-    """Poles of a surface through points `at`, near to the given one and to points along edges, if it is off `asked` by
-    less than `NEARLY`; all points are (k, 3)."""
+def _through(poles: Floats, axes: Floats, points: tuple[Floats, ...], most: float) -> Floats | None:
+    """Poles of a surface through the first points, that is off the second ones by less than `NEARLY`; near to the third
+    ones, of the edges, and nowhere at the last ones, inside, farther than `most` from the given one. All are (k, 3)."""
     local, count, best = poles @ axes.T, len(poles), None
-    three = [places(poles, axes, points) for points in (at, asked, edges)]
-    heights = [points @ axes[2] for points in (at, asked, edges)]
-    least = np.inf
+    each, heights = [places(poles, axes, some) for some in points], [some @ axes[2] for some in points]
+    least, old = np.inf, height_rows(each[3], count - 1) @ local[..., 2].ravel()
     for degree in range(count - 1, count + MORE):
         new = np.stack([raised(local[..., i], degree) for i in range(3)], axis=2)
-        rows = [height_rows(uv, degree) for uv in three]
-        off = [z - A @ new[..., 2].ravel() for z, A in zip(heights, rows, strict=True)]
-        calm = [SMOOTH * differences(degree + 1), SMALL * np.eye((degree + 1) ** 2)]
+        on, asked, along, inside = (height_rows(uv, degree) for uv in each)
+        off = [z - A @ new[..., 2].ravel() for z, A in zip(heights, (on, asked, along), strict=False)]
+        calm = [SMOOTH * differences(degree + 1), SMALL * np.eye((degree + 1) ** 2), height_rows(HOLD, degree)]
         right = np.concatenate([FAST * off[0], off[2], np.zeros(sum(map(len, calm)))])
-        A = np.concatenate([FAST * rows[0], rows[2], *calm])
-        more = lstsq(A, right, lapack_driver="gelsd", cond=1e-15, check_finite=False)[0]
-        left = [float(np.abs(z - A @ more).max()) for z, A in zip(off, rows, strict=True)]
-        if left[2] <= SPLIT and left[1] < least:
-            new[..., 2] += more.reshape(new.shape[:2])
+        more = lstsq(
+            np.concatenate([FAST * on, along, *calm]), right, lapack_driver="gelsd", cond=1e-15, check_finite=False
+        )[0]
+        left = [float(np.abs(z - A @ more).max()) for z, A in zip(off, (on, asked, along), strict=True)]
+        new[..., 2] += more.reshape(new.shape[:2])
+        moved = float(np.abs(inside @ new[..., 2].ravel() - old).max())
+        if left[2] <= SPLIT and moved <= most and left[1] < least:
             best, least = new @ axes, left[1]
         if least < EXACT:
             break
