@@ -58,7 +58,7 @@ WHOLE = 0.1
 def flush_at_corners(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
     """The same solid, whose edges at sharp corners beside trimmed faces are cut, and these faces on what is there.
 
-    Where no degree does it within `SPLIT` a face stays as it is.
+    Where no degree does it within `SPLIT`, or only if the inside moves by more than `MOVED`, a face stays as it is.
     """
     beside = {e for face in faces for loop in face.loops for e, _ in loop}
     near = {v for e in beside for v in (model.edges[e].start, model.edges[e].end)}
@@ -82,12 +82,7 @@ def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
     for end, half in enumerate(halves):
         if half:
             away = np.linalg.norm(line - line[-end], axis=1)[:: -1 if end else 1]
-            beyond = int(np.argmax(away > radius * half))  # 0 where none is
-            x = (
-                float(np.interp(radius * half, away[beyond - 1 : beyond + 1], ASKED[beyond - 1 : beyond + 1]))
-                if beyond
-                else 1.0
-            )
+            x = float(np.interp(radius * half, np.maximum.accumulate(away), ASKED))  # 1 where the edge is shorter
             if x > 1 - WHOLE:
                 return []
             found.append(1 - x if end else x)
