@@ -33,6 +33,7 @@ from dsfab.app.editor.payload import colours, creased, model, packed, widths
 from dsfab.app.editor.server import EditorServer
 from dsfab.app.editor.session import Session
 from dsfab.app.editor.source import MeshRequest, Opened, open_preset, opened_mesh, opened_shipped
+from dsfab.app.hops.server import HopsHandler
 from dsfab.app.options import Source
 from dsfab.errors import DsfabError, PresetError
 from dsfab.export import write
@@ -512,6 +513,20 @@ def test_fifty_clients_may_wait_at_the_door(idle):
     with contextlib.ExitStack() as stack:
         for _ in range(50):
             stack.enter_context(socket.create_connection(idle.server_address, timeout=0.5))
+
+
+@pytest.mark.parametrize("handler", [doors.Handler, HopsHandler])
+def test_answers_do_not_wait_for_word_of_their_heads(handler):
+    """A body is sent after its head: by Nagle's rule it waits for the head's receipt, which may take 40 ms."""
+    with socket.create_server(("127.0.0.1", 0)) as door, socket.create_connection(door.getsockname()) as client:
+        here, address = door.accept()
+        with here:
+            made = handler.__new__(handler)  # its constructor would answer, too
+            made.request, made.client_address = here, address
+            made.setup()
+            assert here.getsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY)
+            made.finish()
+        assert client.recv(1) == b""
 
 
 def test_fifty_clients_at_once_are_answered(server):

@@ -537,12 +537,19 @@ def test_light_on_a_crease_is_that_of_its_faces(tab):
 
 @pytest.mark.slow
 def test_stripes_cost_little_more_than_the_plain_mesh(tab):
-    """The least of many frames, drawn in turns; tests/benchmarks/editor_frames.py measures larger meshes."""
+    """The least of many frames, drawn in turns: of more where a busy machine disturbs those of one kind.
+
+    tests/benchmarks/editor_frames.py measures larger meshes.
+    """
     from tests.benchmarks.editor_frames import MEASURE
 
-    told = tab.run(MEASURE.replace("ROUNDS", "12"))
-    assert told["stripes"][1] < 1.3 * told["plain"][1]
-    assert told["stripesAll"][1] < 1.3 * told["plainAll"][1]
+    least = {}
+    for _ in range(6):
+        told = tab.run(MEASURE.replace("ROUNDS", "12"))
+        least = {name: min(told[name][1], least.get(name, np.inf)) for name in told if name != "triangles"}
+        if all(least[f"stripes{what}"] < 1.3 * least[f"plain{what}"] for what in ("", "All")):
+            return
+    pytest.fail(f"milliseconds of frames: {least}")
 
 
 DROP = """(() => {

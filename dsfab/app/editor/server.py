@@ -76,6 +76,7 @@ class Handler(BaseHTTPRequestHandler):
     server_version = "dsfab"
     sys_version = ""
     timeout = 60
+    disable_nagle_algorithm = True  # else a body waits up to 40 ms until the browser has told that it has the head
 
     def do_GET(self) -> None:
         """Answer a GET, guarded."""

@@ -55,6 +55,7 @@ class HopsHandler(BaseHTTPRequestHandler):
     server_version = "dsfab"
     sys_version = ""
     timeout = 60
+    disable_nagle_algorithm = True  # else an answer waits up to 40 ms until Hops has told that it has the head
 
     def log_message(self, format: str, *args: object) -> None:
         """Silence: the terminal is for the person."""
