@@ -33,6 +33,7 @@ from dsfab.export.plate import NotFlatError
 from dsfab.export.smooth import build, plan
 from dsfab.export.smooth.occt_check import OcctFinding
 from dsfab.limits import OFF_SURFACE
+from dsfab.surface.shapes.closed import sphere
 from dsfab.surface.shapes.roofs import barrel_vault
 from tests.smooth import THICKNESS, holed, thickened
 from tests.test_export import quick_step  # noqa: F401
@@ -87,7 +88,7 @@ def test_smooth_is_made_however_long_it_takes_when_planar_faces_are_too_many(tmp
 
 
 def test_members_are_tried_before_the_smooth_solid_and_facets(slow_vault):
-    """By `auto` alone, and where the stripes are known."""
+    """By `auto`, and by `quick` for what is open: where the stripes are known."""
     solid, curved = slow_vault
     striped = replace(curved(), striped=lambda: pytest.fail("stripes were asked for"))
     part = ladder.prepare(part_of(solid, "a", STEP_FACES))
@@ -97,7 +98,11 @@ def test_members_are_tried_before_the_smooth_solid_and_facets(slow_vault):
 
     assert tried("auto", lambda: striped) == [("members", 1), ("smooth", 1), ("faceted", 0)]
     assert tried("auto", lambda: replace(striped, striped=None))[:2] == [("smooth", 1), ("faceted", 0)]
-    assert tried("quick", lambda: striped)[:2] == [("smooth", ladder.LONGER), ("faceted", 0)]
+    assert tried("quick", lambda: striped) == [("members", 1), ("smooth", ladder.LONGER), ("faceted", 0)]
+    ball = sphere(1.0, 0.9)
+    round_one = replace(striped, V=ball.V, F=ball.F)
+    assert tried("quick", lambda: round_one)[:2] == [("smooth", ladder.LONGER), ("faceted", 0)]
+    assert tried("auto", lambda: round_one)[0] == ("members", 1)
 
 
 def test_members_too_many_to_be_tried_at_first_are_made_before_smooth_however_long(slow_vault, monkeypatch):

@@ -5,7 +5,7 @@ planar -> planar, tighter -> by members, where these are few -> smooth, where it
 by members -> smooth, however long it takes -> faceted, where it is asked for by name
 
 That is `auto`, by members only where the stripes are known. `quick` is the same without the last two that take long,
-and by members only where an open sheet has creases: a smooth file rounds them off. The next way is tried
+and by members only where the sheet is open: of a closed one, a figure, members are many. The next way is tried
 when one is refused: for the shape, by the budget, before anything is written, or for what OCCT finds in the file.
 """
 
@@ -19,7 +19,6 @@ from dsfab.export import tessellated
 from dsfab.export.budget import BudgetError, none_within
 from dsfab.export.folds import flat_facets, folded_sheet
 from dsfab.export.network.build import NotByMembersError, member_file
-from dsfab.export.network.creases import crease_edges
 from dsfab.export.network.draft import has_too_many
 from dsfab.export.part import Part, without_collapsed
 from dsfab.export.plate import NotFlatError, outlines_of
@@ -102,13 +101,14 @@ def attempts(part: Part) -> Iterator[Part | BudgetError]:
 
 
 def _worth_members(part: Part) -> bool:
-    """Whether a part is tried by members unasked: the stripes of its sheet are known, and for `quick` it was cut from
-    an open surface with creases; those of a closed one, a figure, are many."""
+    """Whether a part is tried by members unasked: the stripes of its sheet are known, and for `quick` it is open.
+
+    A smooth file is there in half of the time, and CAD programs fail to cut it: of 24 half-spaces one was left valid.
+    """
     curved = _curved(part)
     if curved is None or curved.striped is None:
         return False
-    surface = Surface(curved.V, curved.F)
-    return part.step == "auto" or bool(surface.edges.boundary.any() and crease_edges(surface).any())
+    return part.step == "auto" or bool(Surface(curved.V, curved.F).edges.boundary.any())
 
 
 def _striped(part: Part) -> bool:
