@@ -90,6 +90,16 @@ def test_the_chord_error_that_counts_is_that_of_the_triangle_where_a_point_is():
     assert limits.allowed(np.array([[5.0, -0.1, 0], [5, 0.2, 0.1]])) == pytest.approx([3.0, 1.25])
 
 
+def test_what_is_allowed_where_the_mesh_is_coarsest_is_told_if_it_is_far_more():
+    """A file 7 mm off was said to be allowed 2 mm and usually 1."""
+    V, F = np.zeros((3, 3)), np.zeros((20, 3), dtype=np.int64)
+    chord = np.append(np.full(19, 0.3), 9.0)
+    told = Limits(20.0, 1.0, V, F, chord, np.zeros(20)).told
+    assert told == "allowed are 1 mm and the mesh's own chord error, usually under 0.3 mm, 9 mm where it is coarsest"
+    even = Limits(20.0, 1.0, V, F, np.full(20, 0.3), np.zeros(20)).told
+    assert even == "allowed are 1 mm and the mesh's own chord error, usually under 0.3 mm"
+
+
 def test_what_is_left_where_three_borders_meet_goes_to_a_chart_that_is_there():
     """Chart 3 is largest at no corner of face 1, nor is it near."""
     F = np.array([[0, 1, 2], [1, 3, 2]])

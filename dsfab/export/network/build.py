@@ -58,8 +58,7 @@ class MemberFile:
         some = f", {self.trimmed} of its {self.faces} faces trimmed" if self.trimmed else ""
         return (
             f"four-sided patches on shared curves{some}; at most {self.there:.2g} mm off the mesh and the mesh "
-            f"{self.back:.2g} mm off it (allowed are {self.limits.distance:.2g} mm and the mesh's own chord error, "
-            f"usually under {self.limits.usual:.2g} mm); {self.used}"
+            f"{self.back:.2g} mm off it ({self.limits.told}); {self.used}"
         )
 
 

@@ -49,9 +49,8 @@ class SmoothPieceFile:
         some = "" if self.smooth == self.pieces else f"{self.smooth} of {self.pieces} pieces, the rest faceted, "
         why = f" ({self.refused})" if self.refused else ""
         return (
-            f"{some}at most {self.there:.2g} mm off the mesh and the mesh {self.back:.2g} mm off it (allowed are "
-            f"{self.limits.distance:.2g} mm and the mesh's own chord error, usually under {self.limits.usual:.2g} mm); "
-            f"gaps under {self.gap:.2g} mm{why}"
+            f"{some}at most {self.there:.2g} mm off the mesh and the mesh {self.back:.2g} mm off it "
+            f"({self.limits.told}); gaps under {self.gap:.2g} mm{why}"
         )
 
 

@@ -16,6 +16,9 @@ from dsfab.units import MM_PER_M
 MOST_CHORD = 1 / 4
 """No more of the mesh's own chord error counts, as a share of the thickness: at creases it is no such thing."""
 
+COARSE = 2
+"""Times the usual chord error from which the largest is told, too."""
+
 
 @dataclass(frozen=True, eq=False)
 class Limits:
@@ -37,6 +40,14 @@ class Limits:
     def usual(self) -> float:
         """The chord error that nine of ten triangles stay under."""
         return float(np.percentile(self.chord, 90))
+
+    @property
+    def told(self) -> str:
+        """What is allowed, as part of a sentence: where triangles are coarse, or at creases, it is far more."""
+        most = float(self.chord.max())
+        some = f"usually under {self.usual:.2g} mm" if self.usual > 0 else "usually none"
+        more = f", {most:.2g} mm where it is coarsest" if most > COARSE * self.usual and most > self.distance else ""
+        return f"allowed are {self.distance:.2g} mm and the mesh's own chord error, {some}{more}"
 
     def allowed(self, points: Floats) -> Floats:
         """(k,) how far points may be off: the chord error of the triangle where they are counts.
