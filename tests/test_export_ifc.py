@@ -70,6 +70,19 @@ def test_the_geometry_kernel_finds_the_box_where_it_is(tmp_path):
     assert points.max(axis=0) == pytest.approx([1.2, -1.7, 0.55])
 
 
+def test_a_survey_finds_the_site(tmp_path):
+    """Coordinates are about an origin of their own; the file says where that is, east, north and up."""
+    from ifcopenshell.util.geolocation import auto_xyz2enh
+
+    site = (452_341.0, 5_567_120.0, 212.5)
+    path = write(box(), tmp_path / "a.ifc", details=replace(STEEL, origin=site))
+    assert faults(path) == []
+    model = ifcopenshell.open(str(path))
+    assert auto_xyz2enh(model, 1500.0, -250.0, 2000.0) == pytest.approx((452_342.5, 5_567_119.75, 214.5), abs=1e-6)
+    here = ifcopenshell.open(str(write(box(), tmp_path / "b.ifc", details=STEEL)))
+    assert not here.by_type("IfcCoordinateOperation")
+
+
 def test_what_is_not_known_is_left_out(tmp_path):
     model = ifcopenshell.open(str(write(box(), tmp_path / "a.ifc")))
     assert not model.by_type("IfcMaterial")

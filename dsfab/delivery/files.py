@@ -27,6 +27,7 @@ from dsfab.limits import OUTLINE
 from dsfab.members import striped_cells
 from dsfab.pipeline.design import Design
 from dsfab.preset import Export
+from dsfab.preset_surface import FileSurface
 from dsfab.results import PatternResult
 from dsfab.slicing import Sheet, cut
 from dsfab.slicing.corners import outline_corners, outline_labels
@@ -83,7 +84,8 @@ def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str,
         return design.sheet.surface, {"details": told(design)}
     if takes == "mesh":
         corners = outline_corners(design.sheet, design.surface)
-        details = Details(measures=_measures(design), records={"material": design.preset.statics.material})
+        made_of = {"material": design.preset.statics.material}
+        details = Details(measures=_measures(design), records=made_of, origin=_origin(design))
         step = replace(step_options(ask), corners=corners, curved=partial(curved_design, design))
         return design.solid, {"step": step, "details": details}
     tolerance = ask.step_tolerance or OUTLINE * design.preset.statics.thickness
@@ -96,7 +98,10 @@ def body_details(design: Design) -> Details:
     """Members as bodies, with what is known of them and what they are made of."""
     tolerance = design.preset.export.step_tolerance or OUTLINE * design.preset.statics.thickness
     records = graph_records(design.members) | {"material": design.preset.statics.material}
-    return Details(tolerance=tolerance, measures=_measures(design), records=records, shapes=member_shapes(design))
+    shapes = member_shapes(design)
+    return Details(
+        tolerance=tolerance, measures=_measures(design), records=records, shapes=shapes, origin=_origin(design)
+    )
 
 
 _OF_SHEET: dict[Takes, Callable[[Design], Details]] = {
@@ -113,6 +118,12 @@ _OF_SHEET: dict[Takes, Callable[[Design], Details]] = {
 def step_options(ask: Export) -> StepOptions:
     """How STEP is made, as the preset has it."""
     return StepOptions(ask.step, ask.step_faces, ask.step_tolerance, ask.step_mb)
+
+
+def _origin(design: Design) -> tuple[float, float, float]:
+    """Metres, of a mesh file with a survey's coordinates; shapes have none."""
+    surface = design.preset.surface
+    return surface.origin if isinstance(surface, FileSurface) else (0.0, 0.0, 0.0)
 
 
 def _measures(design: Design) -> dict[str, float]:

@@ -47,7 +47,7 @@ def encode(part: Part) -> Iterator[bytes]:
     new, measures = Numbered(1), part.details.measures
     yield beginning(part.name, __version__).encode()
     naming = partial(identifier, part.name)
-    at = building(new, part.name, measures, naming, part.details.records.get("material") or "material")
+    at = building(new, part.name, part.details, naming)
     elements = []
     for i, shells in enumerate(solids):
         used, corner = np.unique(part.F[np.isin(shell, shells)], return_inverse=True)

@@ -4,6 +4,7 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import NamedTuple
 
 from dsfab.arrays import Floats, Ints
+from dsfab.export.part import Details
 from dsfab.export.step_pieces import Numbered, quoted
 from dsfab.export.text import listed_rows, one_line
 from dsfab.units import MM_PER_M
@@ -44,16 +45,16 @@ def beginning(name: str, version: str) -> str:
     )
 
 
-def building(
-    new: Numbered, name: str, measures: Mapping[str, float], naming: Naming, material: str = "material"
-) -> Place:
+def building(new: Numbered, name: str, details: Details, naming: Naming) -> Place:
     """Units, project, site and building around the elements, and what all of these share."""
-    title = quoted(one_line(name))
+    title, measures = quoted(one_line(name)), details.measures
     units = ",".join(f"#{k}" for k in _units(new))
     origin = new.add("IFCCARTESIANPOINT((0.,0.,0.))")
     axes = new.add(f"IFCAXIS2PLACEMENT3D(#{origin},$,$)")
     context = new.add(f"IFCGEOMETRICREPRESENTATIONCONTEXT($,'Model',3,1.E-05,#{axes},$)")
     body = new.add(f"IFCGEOMETRICREPRESENTATIONSUBCONTEXT('Body','Model',*,*,*,*,#{context},$,.MODEL_VIEW.,$)")
+    if any(details.origin):
+        _on_site(new, context, details.origin)
     assignment = new.add(f"IFCUNITASSIGNMENT(({units}))")
     project = new.add(f"IFCPROJECT('{naming('project')}',$,'{title}',$,$,$,$,(#{context}),#{assignment})")
     placement = new.add(f"IFCLOCALPLACEMENT($,#{axes})")
@@ -62,7 +63,7 @@ def building(
     new.add(f"IFCRELAGGREGATES('{naming('sites')}',$,$,$,#{project},(#{site}))")
     new.add(f"IFCRELAGGREGATES('{naming('buildings')}',$,$,$,#{site},(#{house}))")
     style = surface_style(new, "structure", (0.62, 0.66, 0.7))
-    made_of = _material(new, measures, material)
+    made_of = _material(new, measures, details.records.get("material") or "material")
     part = new.add(f"IFCLOCALPLACEMENT(#{placement},#{axes})")
     return Place(body, house, placement, part, made_of, _properties(new, measures, naming), style)
 
@@ -78,6 +79,14 @@ def roof(new: Numbered, at: Place, name: str, elements: list[int], naming: Namin
         new.add(f"IFCRELASSOCIATESMATERIAL('{naming('made of')}',$,$,$,({listed}),#{at.material})")
     if at.properties:
         new.add(f"IFCRELDEFINESBYPROPERTIES('{naming('properties of all')}',$,$,$,({listed}),#{at.properties})")
+
+
+def _on_site(new: Numbered, context: int, origin: tuple[float, float, float]) -> None:
+    """Where the model lies in the coordinates of a survey, metres; which one that is nobody said."""
+    metre = new.add("IFCSIUNIT(*,.LENGTHUNIT.,$,.METRE.)")
+    survey = new.add(f"IFCPROJECTEDCRS('unknown','that of the mesh file',$,$,$,$,#{metre})")
+    east, north, up = map(real, origin)
+    new.add(f"IFCMAPCONVERSION(#{context},#{survey},{east},{north},{up},1.,0.,{real(1 / MM_PER_M)})")
 
 
 def surface_style(new: Numbered, name: str, colour: tuple[float, float, float]) -> int:

@@ -39,6 +39,7 @@ class Details:
     records   : notes, members and nodes, see `dsfab.delivery.member_records`, in millimetres; or section forces or
                 beams, see `dsfab.delivery.forces` and `beam_records`, in SI units; of solids `material`, its name.
     shapes    : members as bodies, metres.
+    origin    : metres; where the file's origin lies on its site, in the coordinates of a survey (east, north, up).
     """
 
     lines: tuple[StructureLine, ...] = ()
@@ -48,6 +49,7 @@ class Details:
     measures: Mapping[str, float] = field(default_factory=dict)
     records: Mapping[str, Any] = field(default_factory=dict)
     shapes: tuple[MemberShape, ...] = ()
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def scaled(self, factor: float) -> "Details":
         """The same with `lines`, `shapes` and `tolerance` in another unit of length."""

@@ -55,6 +55,9 @@ def _surface_read(given: OwnSurface, log: Log | None) -> Surface:
         log.file = found.record
         for remark in found.record.remarks:
             log.note("surface", f"{given.file.name}, {remark}")
+        if any(given.origin):
+            at = ", ".join(f"{x:,.10g}".replace(",", " ") for x in given.origin)
+            log.note("surface", f"files are about ({at}) m of the mesh: move what goes back by that; IFC files say it")
     return found.surface
 
 

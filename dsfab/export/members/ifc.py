@@ -36,7 +36,7 @@ def encode(part: Part) -> Iterator[bytes]:
     new, details = Numbered(1), part.details
     naming = partial(identifier, f"{part.name} members")
     yield beginning(part.name, __version__).encode()
-    at = building(new, part.name, details.measures, naming, details.records.get("material") or "material")
+    at = building(new, part.name, details, naming)
     entries, drawings = member_entries(part), details.records.get("files", {})
     layers = dict.fromkeys(shape.layer for shape in details.shapes)
     styles = {name: surface_style(new, name, _tint(name)) for name in layers}
