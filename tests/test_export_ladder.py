@@ -327,5 +327,7 @@ def test_who_cuts_in_cad_is_told_the_way_that_helps(slow_vault):
     assert ladder.way_to_cut(striped, []) == ladder.way_to_cut(striped, [few]) == "write step = 'members'"
     assert ladder.way_to_cut(striped, [few, vain]) == "write step = 'faceted'"
     assert ladder.way_to_cut(part, []) == "write step = 'faceted'"
+    assert ladder.reasons([few, vain]) == ["too many faces: ask for step = 'members'", "invalid"]
+    assert ladder._not_by_members([NotByMembersError("by members it is off")]) == "; not by members, since it is off"
     assert ladder.way_to_cut(striped, [BudgetError(part, 11)]) == "raise step_faces and write step = 'members'"
     assert ladder.way_to_cut(striped, [BudgetError(part, 9)]) == "raise step_mb and write step = 'members'"

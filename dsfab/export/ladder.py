@@ -237,7 +237,7 @@ def way_to_cut(part: Part, refused: Sequence[ExportError]) -> str:
 def _not_by_members(refused: Sequence[ExportError]) -> str:
     """Why the way before was refused, where it was that by members."""
     why = [one.short if isinstance(one, BudgetError) else str(one) for one in refused if _by_members(one)]
-    return f"; not by members, since {why[-1]}" if why else ""
+    return f"; not by members, since {why[-1].removeprefix('by members ')}" if why else ""
 
 
 def _by_members(error: ExportError) -> bool:
@@ -247,7 +247,13 @@ def _by_members(error: ExportError) -> bool:
 def reasons(refused: Sequence[ExportError]) -> list[str]:
     """Why ways were refused, each once; that a curved sheet is not flat is said only if there is nothing else."""
     others = [one for one in refused if not isinstance(one, NotFlatError)] or refused
-    return list(dict.fromkeys(one.short if isinstance(one, BudgetError) else str(one) for one in others))
+    return list(dict.fromkeys(one.short if isinstance(one, BudgetError) else _with_way_out(one) for one in others))
+
+
+def _with_way_out(error: ExportError) -> str:
+    """Why a way was refused, and what to ask for where that helps."""
+    asked = isinstance(error, NotByMembersError) and error.if_asked
+    return f"{error}: ask for step = 'members'" if asked else str(error)
 
 
 def refusal(refused: Sequence[ExportError]) -> ExportError:

@@ -136,7 +136,7 @@ def _require_few(part: Part, faces: int) -> None:
         _MANY.add(part)
         raise ManyFacesError(
             f"by members it would have at least {faces} faces, more than {most}, which take too long to be tried "
-            "unasked; ask for step = 'members'"
+            "unasked"
         )
 
 
