@@ -76,8 +76,8 @@ def cut_fault(path: Path, faces: int) -> tuple[str, list[float]]:
         return f"OCCT did not cut it within {seconds:.0f} s of the processor", []
     if not said["halves"]:
         return "a half of it is not valid once OCCT has cut it", said["box"]
-    off = said["off"]
-    return f"its halves miss {off:.1e} of its volume once OCCT has cut it" if off else "", said["box"]
+    missed = said["off"] > use_check.ADDS
+    return f"its halves miss {said['off']:.1e} of its volume once OCCT has cut it" if missed else "", said["box"]
 
 
 def said_of_use(text: str, seconds: float) -> dict[str, Any]:
