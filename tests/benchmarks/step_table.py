@@ -3,8 +3,9 @@
 A name is a preset, a mesh file (in DSFAB_MESHES or anywhere; its preset is proposed), or a sheet of `OWN`. Each design
 has a process of its own, which may take so many seconds of the processor (200 unless told), and as many for what OCCT
 does with the file. A row has the way taken, faces, megabytes, seconds (of the file; of what OCCT did), half-space cuts
-valid of 8, a box cut out, section closed, written again, fillets, error of the plain rule for volumes, of the box,
-largest distance from the design (of what is allowed there), what `dsfab check` says, and how the file was made.
+valid of 8, what their halves miss at most each by itself, a box cut out, section closed, written again, fillets, error
+of the plain rule for volumes, of the box, largest distance from the design (of what is allowed there), what `dsfab
+check` says, and how the file was made.
 """
 
 import argparse
@@ -34,7 +35,7 @@ DESIGNS = (
     *("globe", "cantilever", "slab", "roof_with_opening.obj", "Botanic.obj", "blub.obj", "pavilion", "boys_surface"),
     *("folded", "cube", "helicoid", "moebius", "cylinder", "catenoid", "schwarz"),
 )
-COLUMNS = "way faces MB file_s use_s cuts box section again fillets plain bounds off check"
+COLUMNS = "way faces MB file_s use_s cuts alone box section again fillets plain bounds off check"
 
 
 def strips(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -150,12 +151,13 @@ def used(path: Path, seconds: float) -> dict[str, object]:
 def words(said: dict[str, object], made: "dsfab.Design") -> str:
     """From the seconds of OCCT to the error of the box."""
     if not said:
-        return "- - - - - - - -"
+        return "- - - - - - - - -"
     box = np.array(said["box"]).reshape(2, 3) / 1e3
     bounds = np.abs(box - made.solid.box).max() / np.linalg.norm(np.ptp(made.solid.box, axis=0))
     plain = said["plain"] / said["volume"] - 1  # type: ignore[operator]
     yes = " ".join("yes" if said[k] else "no" for k in ("boxed", "closed", "again"))
-    return f"{said['seconds']:.0f} {said['sound']} {yes} {said['fillets']}/{said['sharp']} {plain:+.0e} {bounds:.0e}"
+    cuts = f"{said['seconds']:.0f} {said['sound']} {said['alone']:.0e}"
+    return f"{cuts} {yes} {said['fillets']}/{said['sharp']} {plain:+.0e} {bounds:.0e}"
 
 
 def limit(seconds: float) -> Callable[[], None]:

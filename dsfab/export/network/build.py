@@ -202,9 +202,16 @@ def _asked_in_use(part: Part, plan: SmoothPlan, said: dict[str, Any]) -> None:
     plain = said["plain"] / said["volume"] - 1
     _require(
         (said["valid"], "OCCT finds the solid by members invalid once it is read again"),
-        (said["sound"] == CUTS, f"half-space cut {said['sound'] + 1} of {CUTS} of the solid by members is not valid"),
-        (said["boxed"], "what a box cuts out of the solid by members is not valid"),
+        (said["sound"] == CUTS, _cut_fault(f"half-space cut {said['sound'] + 1} of {CUTS}", said["missed"][-1])),
+        (said["boxed"], _cut_fault("a cut with a box", said["box_missed"])),
         (said["closed"], "a section of the solid by members has open ends"),
         (said["again"], "the solid by members is not the same once OCCT has written and read it"),
         (abs(plain) <= PLAIN, f"the plain rule finds the volume by members {plain:.2%} off"),
     )
+
+
+def _cut_fault(cut: str, missed: float) -> str:
+    """What is said of a cut that is not sound, with the share that it misses, 1 where a half is not valid."""
+    if missed == 1:
+        return f"{cut} of the solid by members is not valid"
+    return f"the halves of {cut} miss {missed:.1e} of the volume of the solid by members"

@@ -7,10 +7,12 @@ prints one line of JSON:
 solids, faces : how many.    valid : whether OCCT finds nothing wrong.    seconds : of the processor, for all of this.
 volume, plain : by the rule of Gauss and Kronrod, and by the one that most programs take, cubic millimetres.
 box           : as OCCT bounds the solids, six numbers, millimetres.
-sound, worst  : how many of CUTS half-space cuts (8 unless told) leave two valid halves whose volumes add up to `ADDS`
-                of the whole, and by what share those that do miss it most. Trying ends with the first that does not,
-                unless `all` are to be tried.
-boxed         : whether what lies in a box, and what lies outside, are as sound.
+sound         : how many of CUTS half-space cuts (8 unless told) leave two valid halves that add up to the whole, within
+                `ADDS` of it as one and `ALONE` each by itself. Trying ends with the first that does not, unless `all`
+                are to be tried.
+worst, alone  : by what share the valid ones miss it most, as one and each by itself.
+missed        : by what share each cut that is not sound misses, 1 where a half is not valid, 0 of each that is.
+boxed         : whether what lies in a box, and what lies outside, are as sound.    box_missed : as `missed`.
 closed        : whether a section has no open ends.
 again         : whether the shape is valid, with as many faces and its volume, once OCCT has written and read it.
 fillets, sharp : how many of up to ten edges across the sheet can be rounded, one by one, and how many were tried.
@@ -18,8 +20,8 @@ fillets, sharp : how many of up to ten edges across the sheet can be rounded, on
     python -P use_check.py FILE sample
 
 tries of a STEP file, or of a `.bin` file that `step_mesh` kept, the first of these cuts alone: `box`, `halves`, whether
-both are valid, and `off`, by what share their volumes miss the whole. Volumes are asked for last, where both are: those
-of smooth solids take most of the time.
+both are valid, and `off`, as `missed`. Volumes are asked for last, where both are: those of smooth solids take most of
+the time.
 
 It imports nothing from dsfab, so that it is a second opinion, and can be started from anywhere.
 """
@@ -32,10 +34,13 @@ from collections import Counter
 from collections.abc import Iterator
 from math import acos, degrees
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
 ADDS = 1e-5
-"""Share of the volume that two halves may miss."""
+"""Share of the volume that two halves may miss as one, see `Missed`."""
+
+ALONE = 1e-4
+"""Share that they may miss each by itself, as programs tell volumes."""
 
 ACCURATE = 1e-6
 """Relative error that volumes are asked for, by the rule of Gauss and Kronrod: the adaptive one was off by 4e-3 on a
@@ -67,9 +72,10 @@ def use(path: Path, cuts: int, all_of_them: bool = False) -> dict[str, Any]:
     begin = time.process_time()
     shape = _read(str(path))
     bounds, whole = _bounds(shape), _volume(shape)
-    off = list(_cuts(shape, bounds, whole, cuts, all_of_them))
-    sound = [one for one in off if one <= ADDS]
-    go_on = all_of_them or len(sound) == cuts
+    tried = list(_cuts(shape, bounds, whole, cuts, all_of_them))
+    missed = [one.fault for one in tried]
+    go_on = all_of_them or not any(missed)
+    box = _missed(_split(shape, _box(bounds)), whole) if go_on else INVALID
     rounded = _fillets(shape) if go_on else (0, 0)
     return {
         "solids": len(_parts(shape, TopAbs_ShapeEnum.TopAbs_SOLID)),
@@ -78,9 +84,12 @@ def use(path: Path, cuts: int, all_of_them: bool = False) -> dict[str, Any]:
         "volume": whole,
         "plain": _volume(shape, plain=True),
         "box": bounds,
-        "sound": len(sound),
-        "worst": max((one for one in off if one < 1), default=0.0),
-        "boxed": go_on and _off(shape, _box(bounds), whole) <= ADDS,
+        "sound": missed.count(0.0),
+        "worst": max((one.together for one in tried if one.together < 1), default=0.0),
+        "alone": max((one.alone for one in tried if one.alone < 1), default=0.0),
+        "missed": missed,
+        "boxed": not box.fault,
+        "box_missed": box.fault,
         "closed": go_on and _closed_section(shape, bounds, PLANES[0]),
         "again": go_on and _again(shape, whole),
         "fillets": rounded[0],
@@ -95,7 +104,7 @@ def sample(path: Path) -> dict[str, Any]:
     shape = _read(str(path))
     bounds = _bounds(shape)
     halves = _split(shape, _half_space(bounds, PLANES[0]))
-    off = abs(sum(_volume(half) for half in halves) / _volume(shape) - 1) if halves else 1.0
+    off = _missed(halves, _volume(shape)).fault if halves else 1.0
     return {"box": bounds, "halves": bool(halves), "off": off, "seconds": time.process_time() - begin}
 
 
@@ -157,12 +166,55 @@ def _volume(shape: Any, plain: bool = False) -> float:
     return float(properties.Mass())
 
 
-def _cuts(shape: Any, bounds: list[float], whole: float, cuts: int, all_of_them: bool) -> Iterator[float]:
-    """By what share the halves of each cut miss the whole; 1 where one is not valid."""
+class Missed(NamedTuple):
+    """By what share two halves miss the volume of the whole: alone, each by itself, and together, as one, which is
+    asked where alone they miss more than `ADDS`, and not more than `ALONE`; 1 both where a half is not valid.
+
+    A trimmed face is near to its edges, and where a plane cuts two such faces the outline of its section has a gap as
+    wide as those are apart. OCCT (8.0) integrates over a plane from a line beside the outline, so that a gap counts
+    with its length times how far it is from there, and it asks for each solid's volume around that solid's own middle.
+    Of eleven sections of a saddle of 5 m, with gaps of .0065 mm at most, it found 20.5 mm2 of 240,228 too few, and the
+    halves, nowhere lost, missed 1.9e-5 each by itself and 2.4e-10 as one, where both sides of a section cancel; of a
+    roof 3.3e-5 and 7e-8. A piece of skin that a cut lost would be missed both ways.
+    """
+
+    alone: float
+    together: float
+
+    @property
+    def fault(self) -> float:
+        """What they miss, if that is more than they may; else 0."""
+        return self.together if self.together > ADDS else 0.0
+
+
+INVALID = Missed(1.0, 1.0)
+
+
+def _missed(halves: list[Any], whole: float) -> Missed:
+    """What two halves miss, or none where one was not valid."""
+    if not halves:
+        return INVALID
+    alone = abs(sum(map(_volume, halves)) / whole - 1)
+    return Missed(alone, abs(_volume(_as_one(halves)) / whole - 1) if ADDS < alone <= ALONE else alone)
+
+
+def _as_one(shapes: list[Any]) -> Any:
+    from OCP.BRep import BRep_Builder
+    from OCP.TopoDS import TopoDS_Compound
+
+    builder, one = BRep_Builder(), TopoDS_Compound()
+    builder.MakeCompound(one)
+    for shape in shapes:
+        builder.Add(one, shape)
+    return one
+
+
+def _cuts(shape: Any, bounds: list[float], whole: float, cuts: int, all_of_them: bool) -> Iterator[Missed]:
+    """What the halves of each cut miss."""
     for plane in PLANES[:cuts]:
-        off = _off(shape, _half_space(bounds, plane), whole)
-        yield off
-        if off > ADDS and not all_of_them:
+        missed = _missed(_split(shape, _half_space(bounds, plane)), whole)
+        yield missed
+        if missed.fault and not all_of_them:
             return
 
 
@@ -195,12 +247,6 @@ def _box(bounds: list[float]) -> Any:
     low, high = bounds[:3], bounds[3:]
     one, two = ([a + s * (b - a) for a, b, s in zip(low, high, share, strict=True)] for share in BOX)
     return BRepPrimAPI_MakeBox(gp_Pnt(*one), gp_Pnt(*two)).Solid()
-
-
-def _off(shape: Any, tool: Any, whole: float) -> float:
-    """By what share what lies in a tool and what lies outside miss the whole; 1 where one of both is not valid."""
-    halves = _split(shape, tool)
-    return abs(sum(_volume(half) for half in halves) / whole - 1) if halves else 1.0
 
 
 def _split(shape: Any, tool: Any) -> list[Any]:

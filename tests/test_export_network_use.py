@@ -1,0 +1,87 @@
+"""What halves of a cut miss of the whole, on boxes whose faces do not reach their edges."""
+
+import numpy as np
+import pytest
+
+from dsfab.errors import ExportError
+from dsfab.export import sampled_use
+from dsfab.export.network import build
+from dsfab.export.network.use_check import ADDS, ALONE, INVALID, Missed, _as_one, _missed, _volume
+
+SIDE = 100.0
+
+
+def square(at: np.ndarray, axis: int, share: float, outwards: bool):
+    """A square face around a point, normal to an axis, with so much less area than one of `SIDE`."""
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
+    from OCP.gp import gp_Ax3, gp_Dir, gp_Pln, gp_Pnt
+
+    half, normal = SIDE / 2 * np.sqrt(1 - share), np.eye(3)[axis] * (1 if outwards else -1)
+    plane = gp_Pln(gp_Ax3(gp_Pnt(*at), gp_Dir(*normal), gp_Dir(*np.eye(3)[axis - 1])))
+    return BRepBuilderAPI_MakeFace(plane, -half, half, -half, half).Face()
+
+
+def halves(section: float, skin: float = 0.0):
+    """Two cubes beside each other: each face between them lacks a share of its area, and so does one of a skin."""
+    return [
+        _as_one(
+            [
+                square(middle + way * SIDE / 2 * np.eye(3)[axis], axis, less(axis, way, middle[0]), way > 0)
+                for axis in range(3)
+                for way in (-1, 1)
+            ]
+        )
+        for middle in (np.array([-SIDE / 2, 0, 0]), np.array([SIDE / 2, 0, 0]))
+        for less in [
+            lambda axis, way, x: section if axis == 0 and way * x < 0 else skin * (axis == 1 and way > 0 and x > 0)
+        ]
+    ]
+
+
+@pytest.mark.parametrize(
+    ("section", "skin", "sound"), [(0.0, 0.0, True), (2e-4, 0.0, True), (1e-3, 0.0, False), (0.0, 1e-3, False)]
+)
+def test_sections_may_have_gaps_and_skins_may_not(section, skin, sound):
+    """Around each cube's own middle a section's missing area counts with half a side for a height, over the volume of
+    both; around one point it does not count at all."""
+    whole = 2 * SIDE**3
+    missed = _missed(halves(section, skin), whole)
+    assert missed.alone == pytest.approx(section / 6 + skin / 12, rel=1e-3, abs=1e-12)
+    assert (missed.fault == 0) == sound
+    if 0 < section < 1e-3:
+        assert missed.alone > ADDS > 1e-9 > missed.together
+    if not sound:
+        assert missed.fault == pytest.approx(missed.alone, rel=1e-2)
+
+
+def test_of_halves_that_are_not_valid_nothing_is_measured():
+    assert _missed([], 1.0) is INVALID
+    assert INVALID.fault == 1
+    assert Missed(ALONE, ADDS).fault == 0
+    assert Missed(ALONE, 2 * ADDS).fault == 2 * ADDS
+
+
+def test_cubes_beside_each_other_are_one_volume():
+    assert _volume(_as_one(halves(0.0))) == pytest.approx(2 * SIDE**3, rel=1e-9)
+
+
+@pytest.mark.parametrize(
+    ("said", "words"),
+    [
+        ({"missed": [0, 0, 1.0]}, "half-space cut 3 of 8 of the solid by members is not valid"),
+        ({"missed": [0, 0, 2.04e-4]}, "the halves of half-space cut 3 of 8 miss 2.0e-04 of the volume of the solid by"),
+        ({"sound": 8, "boxed": False, "box_missed": 1.0}, "a cut with a box of the solid by members is not valid"),
+        ({"sound": 8, "boxed": False, "box_missed": 3e-5}, "the halves of a cut with a box miss 3.0e-05 of the volume"),
+    ],
+)
+def test_a_cut_that_misses_volume_is_not_said_to_be_invalid(said, words):
+    usual = {"plain": 1.0, "volume": 1.0, "valid": True, "sound": 2, "boxed": True, "closed": True, "again": True}
+    usual |= {"missed": [0.0], "box_missed": 0.0}
+    with pytest.raises(ExportError, match=words):
+        build._asked_in_use(None, None, usual | said)
+
+
+def test_a_cut_unasked_says_what_its_halves_miss(tmp_path, monkeypatch):
+    said = '{"halves": true, "off": 0.00015, "box": []}'
+    monkeypatch.setattr(sampled_use, "last_line", lambda *_, seconds: said)
+    assert sampled_use.cut_fault(tmp_path, 1)[0].startswith("its halves miss 1.5e-04 of its volume")
