@@ -25,6 +25,7 @@ from dsfab.export.network.model import NetModel, net_model
 from dsfab.export.network.ordering import in_order
 from dsfab.export.network.parting import parted
 from dsfab.export.network.quads import REACH, quads_of
+from dsfab.export.network.sampling import with_sampled_peaks
 from dsfab.export.network.seams import with_steep_ends
 from dsfab.export.network.straightening import straightened
 from dsfab.export.network.text import NetText
@@ -185,7 +186,9 @@ def _solid(part: Part, net: ChainNet, interior: Interior, plan: SmoothPlan) -> t
         _, model = fits.model(net)
         faces = _trimmed_faces(net, model, interior, fits)
     inside = partial(interior.points, net)
-    return in_order(*flush_at_corners(model, parted(model, faces, inside, fits.lifting.away, fits.wanted)))
+    flush = flush_at_corners(model, parted(model, faces, inside, fits.lifting.away, fits.wanted))
+    model, surfaces = in_order(*flush)
+    return model, with_sampled_peaks(model, surfaces)
 
 
 def _trimmed_faces(net: ChainNet, model: NetModel, interior: Interior, fits: "_Fits") -> dict[int, TrimmedFace]:

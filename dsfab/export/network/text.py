@@ -50,7 +50,7 @@ class NetText:
                 found.append(self._skin([patch.loop], self._surface(rows, (3, 3)), s))
         for face in trimmed:
             for s, poles in enumerate((face.outer, face.inner)):
-                rows = self._grid(poles, ALONG + 1 if face.exact else self.digits)
+                rows = self._grid(poles, ALONG + 1 if face.exact else ALONG - 1)
                 surface = self._surface(rows, (poles.shape[0] - 1, poles.shape[1] - 1))
                 found.append(self._skin(face.loops, surface, s))
         for wall in self.model.walls:

@@ -71,7 +71,7 @@ class TrimmedFace:
     axes (3, 3) of these: their planes' and their heights'.
 
     gap : widest between them and the edges.    off : largest distance from points inside, along the mean normal.
-    exact : whether they run through some of their edges.
+    exact : whether they run through some of their edges, or so near to them that all digits of poles count.
     """
 
     loops: list[Loop]
