@@ -10,6 +10,7 @@ seams       : borders between members, ended where they meet round corners steep
 straightening : chains between material, without those that run out and back.
 curves      : the chains as cubics, one for both skins.
 inner       : splines that bring curves and patches back onto the skins between their ends.
+parabolas   : curves and patches of degree 2 in place of 3, where these are as near.
 quads       : which regions have four sides.
 line_fits   : chains in a row that become one curve; lines : these, divided where others end on them.
 arcs        : round corners of openings as arcs that go on as the walls do.

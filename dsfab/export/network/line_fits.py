@@ -25,6 +25,7 @@ from dsfab.export.network.lines import (
     with_ends_on_lines,
     with_twins,
 )
+from dsfab.export.network.parabolas import with_parabolas
 from dsfab.export.network.quads import Quad
 from dsfab.export.smooth.edges import FLAT, OF_LOOP
 
@@ -43,11 +44,12 @@ class LineFits:
     """The lines of nets; those whose chains have the points that they had are not fitted anew.
 
     distance : that a solid may be off the mesh, millimetres.    box : (2, 3) where poles should be, millimetres.
+    skins : (2, 3) around the skins; parabolas are only taken where their poles, farther out, are in there too.
     away : the ways (k, 6) to both skins from points near them.
     """
 
-    def __init__(self, distance: float, box: Floats, away: Callable[[Floats], Floats]) -> None:
-        self.distance, self.box, self.away = distance, box, away
+    def __init__(self, distance: float, box: Floats, skins: Floats, away: Callable[[Floats], Floats]) -> None:
+        self.distance, self.box, self.skins, self.away = distance, box, skins, away
         self.within = dict[int, float]()
         self.known = dict[tuple[tuple[int, bool], ...], tuple[list[Ints], ChainLine]]()
         self.pulled = dict[int, tuple[ChainLine, ChainLine]]()
@@ -106,7 +108,7 @@ class LineFits:
     def _on_skins(self, lines: list[ChainLine]) -> list[ChainLine]:
         new = [line for line in lines if id(line) not in self.pulled]
         fine = [line.with_poles_in(self.box) for line in new]
-        curves = on_skins([line.curve for line in fine], self.away)
+        curves = with_parabolas(on_skins([line.curve for line in fine], self.away), self.distance, self.skins)
         for line, one, curve in zip(new, fine, curves, strict=True):
             self.pulled[id(line)] = line, replace(one, curve=curve)
         return [self.pulled[id(line)][1] for line in lines]

@@ -11,6 +11,7 @@ from dsfab.export.network.curves import SampledChain
 from dsfab.export.network.graph import Loop
 from dsfab.export.network.joining import mean_width
 from dsfab.export.network.lines import NetLines, Part
+from dsfab.export.network.parabolas import lowered_patches
 from dsfab.export.network.patches import coons, least_jacobian, pulled
 from dsfab.export.network.quads import Quad
 from dsfab.export.network.stations import Grid, Stations
@@ -142,7 +143,7 @@ class _Assembly:
         for i, (some, P) in enumerate(zip(stops, each, strict=True)):
             self._line(i, some, P)
         self._walls()
-        patches = self._patches(grids, away)
+        patches = [lowered_patches(P, near) for P in self._patches(grids, away)]
         for quad, grid, P, off in zip(quads, grids, patches, _strays(patches, away), strict=True):
             if off > near or least_jacobian(np.concatenate([P[..., :3], P[..., 3:]])) < FOLDED:
                 others.append(quad.region)

@@ -7,6 +7,7 @@ import numpy as np
 from dsfab.arrays import Floats
 from dsfab.export.network.graph import Loop
 from dsfab.export.network.model import NetModel
+from dsfab.export.network.parabolas import fewest
 from dsfab.export.network.trimmed import TrimmedFace
 from dsfab.export.plate_text import Entities, references
 from dsfab.export.smooth.text import ROUNDING
@@ -32,7 +33,8 @@ class NetText:
         self.vertices = [
             [self._put(f"VERTEX_POINT('',#{p})") for p in self._points(both.reshape(2, 3))] for both in model.vertices
         ]
-        self.poles = [[list(self._points(edge.poles[:, s : s + 3])) for s in (0, 3)] for edge in model.edges]
+        lines = [fewest(edge.poles, 0) for edge in model.edges]
+        self.poles = [[list(self._points(line[:, s : s + 3])) for s in (0, 3)] for line in lines]
         self.edges = [
             [
                 self._curve(poles, self.vertices[edge.start][s], self.vertices[edge.end][s])
@@ -45,13 +47,13 @@ class NetText:
         """The numbers of all faces."""
         found, posts = list[int](), dict[tuple[int, int], int]()
         for patch in self.model.patches:
+            both = fewest(fewest(patch.poles, 0), 1)
             for s in (0, 1):
-                rows = self._rows(patch.poles[:, :, 3 * s : 3 * s + 3])
-                found.append(self._skin([patch.loop], self._surface(rows, (3, 3)), s))
+                surface = self._surface(self._rows(both[:, :, 3 * s : 3 * s + 3]))
+                found.append(self._skin([patch.loop], surface, s))
         for face in trimmed:
             for s, poles in enumerate((face.outer, face.inner)):
-                rows = self._grid(poles, ALONG + 1 if face.exact else ALONG - 1)
-                surface = self._surface(rows, (poles.shape[0] - 1, poles.shape[1] - 1))
+                surface = self._surface(self._grid(poles, ALONG + 1 if face.exact else ALONG - 1))
                 found.append(self._skin(face.loops, surface, s))
         for wall in self.model.walls:
             (first, way), (last, ahead) = wall.steps[0], wall.steps[-1]
@@ -59,8 +61,9 @@ class NetText:
             one, two = (
                 self._post(posts, v) for v in (start.start if way else start.end, end.end if ahead else end.start)
             )
-            outer, inner = (list(self._points(wall.poles[:, s : s + 3])) for s in (0, 3))
-            surface = self._surface([list(row) for row in zip(inner, outer, strict=True)], (3, 1))
+            poles = fewest(wall.poles, 0)
+            outer, inner = (list(self._points(poles[:, s : s + 3])) for s in (0, 3))
+            surface = self._surface([list(row) for row in zip(inner, outer, strict=True)])
             below = [(self.edges[e][1], way) for e, way in wall.steps]
             above = [(self.edges[e][0], not way) for e, way in wall.steps[::-1]]
             wire = self.new.wire([*below, two, *above, (one[0], not one[1])])
@@ -76,9 +79,9 @@ class NetText:
         return self.new.face(wires, surface, same=not s)
 
     def _rows(self, poles: Floats) -> list[list[int]]:
-        """Of a patch's poles (4, 4, 3), which are on edges but for the inner ones."""
+        """Of a patch's poles (j, k, 3), which are on edges but for the inner ones."""
         poles = poles.copy()
-        poles[1:3, 1:3] = np.round(poles[1:3, 1:3], self.digits)
+        poles[1:-1, 1:-1] = np.round(poles[1:-1, 1:-1], self.digits)
         return self._grid(poles, ALONG)
 
     def _points(self, points: Floats, digits: int = ALONG) -> Iterator[int]:
@@ -96,8 +99,10 @@ class NetText:
         return [found[i : i + poles.shape[1]] for i in range(0, len(found), poles.shape[1])]
 
     def _curve(self, poles: list[int], start: int, end: int) -> int:
+        k = len(poles)
         curve = self._put(
-            f"B_SPLINE_CURVE_WITH_KNOTS('',3,{references(poles)},.UNSPECIFIED.,.F.,.F.,(4,4),(0.,1.),.UNSPECIFIED.)"
+            f"B_SPLINE_CURVE_WITH_KNOTS('',{k - 1},{references(poles)},.UNSPECIFIED.,.F.,.F.,({k},{k}),(0.,1.),"
+            ".UNSPECIFIED.)"
         )
         return self._put(f"EDGE_CURVE('',#{start},#{end},#{curve},.T.)")
 
@@ -112,11 +117,11 @@ class NetText:
             posts[inner, outer] = self.new.add(f"EDGE_CURVE('',#{inner},#{outer},#{line},.T.)")
         return posts[inner, outer], True
 
-    def _surface(self, rows: list[list[int]], degrees: tuple[int, int]) -> int:
+    def _surface(self, rows: list[list[int]]) -> int:
         """A Bezier patch, as a spline with one span."""
-        poles = ",".join(references(row) for row in rows)
-        times = ",".join(f"({d + 1},{d + 1})" for d in degrees)
+        poles, counts = ",".join(references(row) for row in rows), (len(rows), len(rows[0]))
+        times = ",".join(f"({k},{k})" for k in counts)
         return self.new.add(
-            f"B_SPLINE_SURFACE_WITH_KNOTS('',{degrees[0]},{degrees[1]},({poles}),.UNSPECIFIED.,.F.,.F.,.F.,"
+            f"B_SPLINE_SURFACE_WITH_KNOTS('',{counts[0] - 1},{counts[1] - 1},({poles}),.UNSPECIFIED.,.F.,.F.,.F.,"
             f"{times},(0.,1.),(0.,1.),.UNSPECIFIED.)"
         )
