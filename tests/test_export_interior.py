@@ -20,7 +20,15 @@ def test_long_cells_have_more_points_where_faces_are_to_be_fine():
     plan = SmoothPlan(part)
     sheet = plan.curved.striped()
     few = Interior(sheet, Lifting.of(plan.surface, plan.curved), 1.0)
-    net = SimpleNamespace(cell=np.arange(len(sheet.F)) % 3, parent={7: 1})
+    around = np.unique(sheet.F)[[0, -1]]
+    chains = {0: SimpleNamespace(points=around), 1: SimpleNamespace(points=around[:1])}
+    net = SimpleNamespace(
+        weights=sheet.weights,
+        cell=np.arange(len(sheet.F)) % 3,
+        parent={7: 1},
+        chains=chains,
+        loops={2: [[(0, True)], [(1, True)]], 0: [[(0, True), (0, False)]], 7: [[(0, True)]]},
+    )
     regions = [2, 0, 7]
     cells = [int((net.cell == net.parent.get(k, k)).sum()) for k in regions]
     for interior, each in ((few, INNER), (replace(few, fine=True), INNER + MORE)):
@@ -30,7 +38,14 @@ def test_long_cells_have_more_points_where_faces_are_to_be_fine():
         for k in regions:
             np.testing.assert_array_equal(found[k], interior.points(net, [k])[k], "each has its own")
     thick = replace(few, fine=True, thickness=1e9).points(net, regions)
+    P = np.asarray(sheet.weights @ few.lifting.skins.points)
+    sides = np.linalg.norm(P[sheet.F] - P[np.roll(sheet.F, 1, axis=1)], axis=2).max(axis=1)
+    assert sides.max() < np.linalg.norm(P[around[0]] - P[around[1]]) / 6
     assert [len(some) for some in thick.values()] == [len(INNER) * count for count in cells]
+    net.loops[0] = [[(1, True)]]
+    small = replace(few, fine=True, thickness=1e9).points(net, regions)
+    assert len(small[0]) == len(INNER + MORE) * cells[1], "of a small region every cell is long"
+    np.testing.assert_array_equal(small[2], thick[2])
     assert few.points(net, []) == {}
 
 

@@ -5,9 +5,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from dsfab.export.network import parting
 from dsfab.export.network.chords import HalvedOutline
 from dsfab.export.network.model import NetModel, NetPatch, NetWall
-from dsfab.export.network.parting import parted
+from dsfab.export.network.parting import allowance_used, parted
 from dsfab.export.network.trimmed import SPLIT, FaceLimits, trimmed_face
 from dsfab.export.splines import bernstein
 from tests.test_export_network import flat_model
@@ -79,6 +80,36 @@ def test_a_region_without_a_gap_stays_as_it_is():
     before, after = divided(model, loop)
     assert after == [before]
     assert model.edges == edges
+
+
+def test_a_region_whose_inside_strays_is_divided_though_it_meets_its_edges(monkeypatch):
+    monkeypatch.setattr(parting, "SPLIT", 1e3)
+    model, loop = folded_model(HALVES, 1)
+    x, y = (some.ravel() for some in np.meshgrid(np.linspace(30, 570, 19), np.linspace(20, 180, 9)))
+    outer = np.stack([x, y, 20 + np.maximum(x - 300, 0) / 10], axis=1)
+    thick = model.edges[0].poles[0, 3:] - model.edges[0].poles[0, :3]
+    points = np.hstack([outer, outer + thick])
+    limits = replace(LIMITS, off=0.05)
+    face = trimmed_face(model, [loop], points, limits)
+    assert face.off > 2 * limits.off
+    after = parted(model, {7: face}, lambda some: {7: points}, np.zeros_like, limits)
+    assert len(after) == 2
+    assert max(part.off for part in after) < 1e-3
+
+
+def test_a_face_is_asked_for_its_gap_its_inside_and_its_poles():
+    model, loop = folded_model(HALVES, 0)
+    face = trimmed_face(model, [loop], np.zeros((0, 6)), LIMITS)
+    assert allowance_used(face, LIMITS) < 1
+    assert allowance_used(replace(face, gap=2 * SPLIT), LIMITS) == 2
+    assert allowance_used(replace(face, off=3.0), LIMITS) == 3 / parting.OFF
+    box = np.array([[0.0, 0, -100], [600, 200, 100]]) + np.array([[-2.0], [2.0]])
+    diagonal = np.linalg.norm(box[1] - box[0])
+    out = face.inner + np.array([30.0, 0, 0])
+    beyond = out[..., 0].max() - 602
+    found = allowance_used(replace(face, inner=out), replace(LIMITS, box=box))
+    np.testing.assert_allclose(found, beyond / (parting.OUT * diagonal))
+    assert found > 1
 
 
 def test_chords_are_inside_of_the_outline_and_clear_of_it():
