@@ -699,6 +699,21 @@ def test_what_would_tip_over_stands_on_its_higher_valleys_too():
         assert ("it is also held down there" in " ".join(made.lines)) != behind
 
 
+@pytest.mark.parametrize("slope", [0.0, 0.15, 0.3])
+@pytest.mark.parametrize("corners", [4, 6])
+def test_a_shell_on_a_slope_stands_on_its_highest_foot_too(slope, corners):
+    """The lower three of four were found, or five of six, on ground that rises by a quarter of the width."""
+    t, around, rings = np.linspace(0, 2 * np.pi, 73)[:-1], np.arange(72), np.arange(1, 7)[:, None] / 6
+    x, y = 4 * rings * np.cos(t), 4 * rings * np.sin(t)
+    z = 2 * (1 - rings**2 * (1.5 + 0.5 * np.cos(corners * (t + 0.4)))) + slope * x
+    V = np.vstack([[0, 0, 2], np.stack([x, y, z], axis=2).reshape(-1, 3)])
+    a = (1 + 72 * np.arange(5)[:, None] + around).ravel()
+    b = (1 + 72 * np.arange(5)[:, None] + (around + 1) % 72).ravel()
+    crown = np.c_[0 * around, 1 + around, 1 + (around + 1) % 72]
+    surface = Surface(V, np.concatenate([crown, np.c_[a, a + 72, b + 72], np.c_[a, b + 72, b]]))
+    assert names(surface) == [f"foot {i + 1}" for i in range(corners)]
+
+
 def test_feet_in_valleys_that_are_mirrored_are_mirrored():
     """One side was longer by a step of 17 mm, held a vertex more, and the pattern lost its mirror."""
     made = propose(sloping_folds(0.075))

@@ -21,6 +21,10 @@ LOW = 0.35
 HIGHEST = 0.6
 """The same for what would tip over on those alone, as a folded roof that slopes does
 on the lower ends of its valleys."""
+SLOPE = 0.1
+"""Share of the height by which a higher low point may be off the plane through three feet, and be on their ground."""
+IN_LINE = 0.1
+"""Feet whose plan is narrower than this share of its length are in line."""
 TIPS = 1.03
 """It does if all feet are within half a turn of the middle of its plan, by so much."""
 SHORTEST = 1 / 25
@@ -62,7 +66,8 @@ def feet(surface: Surface, span: float) -> tuple[Foot, ...]:
     closed : on what lies within `SOLE` of its height over its lowest point.
     hung   : from the corners of its outer edge, see `mast_corners`.
     else   : on the stretches of boundary around the low points of the outer edge, and of other edges that reach the
-             ground. Openings in the roof, with sheet below them, are not held.
+             ground, and of those that are higher on a site that slopes. Openings in the roof, with sheet below them,
+             are not held.
     """
     height = float(np.ptp(surface.V[:, 2]))
     if is_nearly_closed(surface):
@@ -81,7 +86,7 @@ def feet(surface: Surface, span: float) -> tuple[Foot, ...]:
     found = [foot for k in standing for foot in _stretches(k, lines[k], height, low, span)]
     if tips(surface, found):
         found = _propped(surface, lines, found, ground, span)
-    return _named(surface, found, span)
+    return _named(surface, _on_a_slope(surface, lines, found, span), span)
 
 
 def tips(surface: Surface, found: Sequence[Foot]) -> bool:
@@ -107,6 +112,30 @@ def _propped(surface: Surface, lines: dict[int, Floats], found: list[Foot], grou
             if not tips(surface, more):
                 return more
     return found
+
+
+def _on_a_slope(surface: Surface, lines: dict[int, Floats], found: list[Foot], span: float) -> list[Foot]:
+    """The feet on the plane through the lowest points of those that were found, where they are more: a shell on four
+    feet on a slope stood on the lower three, and reached over the fourth into the air."""
+    lowest = np.array([foot.points[foot.points[:, 2].argmin()] for foot in found])
+    if len(found) < 3:
+        return found
+    middle = lowest.mean(axis=0)
+    plan = (lowest - middle)[:, :2]
+    across, along = np.linalg.svd(plan, compute_uv=False)[::-1]
+    if across < IN_LINE * along:  # they say nothing of the ground beside their line
+        return found
+    slope, *_ = np.linalg.lstsq(plan, lowest[:, 2] - middle[2])
+
+    def ground(P: Floats) -> Floats:
+        z = middle[2] + (P - middle)[:, :2] @ slope
+        return np.column_stack([np.zeros((len(P), 2)), z])
+
+    height = float(np.ptp((surface.V - ground(surface.V))[:, 2]))
+    level = {k: P - ground(P) for k, P in lines.items()}
+    more = [foot for k, P in level.items() for foot in _stretches(k, P, height, SLOPE * height, span)]
+    on_it = [replace(foot, points=foot.points + ground(foot.points)) for foot in more]
+    return on_it if len(on_it) > len(found) else found
 
 
 def _hangs(surface: Surface, loop: int) -> bool:
