@@ -737,3 +737,24 @@ def test_members_across_are_told_of_what_fills_its_plan_only():
 def _used(surface, faces):
     used, F = np.unique(surface.F[faces], return_inverse=True)
     return surface.V[used], F.reshape(-1, 3)
+
+
+def saddle_on_corners(scallop: float) -> Surface:
+    """8 m x 6 m, 3 m high, with two low and two high corners, between which edges are straight, or come inwards."""
+    flat = grid(16, 16, 2.0, 2.0)
+    x, y = (flat.V[:, :2] - flat.V[:, :2].mean(axis=0)).T
+    z = 1.5 * x * y
+    return Surface(np.column_stack([4 * x * (1 - scallop * (1 - y**2)), 3 * y * (1 - scallop * (1 - x**2)), z]), flat.F)
+
+
+def test_a_shade_sail_hangs_from_all_of_its_corners():
+    """Its cables are straight in elevation from high corners to low ones; it stood on the two low ones alone."""
+    assert names(saddle_on_corners(0.14)) == [f"mast {i + 1}" for i in range(4)]
+    assert names(saddle_on_corners(0.0)) == ["foot 1", "foot 2"]
+
+
+def test_what_would_turn_about_the_line_through_its_feet_is_told():
+    said = "turn about the line"
+    assert said in " ".join(propose(saddle_on_corners(0.0)).lines)
+    assert said not in " ".join(propose(barrel_vault(edge=1.0)).lines)
+    assert said not in " ".join(propose(canopy(0.5)).lines)

@@ -13,7 +13,8 @@ from scipy.spatial import cKDTree
 from dsfab.materials import material_named
 from dsfab.preset import Preset
 from dsfab.preset_file import preset_from
-from dsfab.proposal.feet import Foot, feet, tips
+from dsfab.proposal.balance import tips, turns
+from dsfab.proposal.feet import Foot, feet
 from dsfab.proposal.marks import drawn_feet, drawn_marks, mark_decisions
 from dsfab.proposal.reading import Decision, GivenMesh, mesh_in_file, mesh_in_memory, vertical_axis
 from dsfab.proposal.sizes import Sizes, is_figure, shorter_side, sizes
@@ -138,8 +139,7 @@ def _decisions(proposal: Proposal) -> Iterator[Decision]:
         stem = "; dsfab new writes the lines for a stem, too"
         yield Decision("hangs from", where + free + stem, "surface.support")
     else:
-        held = "; it is also held down there, for its middle lies beside" if tips(surface, stands) else ""
-        yield Decision("stands on", where + free + held, "surface.support")
+        yield Decision("stands on", where + free + _unsteady(surface, stands), "surface.support")
     yield from mark_decisions(proposal.marks)
     yield from _unheld(surface, stands)
     snow = f" and snow of {SNOW / 1000:g} kPa on the plan, a placeholder for your local code"
@@ -155,6 +155,15 @@ def _decisions(proposal: Proposal) -> Iterator[Decision]:
     widths = f"even, {SHARE:.0%} of the surface is material{rim}"
     yield Decision("widths", widths, "pattern.width.solid_fraction, pattern.rim")
     yield Decision("files", "STL, 3MF, and STEP where it is soon made", "export.formats, export.step")
+
+
+def _unsteady(surface: Surface, stands: tuple[Foot, ...]) -> str:
+    """What its feet have to hold besides what is above them."""
+    points = [foot.points for foot in stands]
+    if tips(surface, points):
+        return "; it is also held down there, for its middle lies beside"
+    line = "; it would turn about the line through them: hold it beside that line, too"
+    return line if turns(surface, points) else ""
 
 
 def _fills(surface: Surface, size: Sizes) -> bool:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints, closed_length, lengths
+from dsfab.proposal.balance import tips
 from dsfab.proposal.masts import mast_corners
 from dsfab.proposal.vertical import SOLE, is_nearly_closed
 from dsfab.surface import Boundary, Box, Surface, connected
@@ -25,8 +26,6 @@ SLOPE = 0.1
 """Share of the height by which a higher low point may be off the plane through three feet, and be on their ground."""
 IN_LINE = 0.1
 """Feet whose plan is narrower than this share of its length are in line."""
-TIPS = 1.03
-"""It does if all feet are within half a turn of the middle of its plan, by so much."""
 SHORTEST = 1 / 25
 """Share of the span that a foot is long at least."""
 ALIKE = 1e-4
@@ -84,19 +83,9 @@ def feet(surface: Surface, span: float) -> tuple[Foot, ...]:
     standing = [k for k, loop in enumerate(surface.loops) if outer[k] or _stands(surface, loop, low)]
     lines = {k: _resampled(surface.V[surface.loops[k]], STEP * span) for k in standing}
     found = [foot for k in standing for foot in _stretches(k, lines[k], height, low, span)]
-    if tips(surface, found):
+    if tips(surface, [foot.points for foot in found]):
         found = _propped(surface, lines, found, ground, span)
     return _named(surface, _on_a_slope(surface, lines, found, span), span)
-
-
-def tips(surface: Surface, found: Sequence[Foot]) -> bool:
-    """Whether the middle of a surface's plan is beside all feet: on those alone it would have to be held down."""
-    if not found:
-        return False
-    middle = surface.areas @ surface.centroids / surface.area
-    x, y = (np.concatenate([foot.points for foot in found]) - middle)[:, :2].T
-    angle = np.sort(np.arctan2(y, x))
-    return bool(np.diff(angle, append=angle[0] + 2 * np.pi).max() > TIPS * np.pi)
 
 
 def _propped(surface: Surface, lines: dict[int, Floats], found: list[Foot], ground: float, span: float) -> list[Foot]:
@@ -109,7 +98,7 @@ def _propped(surface: Surface, lines: dict[int, Floats], found: list[Foot], grou
         if ground + LOW * height < z <= ground + HIGHEST * height:
             highest = z + LEVEL * height
             more = [foot for k, P in lines.items() for foot in _stretches(k, P, height, highest, span)]
-            if not tips(surface, more):
+            if not tips(surface, [foot.points for foot in more]):
                 return more
     return found
 

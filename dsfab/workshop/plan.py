@@ -10,7 +10,7 @@ from dsfab.errors import PatternError
 from dsfab.members import MemberGraph
 from dsfab.pipeline import Design
 from dsfab.preset_workshop import Workshop
-from dsfab.wording import length, some_names
+from dsfab.wording import length, some_names, stopping
 from dsfab.workshop.bars import BarPlan
 from dsfab.workshop.base import base_notes, base_parts
 from dsfab.workshop.ground import Ground
@@ -257,8 +257,8 @@ def _strip_notes(strips: StripParts, graph: MemberGraph, layering: Layering) -> 
     found = []
     if strips.stopped:
         found.append(
-            f"{_count(len(strips.stopped), 'strip')} stop before their ends, where they would run into others of their "
-            f"layer or curl up: {some_names(strips.stopped)}; {_count(len(strips.left), 'node')} without them"
+            f"{_count(len(strips.stopped), 'strip')} {stopping(len(strips.stopped))} others of their layer or curl up: "
+            f"{some_names(strips.stopped)}; {_count(len(strips.left), 'node')} without them"
         )
     if strips.gone:
         found.append(f"NOT BUILT, as others of their layer lie where they would be: {some_names(strips.gone)}")
