@@ -26,7 +26,7 @@ from dsfab.proposal.sizes import is_figure, sizes
 from dsfab.proposal.stems import stems
 from dsfab.proposal.vertical import likely_up
 from dsfab.slicing.features import features, kept_cells
-from dsfab.surface import Boundary, Box, Snow, Surface, files, mend, read_surface, upright
+from dsfab.surface import Boundary, Box, Snow, Surface, Wind, files, mend, read_surface, upright
 from dsfab.surface.shapes import barrel_vault, cylinder, dome, plate, sphere, torus, tower
 from tests.canopy import canopy
 from tests.designs import sliced
@@ -758,3 +758,37 @@ def test_what_would_turn_about_the_line_through_its_feet_is_told():
     assert said in " ".join(propose(saddle_on_corners(0.0)).lines)
     assert said not in " ".join(propose(barrel_vault(edge=1.0)).lines)
     assert said not in " ".join(propose(canopy(0.5)).lines)
+
+
+def with_a_door(radius: float, inside_out: bool = False) -> Surface:
+    """A sphere on the ground without the faces of its lowest part and of a door."""
+    ball = sphere(radius=radius, edge=radius / 6)
+    x, _, z = ball.centroids.T / radius
+    V, F = _used(ball, (z > -0.85) & ~((x > 0.6) & (z < -0.2)))
+    return Surface(V, F[:, ::-1] if inside_out else F)
+
+
+def test_snow_lies_on_top_of_what_is_nearly_closed_and_built():
+    """A ball to go into carried its own weight alone. It lies where the slope is under 60 degrees: pi r^2 sin^2 60."""
+    for inside_out in (False, True):
+        proposal = propose(with_a_door(4.0, inside_out))
+        snow = proposal.preset.surface.load[-1]
+        surface = proposal.preset.surface.build()
+        assert snow.kind == "snow"
+        assert "on the plan of its top" in " ".join(proposal.lines)
+        assert -snow.on(surface, 0.0)[:, 2].sum() / snow.pressure == pytest.approx(
+            np.pi * 16 * np.sin(np.radians(60)) ** 2, rel=0.15
+        )
+        loaded = np.linalg.norm(snow.traction(surface), axis=1) > 0
+        assert surface.centroids[loaded, 2].min() > 0
+    assert [load.kind for load in propose(with_a_door(0.4)).preset.surface.load] == ["self_weight"]
+
+
+def test_lines_for_wind_are_there_for_what_is_no_roof(own):
+    wall = Surface(grid(24, 12, 8.0, 4.0).V[:, [0, 2, 1]], grid(24, 12, 8.0, 4.0).F)
+    proposal = propose(wall)
+    assert "lines for wind" in " ".join(proposal.lines)
+    lines = proposal.text().partition("# Wind,")[2].splitlines()[1:5]
+    wind = tomllib.loads("\n".join(line.removeprefix("# ") for line in lines))["surface"]["load"][0]
+    assert abs(Wind(wind["pressure"], tuple(wind["direction"])).on(wall, 0.0)[:, 1].sum()) > 0.4 * wind["pressure"] * 32
+    assert "Wind," not in propose(own["canopy_mm"]).text()
