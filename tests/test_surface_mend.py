@@ -128,7 +128,7 @@ def test_a_fin_on_an_inner_edge_goes():
     V = np.vstack([ROOF.V, ROOF.V[a] + [0, 0, 1]])
     mesh = mended(V, np.vstack([ROOF.F, [a, b, ROOF.n]]))
     assert_array_equal(mesh.F, ROOF.F)
-    assert "1 face on edges that have two others dropped" in mesh.repairs
+    assert "1 face on edges with two others, as of a rib, dropped" in mesh.repairs
 
 
 def test_pinholes_are_closed_and_doors_are_not():

@@ -166,7 +166,7 @@ def _in_large_pieces(V: Floats, F: Ints) -> Ints:
 
 _UNSOUND: tuple[Fault, ...] = ((_with_area, "without area"),)
 _REPEATED = "that repeat others"
-_TOO_MANY: tuple[Fault, ...] = ((_on_edges_of_two, "on edges that have two others"),)
+_TOO_MANY: tuple[Fault, ...] = ((_on_edges_of_two, "on edges with two others, as of a rib,"),)
 _TOO_SMALL: tuple[Fault, ...] = ((_in_large_pieces, "in crumbs"),)
 
 
