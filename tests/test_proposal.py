@@ -807,3 +807,15 @@ def test_lines_for_wind_are_there_for_what_is_no_roof(own):
     wind = tomllib.loads("\n".join(line.removeprefix("# ") for line in lines))["surface"]["load"][0]
     assert abs(Wind(wind["pressure"], tuple(wind["direction"])).on(wall, 0.0)[:, 1].sum()) > 0.4 * wind["pressure"] * 32
     assert "Wind," not in propose(own["canopy_mm"]).text()
+
+
+@pytest.mark.parametrize("sill", [0.2, 1.0])
+def test_a_low_window_of_a_tower_is_no_foot(sill):
+    """One that slants, within a twentieth of its height, was held all around, and bore a part of the tower."""
+    flat = grid(48, 88, 2 * np.pi, 22.0)
+    turn, z = flat.V[:, 0], flat.V[:, 1]
+    V = np.column_stack([6 * np.cos(turn), 6 * np.sin(turn), z])
+    x, y = flat.centroids[:, :2].T
+    raw = mend.mended(V, flat.F[~((np.abs(x - 1 - 0.3 * (y - sill)) < 0.2) & (y > sill) & (y < sill + 0.8))])
+    assert len(Surface(raw.V, raw.F).loops) == 3
+    assert names(Surface(raw.V, raw.F)) == ["base ring"]

@@ -15,6 +15,8 @@ FLAT = 0.02
 """A surface that is lower than this share of its size is flat."""
 LEVEL = 0.05
 """Share of the height by which a foot may rise from its lowest point."""
+EVEN = 0.005
+"""Share of the height by which a level ring may be out of level; of a window the lower half is its lowest part."""
 DIP = 0.15
 """Share of the height by which the boundary has to rise between two feet."""
 LOW = 0.35
@@ -164,7 +166,8 @@ def _stands(surface: Surface, loop: Ints, ground: float) -> bool:
     lowest = float(z[loop].min())
     if lowest > ground:
         return False
-    on &= z <= lowest + LEVEL * float(np.ptp(z))
+    height = float(np.ptp(z))
+    on &= z <= lowest + min(LEVEL * height, max(float(np.ptp(z[loop])) / 2, EVEN * height))
     low = on[edges.ends].all(axis=1) & edges.boundary
     faces = np.flatnonzero(low[edges.of].any(axis=1))
     rises = [z[surface.F[f]].sum() - 1.5 * z[edges.ends[e]].sum() for f in faces for e in edges.of[f] if low[e]]
