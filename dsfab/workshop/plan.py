@@ -266,7 +266,8 @@ def _strip_notes(strips: StripParts, graph: MemberGraph, layering: Layering) -> 
         found.append(f"{strips.near} of {strips.splices} splices are nearer to a node than a cover plate is long")
     if strips.missing:
         holes = _count(len(strips.missing), "hole")
-        found.append(f"{holes} not drilled, too near to an edge: {some_names(strips.missing)}")
+        places = list(dict.fromkeys(strips.missing))  # a splice has several bolts of one name
+        found.append(f"{holes} not drilled, too near to an edge: {some_names(places)}")
     families = {member.id: member.family for member in graph.members}
     nodes = [node for node in graph.nodes if node.kind != "grazing"]
     packed = Counter(layering.packing(node, families) for node in nodes)
