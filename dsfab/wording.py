@@ -23,6 +23,12 @@ def some_names(names: Sequence[str], shown: int = 5) -> str:
     return ", ".join(names[:shown]) + (f" and {len(names) - shown} more" if len(names) > shown else "")
 
 
+def stopping(count: int) -> str:
+    """What so many parts do that run into others: 'stops before its ends, where it would run into'."""
+    ends = "stops before its ends, where it" if count == 1 else "stop before their ends, where they"
+    return f"{ends} would run into"
+
+
 def sentence(words: str) -> str:
     """With a capital letter and a full stop."""
     return f"{words[0].upper()}{words[1:]}."

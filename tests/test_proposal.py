@@ -1,6 +1,7 @@
 """A preset for a surface of one's own: axis, feet, sizes, text, and the commands that take a mesh."""
 
 import argparse
+import re
 import shlex
 import tomllib
 from pathlib import Path
@@ -14,6 +15,7 @@ from numpy.testing import assert_allclose
 import dsfab
 from dsfab.app.cli import main
 from dsfab.app.editor.source import open_preset
+from dsfab.app.new import bearing
 from dsfab.app.options import Source
 from dsfab.errors import PresetError, SurfaceError
 from dsfab.pipeline import Design
@@ -26,7 +28,7 @@ from dsfab.proposal.sizes import is_figure, sizes
 from dsfab.proposal.stems import stems
 from dsfab.proposal.vertical import likely_up
 from dsfab.slicing.features import features, kept_cells
-from dsfab.surface import Boundary, Box, Snow, Surface, files, mend, read_surface, upright
+from dsfab.surface import Boundary, Box, Snow, Surface, Wind, files, mend, read_surface, upright
 from dsfab.surface.shapes import barrel_vault, cylinder, dome, plate, sphere, torus, tower
 from tests.canopy import canopy
 from tests.designs import sliced
@@ -699,6 +701,21 @@ def test_what_would_tip_over_stands_on_its_higher_valleys_too():
         assert ("it is also held down there" in " ".join(made.lines)) != behind
 
 
+@pytest.mark.parametrize("slope", [0.0, 0.15, 0.3])
+@pytest.mark.parametrize("corners", [4, 6])
+def test_a_shell_on_a_slope_stands_on_its_highest_foot_too(slope, corners):
+    """The lower three of four were found, or five of six, on ground that rises by a quarter of the width."""
+    t, around, rings = np.linspace(0, 2 * np.pi, 73)[:-1], np.arange(72), np.arange(1, 7)[:, None] / 6
+    x, y = 4 * rings * np.cos(t), 4 * rings * np.sin(t)
+    z = 2 * (1 - rings**2 * (1.5 + 0.5 * np.cos(corners * (t + 0.4)))) + slope * x
+    V = np.vstack([[0, 0, 2], np.stack([x, y, z], axis=2).reshape(-1, 3)])
+    a = (1 + 72 * np.arange(5)[:, None] + around).ravel()
+    b = (1 + 72 * np.arange(5)[:, None] + (around + 1) % 72).ravel()
+    crown = np.c_[0 * around, 1 + around, 1 + (around + 1) % 72]
+    surface = Surface(V, np.concatenate([crown, np.c_[a, a + 72, b + 72], np.c_[a, b + 72, b]]))
+    assert names(surface) == [f"foot {i + 1}" for i in range(corners)]
+
+
 def test_feet_in_valleys_that_are_mirrored_are_mirrored():
     """One side was longer by a step of 17 mm, held a vertex more, and the pattern lost its mirror."""
     made = propose(sloping_folds(0.075))
@@ -722,3 +739,83 @@ def test_members_across_are_told_of_what_fills_its_plan_only():
 def _used(surface, faces):
     used, F = np.unique(surface.F[faces], return_inverse=True)
     return surface.V[used], F.reshape(-1, 3)
+
+
+def saddle_on_corners(scallop: float) -> Surface:
+    """8 m x 6 m, 3 m high, with two low and two high corners, between which edges are straight, or come inwards."""
+    flat = grid(16, 16, 2.0, 2.0)
+    x, y = (flat.V[:, :2] - flat.V[:, :2].mean(axis=0)).T
+    z = 1.5 * x * y
+    return Surface(np.column_stack([4 * x * (1 - scallop * (1 - y**2)), 3 * y * (1 - scallop * (1 - x**2)), z]), flat.F)
+
+
+def test_a_shade_sail_hangs_from_all_of_its_corners():
+    """Its cables are straight in elevation from high corners to low ones; it stood on the two low ones alone."""
+    assert names(saddle_on_corners(0.14)) == [f"mast {i + 1}" for i in range(4)]
+    assert names(saddle_on_corners(0.0)) == ["foot 1", "foot 2"]
+
+
+@pytest.mark.slow
+def test_what_its_own_weight_stresses_beyond_its_strength_is_told(own):
+    """A roof of 140 m x 200 m on two feet was proposed at 256 % of its strength without a word; all around it bears."""
+    wide = Surface(25 * canopy(0.5).V, canopy(0.5).F)
+    told = bearing(propose(wide))
+    share = [float(word.rstrip("%")) for word in re.findall(r"[0-9]+(?=%)", told)]
+    assert share[0] > 100
+    assert share[0] > share[1]
+    assert "its own weight, and a thicker one weighs more: give it more feet" in told
+    assert not bearing(propose(canopy(0.5)))
+    assert not bearing(propose(Surface(12 * dome(edge=0.8).V, dome(edge=0.8).F)))
+
+
+def test_what_would_turn_about_the_line_through_its_feet_is_told():
+    said = "turn about the line"
+    assert said in " ".join(propose(saddle_on_corners(0.0)).lines)
+    assert said not in " ".join(propose(barrel_vault(edge=1.0)).lines)
+    assert said not in " ".join(propose(canopy(0.5)).lines)
+
+
+def with_a_door(radius: float, inside_out: bool = False) -> Surface:
+    """A sphere on the ground without the faces of its lowest part and of a door."""
+    ball = sphere(radius=radius, edge=radius / 6)
+    x, _, z = ball.centroids.T / radius
+    V, F = _used(ball, (z > -0.85) & ~((x > 0.6) & (z < -0.2)))
+    return Surface(V, F[:, ::-1] if inside_out else F)
+
+
+def test_snow_lies_on_top_of_what_is_nearly_closed_and_built():
+    """A ball to go into carried its own weight alone. It lies where the slope is under 60 degrees: pi r^2 sin^2 60."""
+    for inside_out in (False, True):
+        proposal = propose(with_a_door(4.0, inside_out))
+        snow = proposal.preset.surface.load[-1]
+        surface = proposal.preset.surface.build()
+        assert snow.kind == "snow"
+        assert "on the plan of its top" in " ".join(proposal.lines)
+        assert -snow.on(surface, 0.0)[:, 2].sum() / snow.pressure == pytest.approx(
+            np.pi * 16 * np.sin(np.radians(60)) ** 2, rel=0.15
+        )
+        loaded = np.linalg.norm(snow.traction(surface), axis=1) > 0
+        assert surface.centroids[loaded, 2].min() > 0
+    assert [load.kind for load in propose(with_a_door(0.4)).preset.surface.load] == ["self_weight"]
+
+
+def test_lines_for_wind_are_there_for_what_is_no_roof(own):
+    wall = Surface(grid(24, 12, 8.0, 4.0).V[:, [0, 2, 1]], grid(24, 12, 8.0, 4.0).F)
+    proposal = propose(wall)
+    assert "lines for wind" in " ".join(proposal.lines)
+    lines = proposal.text().partition("# Wind,")[2].splitlines()[1:5]
+    wind = tomllib.loads("\n".join(line.removeprefix("# ") for line in lines))["surface"]["load"][0]
+    assert abs(Wind(wind["pressure"], tuple(wind["direction"])).on(wall, 0.0)[:, 1].sum()) > 0.4 * wind["pressure"] * 32
+    assert "Wind," not in propose(own["canopy_mm"]).text()
+
+
+@pytest.mark.parametrize("sill", [0.2, 1.0])
+def test_a_low_window_of_a_tower_is_no_foot(sill):
+    """One that slants, within a twentieth of its height, was held all around, and bore a part of the tower."""
+    flat = grid(48, 88, 2 * np.pi, 22.0)
+    turn, z = flat.V[:, 0], flat.V[:, 1]
+    V = np.column_stack([6 * np.cos(turn), 6 * np.sin(turn), z])
+    x, y = flat.centroids[:, :2].T
+    raw = mend.mended(V, flat.F[~((np.abs(x - 1 - 0.3 * (y - sill)) < 0.2) & (y > sill) & (y < sill + 0.8))])
+    assert len(Surface(raw.V, raw.F).loops) == 3
+    assert names(Surface(raw.V, raw.F)) == ["base ring"]

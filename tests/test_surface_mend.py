@@ -128,7 +128,16 @@ def test_a_fin_on_an_inner_edge_goes():
     V = np.vstack([ROOF.V, ROOF.V[a] + [0, 0, 1]])
     mesh = mended(V, np.vstack([ROOF.F, [a, b, ROOF.n]]))
     assert_array_equal(mesh.F, ROOF.F)
-    assert "1 face on edges that have two others dropped" in mesh.repairs
+    assert "1 face on edges with two others, as of a rib, dropped" in mesh.repairs
+
+
+def test_a_part_in_another_unit_is_doubted():
+    """Half of a bridge was in metres, the other in millimetres: it shrank to a point, which nobody was told."""
+    far = ROOF.V[:, 0] > np.median(ROOF.V[:, 0])
+    told = " ".join(mended(np.where(far[:, None], ROOF.V / 1e6, ROOF.V), ROOF.F).repairs)
+    assert "is a part of it in another unit?" in told
+    once = np.vstack([ROOF.F, [[0, 1, 0]]])
+    assert "another unit" not in " ".join(mended(ROOF.V, once).repairs)
 
 
 def test_pinholes_are_closed_and_doors_are_not():

@@ -70,7 +70,7 @@ def test_a_plank_that_curls_up_at_its_end_stops_there_and_is_told(member, stoppe
     plan = plank_plan(graph, np.tile([0.0, 0.0, 1.0], (graph.sheet.surface.n, 1)), stock, STOCK, 0.0)
     assert plan.found.stopped == stopped
     assert max(part.span[1] for part in plan.parts) == pytest.approx(5.85 if stopped else 6, abs=0.02)
-    assert any("A1 stop before their ends" in line and "curl up" in line for line in plan.lines) == bool(stopped)
+    assert any("A1 stops before its ends" in line and "curl up" in line for line in plan.lines) == bool(stopped)
 
 
 def straight(name: str, begin: tuple[float, float], long: float) -> Member:

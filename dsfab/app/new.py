@@ -3,13 +3,21 @@
 import os
 import shlex
 from pathlib import Path
-from typing import Annotated
+from typing import TYPE_CHECKING, Annotated
 
 from cyclopts import Parameter
 
 from dsfab.app.options import MaxTriangles, Unit, Up
 from dsfab.app.terminal import out
-from dsfab.errors import PresetError
+from dsfab.errors import DsfabError, PresetError
+
+if TYPE_CHECKING:
+    from dsfab.proposal import Proposal
+
+FAR = 50.0
+"""Metres of span from which its own weight may be more than a sheet bears, however thick: what it bears is told."""
+MOSTLY = 0.6
+"""Share of the load from which it is mostly the weight, and a thicker sheet is stressed hardly less."""
 
 
 def new(
@@ -49,8 +57,39 @@ def new(
         path.write_text(text, encoding="utf-8")
     for line in proposal.lines:
         out(line)
+    if told := bearing(proposal):
+        out(told)
     out(f"written to {target}; build it: dsfab build {shlex.quote(str(target))}")
     return 0
+
+
+def bearing(proposal: "Proposal") -> str:
+    """How much of its strength a sheet that spans far bears before it is cut, and what makes it bear; else ''.
+
+    It is solved for that, some seconds. Nothing is told of what is refused: `dsfab build` says why.
+    """
+    from dsfab.pipeline import Design
+    from dsfab.report.design.answers import answer_facts
+
+    size = proposal.size
+    if not proposal.preset.statics.strength or max(size.span, size.bridged) < FAR:
+        return ""
+    try:
+        design = Design.of(proposal.preset)
+        parts, areas = design.load.parts, design.surface.areas[:, None]
+        facts = [answer_facts(design, case) for case in design.statics.cases.values()]
+    except DsfabError:
+        return ""
+    most, usual = (max(fact[key] for fact in facts) for key in ("utilisation", "utilisation_99"))
+    if most <= 1 or parts is None:
+        return ""
+    weight = abs((parts.weight * areas).sum(axis=0)[2] / (parts.traction * areas).sum(axis=0)[2])
+    how = "make it thicker (statics.thickness)"
+    if weight > MOSTLY:
+        own = f"{weight:.0%} of its load is its own weight, and a thicker one weighs more"
+        how = f"{own}: give it more feet, or more rise"
+    topic = f"{'bears':<{max(len(each.topic) for each in proposal.decisions)}}"
+    return f"{topic}  {most:.0%} of its strength, {usual:.0%} on 99 % of it, and more once it is cut; {how}"
 
 
 def _from(preset: Path, mesh: Path) -> Path:

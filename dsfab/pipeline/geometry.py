@@ -23,9 +23,8 @@ from dsfab.pipeline.measures import largest_filling
 from dsfab.pipeline.workshop_widths import kept_to_least_widths
 from dsfab.preset import Pattern, Preset
 from dsfab.results import PatternResult, Piece, SlicingResult, StaticsResult
-from dsfab.slicing import Sheet, cut
+from dsfab.slicing import Sheet, cut, improved
 from dsfab.slicing.features import kept_cells
-from dsfab.slicing.improve import improved
 from dsfab.surface import LoadCase, Surface, pieces
 from dsfab.thickening import Base, OffsetLayer, Solid, apart, offsets, thicken, with_extras
 from dsfab.wording import force, length

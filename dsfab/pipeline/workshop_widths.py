@@ -6,8 +6,7 @@ from dsfab.pipeline.finishing import Rehearsal, cured_share, merges_slits, small
 from dsfab.pipeline.log import Log
 from dsfab.preset import Pattern, Preset, Slicing
 from dsfab.results import PatternResult
-from dsfab.slicing import LeastWidths, Merging, PolygonMesh, Sheet, cut_polygons, sheet_of, with_least_widths
-from dsfab.slicing.improve import improved
+from dsfab.slicing import LeastWidths, Merging, PolygonMesh, Sheet, cut_polygons, improved, sheet_of, with_least_widths
 from dsfab.surface import Surface
 from dsfab.wording import length
 

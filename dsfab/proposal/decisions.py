@@ -13,12 +13,14 @@ from scipy.spatial import cKDTree
 from dsfab.materials import material_named
 from dsfab.preset import Preset
 from dsfab.preset_file import preset_from
-from dsfab.proposal.feet import Foot, feet, tips
+from dsfab.proposal.balance import tips, turns
+from dsfab.proposal.feet import Foot, feet
 from dsfab.proposal.marks import drawn_feet, drawn_marks, mark_decisions
 from dsfab.proposal.reading import Decision, GivenMesh, mesh_in_file, mesh_in_memory, vertical_axis
 from dsfab.proposal.sizes import Sizes, is_figure, shorter_side, sizes
 from dsfab.proposal.stems import stems
 from dsfab.proposal.text import SHARE, SNOW, proposal_text
+from dsfab.proposal.weather import snow_on_top, wind_lines
 from dsfab.surface import Marks, RawMesh, Surface
 from dsfab.wording import length
 
@@ -138,12 +140,10 @@ def _decisions(proposal: Proposal) -> Iterator[Decision]:
         stem = "; dsfab new writes the lines for a stem, too"
         yield Decision("hangs from", where + free + stem, "surface.support")
     else:
-        held = "; it is also held down there, for its middle lies beside" if tips(surface, stands) else ""
-        yield Decision("stands on", where + free + held, "surface.support")
+        yield Decision("stands on", where + free + _unsteady(surface, stands), "surface.support")
     yield from mark_decisions(proposal.marks)
     yield from _unheld(surface, stands)
-    snow = f" and snow of {SNOW / 1000:g} kPa on the plan, a placeholder for your local code"
-    yield Decision("carries", "its own weight" + (snow if proposal.snow else ""), "surface.load")
+    yield Decision("carries", _carried(surface, proposal.snow), "surface.load")
     figure = is_figure(surface)
     over = "" if figure else f", 1/{size.ratio} of the span of {length(size.bridged or size.span)}"
     made = f"{size.material}, {length(size.thickness)} thick{over}"
@@ -155,6 +155,26 @@ def _decisions(proposal: Proposal) -> Iterator[Decision]:
     widths = f"even, {SHARE:.0%} of the surface is material{rim}"
     yield Decision("widths", widths, "pattern.width.solid_fraction, pattern.rim")
     yield Decision("files", "STL, 3MF, and STEP where it is soon made", "export.formats, export.step")
+
+
+def _carried(surface: Surface, roof: bool) -> str:
+    """What it carries, and that what is no roof is not judged under wind yet."""
+    top = None if roof else snow_on_top(surface)
+    snow = (
+        f" and snow of {SNOW / 1000:g} kPa on the plan{' of its top' if top else ''}, a placeholder for your local code"
+    )
+    wind = "; dsfab new writes the lines for wind, too, which it does not carry yet"
+    told = "its own weight" + (snow if roof or top else "")
+    return told + (wind if not roof and wind_lines(surface) else "")
+
+
+def _unsteady(surface: Surface, stands: tuple[Foot, ...]) -> str:
+    """What its feet have to hold besides what is above them."""
+    points = [foot.points for foot in stands]
+    if tips(surface, points):
+        return "; it is also held down there, for its middle lies beside"
+    line = "; it would turn about the line through them: hold it beside that line, too"
+    return line if turns(surface, points) else ""
 
 
 def _fills(surface: Surface, size: Sizes) -> bool:

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints, closed_length, lengths
+from dsfab.proposal.balance import tips
 from dsfab.proposal.masts import mast_corners
 from dsfab.proposal.vertical import SOLE, is_nearly_closed
 from dsfab.surface import Boundary, Box, Surface, connected
@@ -14,6 +15,8 @@ FLAT = 0.02
 """A surface that is lower than this share of its size is flat."""
 LEVEL = 0.05
 """Share of the height by which a foot may rise from its lowest point."""
+EVEN = 0.005
+"""Share of the height by which a level ring may be out of level; of a window the lower half is its lowest part."""
 DIP = 0.15
 """Share of the height by which the boundary has to rise between two feet."""
 LOW = 0.35
@@ -21,8 +24,10 @@ LOW = 0.35
 HIGHEST = 0.6
 """The same for what would tip over on those alone, as a folded roof that slopes does
 on the lower ends of its valleys."""
-TIPS = 1.03
-"""It does if all feet are within half a turn of the middle of its plan, by so much."""
+SLOPE = 0.1
+"""Share of the height by which a higher low point may be off the plane through three feet, and be on their ground."""
+IN_LINE = 0.1
+"""Feet whose plan is narrower than this share of its length are in line."""
 SHORTEST = 1 / 25
 """Share of the span that a foot is long at least."""
 ALIKE = 1e-4
@@ -62,7 +67,8 @@ def feet(surface: Surface, span: float) -> tuple[Foot, ...]:
     closed : on what lies within `SOLE` of its height over its lowest point.
     hung   : from the corners of its outer edge, see `mast_corners`.
     else   : on the stretches of boundary around the low points of the outer edge, and of other edges that reach the
-             ground. Openings in the roof, with sheet below them, are not held.
+             ground, and of those that are higher on a site that slopes. Openings in the roof, with sheet below them,
+             are not held.
     """
     height = float(np.ptp(surface.V[:, 2]))
     if is_nearly_closed(surface):
@@ -79,19 +85,9 @@ def feet(surface: Surface, span: float) -> tuple[Foot, ...]:
     standing = [k for k, loop in enumerate(surface.loops) if outer[k] or _stands(surface, loop, low)]
     lines = {k: _resampled(surface.V[surface.loops[k]], STEP * span) for k in standing}
     found = [foot for k in standing for foot in _stretches(k, lines[k], height, low, span)]
-    if tips(surface, found):
+    if tips(surface, [foot.points for foot in found]):
         found = _propped(surface, lines, found, ground, span)
-    return _named(surface, found, span)
-
-
-def tips(surface: Surface, found: Sequence[Foot]) -> bool:
-    """Whether the middle of a surface's plan is beside all feet: on those alone it would have to be held down."""
-    if not found:
-        return False
-    middle = surface.areas @ surface.centroids / surface.area
-    x, y = (np.concatenate([foot.points for foot in found]) - middle)[:, :2].T
-    angle = np.sort(np.arctan2(y, x))
-    return bool(np.diff(angle, append=angle[0] + 2 * np.pi).max() > TIPS * np.pi)
+    return _named(surface, _on_a_slope(surface, lines, found, span), span)
 
 
 def _propped(surface: Surface, lines: dict[int, Floats], found: list[Foot], ground: float, span: float) -> list[Foot]:
@@ -104,9 +100,33 @@ def _propped(surface: Surface, lines: dict[int, Floats], found: list[Foot], grou
         if ground + LOW * height < z <= ground + HIGHEST * height:
             highest = z + LEVEL * height
             more = [foot for k, P in lines.items() for foot in _stretches(k, P, height, highest, span)]
-            if not tips(surface, more):
+            if not tips(surface, [foot.points for foot in more]):
                 return more
     return found
+
+
+def _on_a_slope(surface: Surface, lines: dict[int, Floats], found: list[Foot], span: float) -> list[Foot]:
+    """The feet on the plane through the lowest points of those that were found, where they are more: a shell on four
+    feet on a slope stood on the lower three, and reached over the fourth into the air."""
+    lowest = np.array([foot.points[foot.points[:, 2].argmin()] for foot in found])
+    if len(found) < 3:
+        return found
+    middle = lowest.mean(axis=0)
+    plan = (lowest - middle)[:, :2]
+    across, along = np.linalg.svd(plan, compute_uv=False)[::-1]
+    if across < IN_LINE * along:  # they say nothing of the ground beside their line
+        return found
+    slope, *_ = np.linalg.lstsq(plan, lowest[:, 2] - middle[2])
+
+    def ground(P: Floats) -> Floats:
+        z = middle[2] + (P - middle)[:, :2] @ slope
+        return np.column_stack([np.zeros((len(P), 2)), z])
+
+    height = float(np.ptp((surface.V - ground(surface.V))[:, 2]))
+    level = {k: P - ground(P) for k, P in lines.items()}
+    more = [foot for k, P in level.items() for foot in _stretches(k, P, height, SLOPE * height, span)]
+    on_it = [replace(foot, points=foot.points + ground(foot.points)) for foot in more]
+    return on_it if len(on_it) > len(found) else found
 
 
 def _hangs(surface: Surface, loop: int) -> bool:
@@ -146,7 +166,8 @@ def _stands(surface: Surface, loop: Ints, ground: float) -> bool:
     lowest = float(z[loop].min())
     if lowest > ground:
         return False
-    on &= z <= lowest + LEVEL * float(np.ptp(z))
+    height = float(np.ptp(z))
+    on &= z <= lowest + min(LEVEL * height, max(float(np.ptp(z[loop])) / 2, EVEN * height))
     low = on[edges.ends].all(axis=1) & edges.boundary
     faces = np.flatnonzero(low[edges.of].any(axis=1))
     rises = [z[surface.F[f]].sum() - 1.5 * z[edges.ends[e]].sum() for f in faces for e in edges.of[f] if low[e]]

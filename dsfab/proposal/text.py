@@ -11,6 +11,7 @@ from dsfab.proposal.marks import TABLES, mark_tables
 from dsfab.proposal.reading import GivenMesh
 from dsfab.proposal.sizes import Sizes, is_figure
 from dsfab.proposal.stems import stems
+from dsfab.proposal.weather import snow_on_top, wind_lines
 from dsfab.surface import Boundary, Marks, Surface
 from dsfab.wording import length
 
@@ -54,7 +55,7 @@ def proposal_text(
         _surface(keys, notes, size),
         *_supports(surface, size, stand),
         *(table for table in tables if table[0] == TABLES["support"]),
-        *_loads(snow),
+        *_loads(surface, snow),
         *(table for table in tables if table[0] == TABLES["load"]),
         _statics(size),
         _pattern(surface, size),
@@ -111,11 +112,15 @@ def _support(surface: Surface, size: Sizes, foot: Foot) -> list[str]:
     return ["[[surface.support]]", _entry("name", foot.name, metres), f"at = {{ {pick} }}", _entry("hold", "xyz")]
 
 
-def _loads(snow: bool) -> Iterator[list[str]]:
+def _loads(surface: Surface, snow: bool) -> Iterator[list[str]]:
     yield ["[[surface.load]]", _entry("kind", "self_weight")]
+    pressure = _entry("pressure", SNOW, "Pa on the plan: a placeholder for your local code")
     if snow:
-        pressure = _entry("pressure", SNOW, "Pa on the plan: a placeholder for your local code")
         yield ["[[surface.load]]", _entry("kind", "snow"), pressure]
+    elif wind := wind_lines(surface):
+        if top := snow_on_top(surface):
+            yield ["[[surface.load]]", _entry("kind", "snow"), pressure, f"at = {{ {top} }}"]
+        yield wind
 
 
 def _statics(size: Sizes) -> Iterator[str]:
@@ -157,7 +162,7 @@ def _entry(key: str, value: Any, note: str = "") -> str:
 
 def _description(surface: Surface, size: Sizes, stands: tuple[Foot, ...], snow: bool) -> str:
     x, y, z = (length(float(side)) for side in np.ptp(surface.V, axis=0))
-    loads = "its own weight and snow" if snow else "its own weight"
+    loads = "its own weight and snow" if snow or snow_on_top(surface) else "its own weight"
     return f"{x} x {y}, {z} high, {size.material} of {length(size.thickness)}, on {_on(stands)}, under {loads}."
 
 

@@ -4,6 +4,7 @@ from dsfab.slicing.chart import Chart, chart_of
 from dsfab.slicing.cut import cut, cut_polygons, material_area, sheet_of
 from dsfab.slicing.fairing import faired_walls
 from dsfab.slicing.halving import Halved, halved
+from dsfab.slicing.improve import improved
 from dsfab.slicing.least_widths import LeastWidths, with_least_widths
 from dsfab.slicing.necks import bridged_gaps, bridged_necks
 from dsfab.slicing.on_parts import divided_at_vertices
@@ -41,6 +42,7 @@ __all__ = [
     "filled_openings",
     "filled_slits",
     "halved",
+    "improved",
     "material_area",
     "overlaid",
     "resolve_pinches",

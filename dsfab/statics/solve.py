@@ -210,9 +210,10 @@ def _require_solved(surface: Surface, imbalance: float, residual: float) -> None
         return
     needles = f"; {told}" if (told := needles_told(surface)) else ""
     if not imbalance <= BALANCE:
+        either = f"{'its needles of faces are too flat, or ' if needles else ''}the sheet is nearly a mechanism"
         raise StaticsError(
             f"loads and reactions differ by {imbalance:.1e} of the load (the equations are solved to {residual:.1e}): "
-            f"the sheet is nearly a mechanism; hold more directions, or make it thicker or the mesh finer{needles}"
+            f"{either}; hold more directions, or make it thicker or the mesh finer{needles}"
         )
     raise StaticsError(
         f"the equations are solved to {residual:.1e} only (wanted: {RESIDUAL:g}): the sheet is too thin for its size "

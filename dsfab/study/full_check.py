@@ -43,7 +43,7 @@ def full(
     made = statics.sheet(structure.thickness)
     loads = task.loads_on(structure, every)
     setting = LoadedSurface(task.surface, made, loads)
-    found = check(setting, structure.drawn, "full", budget, progress)
+    found = check(setting, structure.drawn, "full", budget, progress, structure.cells)
     if found.status == "fail":
         raise StaticsError(found.reason)
     if ask and ask.modes:

@@ -4,6 +4,7 @@ from dsfab.surface.bridges import as_circle, as_polyline, require_compas
 from dsfab.surface.cases import Combination, LimitState, load_cases, together
 from dsfab.surface.climate import Snow, Wind
 from dsfab.surface.corner_field import CornerField
+from dsfab.surface.cover import one_sided_pieces
 from dsfab.surface.creases import CREASE
 from dsfab.surface.divided import DividedField
 from dsfab.surface.doubled import twin_remarks
@@ -160,6 +161,7 @@ __all__ = [
     "nearest",
     "next_half_edge",
     "normalized",
+    "one_sided_pieces",
     "pieces",
     "planes_through",
     "ply_chunks",

@@ -20,6 +20,11 @@ FLAT = 1e-9
 PINHOLE = 1e-3
 """Share of the largest side under which the outline of a hole is closed by a fan of faces."""
 
+MANY = 0.2
+"""Share of faces beyond which those without area are doubted: some of the mesh may be a thousand times too small."""
+_NO_AREA = "without area"
+_DOUBT = ", many of all: is a part of it in another unit?"
+
 _ASTRAY = f"with corners more than {FAR:,.0f} times as far away as the others"
 
 
@@ -39,7 +44,9 @@ class MendedMesh:
         lost = len(self.F) - len(keep)
         if not lost:
             return self
-        return replace(self, F=self.F[keep], repairs=(*self.repairs, f"{counted(lost, 'face')} {which} dropped"))
+        doubt = _DOUBT if which == _NO_AREA and lost > MANY * len(self.F) else ""
+        words = f"{counted(lost, 'face')} {which} dropped{doubt}"
+        return replace(self, F=self.F[keep], repairs=(*self.repairs, words))
 
 
 Fault = tuple[Callable[[Floats, Ints], Ints], str]
@@ -164,9 +171,9 @@ def _in_large_pieces(V: Floats, F: Ints) -> Ints:
     return np.flatnonzero(of_piece[piece] >= CRUMB * area.sum())
 
 
-_UNSOUND: tuple[Fault, ...] = ((_with_area, "without area"),)
+_UNSOUND: tuple[Fault, ...] = ((_with_area, _NO_AREA),)
 _REPEATED = "that repeat others"
-_TOO_MANY: tuple[Fault, ...] = ((_on_edges_of_two, "on edges that have two others"),)
+_TOO_MANY: tuple[Fault, ...] = ((_on_edges_of_two, "on edges with two others, as of a rib,"),)
 _TOO_SMALL: tuple[Fault, ...] = ((_in_large_pieces, "in crumbs"),)
 
 

@@ -10,7 +10,7 @@ from dsfab.errors import PatternError
 from dsfab.members import MemberGraph
 from dsfab.pipeline import Design
 from dsfab.preset_workshop import Workshop
-from dsfab.wording import length, some_names
+from dsfab.wording import length, some_names, stopping
 from dsfab.workshop.bars import BarPlan
 from dsfab.workshop.base import base_notes, base_parts
 from dsfab.workshop.ground import Ground
@@ -257,8 +257,8 @@ def _strip_notes(strips: StripParts, graph: MemberGraph, layering: Layering) -> 
     found = []
     if strips.stopped:
         found.append(
-            f"{_count(len(strips.stopped), 'strip')} stop before their ends, where they would run into others of their "
-            f"layer or curl up: {some_names(strips.stopped)}; {_count(len(strips.left), 'node')} without them"
+            f"{_count(len(strips.stopped), 'strip')} {stopping(len(strips.stopped))} others of their layer or curl up: "
+            f"{some_names(strips.stopped)}; {_count(len(strips.left), 'node')} without them"
         )
     if strips.gone:
         found.append(f"NOT BUILT, as others of their layer lie where they would be: {some_names(strips.gone)}")
@@ -266,7 +266,8 @@ def _strip_notes(strips: StripParts, graph: MemberGraph, layering: Layering) -> 
         found.append(f"{strips.near} of {strips.splices} splices are nearer to a node than a cover plate is long")
     if strips.missing:
         holes = _count(len(strips.missing), "hole")
-        found.append(f"{holes} not drilled, too near to an edge: {some_names(strips.missing)}")
+        places = list(dict.fromkeys(strips.missing))  # a splice has several bolts of one name
+        found.append(f"{holes} not drilled, too near to an edge: {some_names(places)}")
     families = {member.id: member.family for member in graph.members}
     nodes = [node for node in graph.nodes if node.kind != "grazing"]
     packed = Counter(layering.packing(node, families) for node in nodes)

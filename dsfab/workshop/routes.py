@@ -142,7 +142,7 @@ def _possible_bars(design: Design, graph: MemberGraph, up: Floats) -> tuple[BarP
         why = str(error).partition("; ")[0]  # after that, ways out that name other routes, among them the one taken
         return None, f"bars are no way either: {why}"
     if bars.loose:
-        return None, f"{len(bars.loose)} bars would be too short for bolts"
+        return None, f"{len(bars.loose)} bar{'s' * (len(bars.loose) > 1)} would be too short for bolts"
     long = longest_unfit(bars.parts, design.preset.workshop)
     if long:
         return None, f"bars are longer than the stock ({long.id} is {length(long.size[0])})"

@@ -30,6 +30,7 @@ class Refinement:
     """Meshes solved up to now.
 
     stopped : why no more were, with the status that follows; None where enough is known, or all were solved.
+    unsolved : whether the last of them was tried, and its solution did not hold.
     """
 
     setting: LoadedSurface
@@ -39,6 +40,7 @@ class Refinement:
     progress: Progress | None
     levels: list[Level] = field(default_factory=list)
     stopped: tuple[Status, str] | None = None
+    unsolved: bool = False
 
     def up(self, sheet: Sheet, loads: Mapping[str, LoadCase]) -> None:
         """Solve what is needed. loads : on the sheet, as they are handed to it."""
@@ -51,6 +53,7 @@ class Refinement:
             try:
                 self._solve(mesh, forces)
             except DsfabError as error:
+                self.unsolved = True
                 broken = not self.levels and isinstance(error.__cause__, NotPositiveDefinite)
                 self.stopped = ("fail" if broken else "unknown"), str(error)
                 return

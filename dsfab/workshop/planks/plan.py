@@ -8,7 +8,7 @@ import numpy as np
 
 from dsfab.arrays import Floats
 from dsfab.members import MemberGraph
-from dsfab.wording import length, some_names
+from dsfab.wording import length, some_names, stopping
 from dsfab.workshop.ground import Ground
 from dsfab.workshop.parts import FlatPart
 from dsfab.workshop.planks.found import PlankParts
@@ -175,8 +175,8 @@ def _left_out(plan: PlankPlan) -> Iterator[str]:
         yield f"{found.level} ends at supports are cut along the ground"
     if found.stopped:
         yield (
-            f"{some_names(found.stopped)} stop before their ends, where they would run into others of their family or "
-            "curl up" + (f"; {some_names(found.left)} are without them" if found.left else "")
+            f"{some_names(found.stopped)} {stopping(len(found.stopped))} others of their family or curl up"
+            + (f"; {some_names(found.left)} are without them" if found.left else "")
         )
     if found.gone:
         yield f"NOT BUILT, as others of their family stand where they would be: {some_names(found.gone)}"
