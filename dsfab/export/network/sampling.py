@@ -7,7 +7,7 @@ gap                     A reader finds an edge's tolerance at 23 places of it, e
  0           1          peaks are moved to the nearest of these places (x), by a part of the gap and no new edge.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.linalg import lstsq
@@ -101,6 +101,8 @@ class _Surface:
     seams: Floats
     held: Floats
     edges: Floats
+    over: dict[int, Floats] = field(default_factory=dict)
+    """By degree: (3, e, k, poles) what each pole counts at points of seams, and a step along both axes beside them."""
 
     def moved(self, exact: bool) -> Floats:
         """The poles with the fewest peaks at wrong places, of the lowest degree; exact edges stay so where asked."""
@@ -123,9 +125,9 @@ class _Surface:
         """Heights of poles after each round, and how many peaks are then at wrong places; edges with gaps that are less
         than `near` keep these."""
         degree, z, found = len(local) - 1, local[..., 2].ravel().copy(), list[tuple[Floats, int]]()
-        rows = self._rows(self.seams, local) * self._cosines(local)[..., None]
-        gaps, pinned = self._gaps(local), dict[int, tuple[int, float]]()
-        exact = self._rows(self.held, local)
+        gaps, cosines = self._across(local)
+        rows, pinned = self._over(degree)[0] * cosines[..., None], dict[int, tuple[int, float]]()
+        exact = self._rows(self.held, degree)
         off = np.abs(self.held @ self.axes[2] - exact @ z)
         firm = exact[off.max(axis=1) < near].reshape(-1, len(z))
         around = height_rows(places(self.poles, self.axes, self.edges), degree)
@@ -151,22 +153,26 @@ class _Surface:
         moved = height_rows(places(self.poles, self.axes, inside), degree) @ (z - local[..., 2]).ravel()
         return bool(after <= max(SPLIT, before) and np.abs(moved).max() <= SPLIT)
 
-    def _rows(self, points: Floats, local: Floats) -> Floats:
+    def _rows(self, points: Floats, degree: int) -> Floats:
         """(e, k, poles) what each pole counts at points (e, k, 3)."""
-        rows = height_rows(places(self.poles, self.axes, points.reshape(-1, 3)), len(local) - 1)
+        rows = height_rows(places(self.poles, self.axes, points.reshape(-1, 3)), degree)
         return rows.reshape(*points.shape[:2], rows.shape[1])
+
+    def _over(self, degree: int) -> Floats:
+        if degree not in self.over:
+            ways = [np.zeros(3), STEP * self.axes[0], STEP * self.axes[1]]
+            self.over[degree] = np.stack([self._rows(self.seams + way, degree) for way in ways])
+        return self.over[degree]
 
     def _gaps(self, local: Floats) -> Floats:
         """(e, k) how far seams are above the surface, across it."""
-        over = self.seams @ self.axes[2] - self._rows(self.seams, local) @ local[..., 2].ravel()
-        return np.asarray(over * self._cosines(local))
+        return self._across(local)[0]
 
-    def _cosines(self, local: Floats) -> Floats:
-        """(e, k) of the angles between the heights and the surface's normals, along seams."""
-        z = local[..., 2].ravel()
-        heights = [self._rows(self.seams + STEP * way, local) @ z for way in (0, self.axes[0], self.axes[1])]
-        steep = [(heights[i] - heights[0]) / STEP for i in (1, 2)]
-        return np.asarray(1 / np.sqrt(1 + steep[0] ** 2 + steep[1] ** 2))
+    def _across(self, local: Floats) -> tuple[Floats, Floats]:
+        """(e, k) these gaps, and the cosines of the angles between the heights and the surface's normals there."""
+        here, right, left = self._over(len(local) - 1) @ local[..., 2].ravel()
+        cosines = 1 / np.sqrt(1 + ((right - here) / STEP) ** 2 + ((left - here) / STEP) ** 2)
+        return (self.seams @ self.axes[2] - here) * cosines, cosines
 
     def _wrong(self, gaps: Floats) -> Bools:
         """(e,) whether the widest gap is between two of the places at which OCCT looks."""
