@@ -107,7 +107,7 @@ def _arrays(model: Any) -> tuple[Floats, Ints]:
 
 
 def joined_face_sets(items: Iterable[Any]) -> tuple[Floats, Ints]:
-    """Face sets of ifcopenshell as one mesh."""
+    """Face sets of ifcopenshell as one mesh, V (n, 3) and F (m, 3)."""
     points, faces, at = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], 0
     for item in items:
         points.append(np.array(item.Coordinates.CoordList, dtype=np.float64))

@@ -168,7 +168,7 @@ def element(
 
 
 def face_set(new: Numbered, V: Floats, corners: Ints, style: int) -> int:
-    """Triangles of a closed body in a style, as `element` takes them."""
+    """Triangles (m, 3), whose corners count from 1, of a closed body V (n, 3) in a style; returns its number."""
     points = "".join(listed_rows(f"(%.{DIGITS}f,%.{DIGITS}f,%.{DIGITS}f),", *V.T))
     listed = new.add(f"IFCCARTESIANPOINTLIST3D(({points}))")
     triangles = "".join(listed_rows("(%d,%d,%d),", *corners.T))

@@ -59,7 +59,7 @@ class HalvedOutline:
 
     def chords(self, worst: Ints) -> Iterator[tuple[int, int]]:
         """Pairs of places, ascending, between which a chord is inside and clear: those that are short for the smaller
-        area that they cut off first, once of those from the worst places, and once of all others."""
+        area that they cut off first, once of those from the worst places (k,), and once of all others."""
         axes = axes_of(middle_normal(self.line))
         line, at = self.line[:, :3] @ axes[:2].T, self.poles[:, 0, :3] @ axes[:2].T
         i, j = np.triu_indices(len(at), 1)

@@ -36,7 +36,7 @@ def with_parabolas(curves: Sequence[ChainCurve], distance: float, box: Floats) -
 
 
 def lowered(P: Floats, axis: int) -> Floats:
-    """Cubics, poles (.., 4, ..) along an axis, as the parabolas through their ends and middles, still with four."""
+    """(n, 4, 6), or any with 4 along an axis: poles of cubics, as those of the parabolas through their ends and middles."""
     P = np.moveaxis(P, axis, 0)
     third = _third(P) / 6
     return np.moveaxis(np.stack([P[0], P[1] - third, P[2] + third, P[3]]), 0, axis)
@@ -54,7 +54,7 @@ def lowered_patches(P: Floats, distance: float) -> Floats:
 
 
 def fewest(P: Floats, axis: int) -> Floats:
-    """The poles (.., 3, ..) of what is a parabola along an axis, or those that are given, (.., 4, ..)."""
+    """The poles of what is a parabola along an axis, 3 there as in (k, 3, 6), or those that are given, as (k, 4, 6)."""
     P = np.moveaxis(P, axis, 0)
     if len(P) == 4 and np.abs(_third(P)).max() < NOTHING:
         P = np.stack([P[0], _middle_pole(P), P[3]])
