@@ -25,7 +25,8 @@ def tips(surface: Surface, feet: Sequence[Floats]) -> bool:
 
 
 def turns(surface: Surface, feet: Sequence[Floats]) -> bool:
-    """Whether two feet or more, of points (k, 3) each, are in one line, about which the surface would turn: a saddle on two of its corners."""
+    """Whether two feet or more, points (k, 3) each, are in one line, about which the surface would turn: a saddle on
+    two of its corners."""
     if len(feet) < 2:
         return False
     plan = np.concatenate(feet)[:, :2]

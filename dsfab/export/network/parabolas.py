@@ -36,7 +36,7 @@ def with_parabolas(curves: Sequence[ChainCurve], distance: float, box: Floats) -
 
 
 def lowered(P: Floats, axis: int) -> Floats:
-    """(n, 4, 6), or any with 4 along an axis: poles of cubics, as those of the parabolas through their ends and middles."""
+    """(k, 4, 6), or any with 4 along an axis: cubics as the parabolas through their ends and middles, still 4 poles."""
     P = np.moveaxis(P, axis, 0)
     third = _third(P) / 6
     return np.moveaxis(np.stack([P[0], P[1] - third, P[2] + third, P[3]]), 0, axis)
