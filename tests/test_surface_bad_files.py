@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
 from dsfab.errors import SurfaceError
-from dsfab.surface import read_surface, surface_in_file
+from dsfab.surface import polygon_cuts, read_surface, surface_in_file
 from dsfab.surface.formats.limits import Budget
 from dsfab.surface.formats.obj import read_obj
 from dsfab.surface.formats.off import read_off
@@ -218,10 +218,13 @@ def test_a_soup_is_joined_also_where_a_face_or_a_vertex_is_dropped(tmp_path):
         assert len(found.record.remarks) >= 2 - (more[:1] == b"v")
 
 
-@given(st.integers(13, 400), st.integers(0, 10**6), st.booleans())
-@settings(max_examples=40, deadline=None, derandomize=True)
-def test_large_polygons_keep_every_corner_their_area_and_their_edges(k, seed, straight):
-    """In any plane: k - 2 triangles with area, each side of the outline on one of them, all other edges on two."""
+@given(st.integers(13, 400), st.integers(0, 10**6), st.booleans(), st.sampled_from([12, 2000]))
+@settings(max_examples=80, deadline=None, derandomize=True)
+def test_large_polygons_keep_every_corner_their_area_and_their_edges(k, seed, straight, many):
+    """In any plane: k - 2 triangles with area, each side of the outline on one of them, all other edges on two.
+
+    many : corners above which they are Delaunay's and not earcut's.
+    """
     rng = np.random.default_rng(seed)
     angle = np.sort(rng.uniform(0, 2 * np.pi, k))
     flat = np.stack([np.cos(angle), np.sin(angle)], axis=1) * rng.uniform(0.4, 1, k)[:, None]
@@ -230,7 +233,9 @@ def test_large_polygons_keep_every_corner_their_area_and_their_edges(k, seed, st
         flat = np.stack([flat, (1 - t) * flat + t * np.roll(flat, -1, axis=0)], axis=1).reshape(-1, 2)
     tilt = np.linalg.qr(rng.normal(size=(3, 3)))[0]
     P = 5 + np.c_[flat, np.zeros(len(flat))] @ tilt.T
-    T = large_polygon_cut(P)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(polygon_cuts, "MANY", many)
+        T = large_polygon_cut(P)
     if np.diff(np.r_[angle, angle[0] + 2 * np.pi]).max() >= np.pi:  # then the star does not see its own centre
         return
     assert T is not None
@@ -243,6 +248,25 @@ def test_large_polygons_keep_every_corner_their_area_and_their_edges(k, seed, st
     assert len(edges) == 3 * len(T)
     outline = {(i, (i + 1) % len(P)) for i in range(len(P))}
     assert {(a, b) for a, b in edges if (b, a) not in edges} == outline
+
+
+def test_a_comb_of_thousands_of_teeth_is_cut_and_one_with_a_bridge_to_a_hole(monkeypatch):
+    """A bridge is two sides in one place: nothing that Delaunay's triangles take."""
+    teeth = 1500
+    comb = np.array([[0, 0], [teeth, 0], *((teeth - i / 2, 9.0 if i % 2 else 1.0) for i in range(2 * teeth + 1))])
+    ring = np.array([[0, 0], [9, 0], [9, 9], [0, 9], [0, 0], [3, 3], [3, 6], [6, 6], [6, 3], [3, 3]])
+    asked = []
+    monkeypatch.setattr(polygon_cuts, "_earcut", lambda flat, cut=polygon_cuts._earcut: asked.append(1) or cut(flat))
+    for flat, area, earcut in ((comb, teeth * 5.0, 0), (ring, 72.0, 1)):
+        monkeypatch.setattr(polygon_cuts, "MANY", 8)
+        T = large_polygon_cut(np.c_[flat, np.zeros(len(flat))])
+        assert T is not None
+        assert len(T) == len(flat) - 2
+        a, b, c = (flat[T[:, i]] for i in range(3))
+        twice = (b - a)[:, 0] * (c - a)[:, 1] - (b - a)[:, 1] * (c - a)[:, 0]
+        assert twice.min() > 0
+        assert twice.sum() / 2 == pytest.approx(area)
+        assert len(asked) == earcut
 
 
 def test_small_polygons_are_cut_alone_as_together():
