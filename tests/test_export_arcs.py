@@ -7,6 +7,7 @@ from scipy.sparse import csr_array, eye_array
 from dsfab.export.network import line_fits
 from dsfab.export.network.arcs import round_chains, with_arcs
 from dsfab.export.network.curves import SampledChain, curves_through
+from dsfab.export.network.ends import without_short_walls
 from dsfab.export.network.graph import VOID, Chain, ChainNet
 from dsfab.export.network.lines import ChainLine, NetLines
 from dsfab.export.network.quads import Quad
@@ -120,3 +121,29 @@ def test_a_border_along_a_round_corner_ends_where_the_wall_does(far, moves):
     assert done.loops[1] == [[(2, True), (3, True), (6, True), (4, False), (7, True)]]
     assert (done.chains[7].points.tolist(), done.chains[7].left) == ([1, 2, 3], 1)
     assert with_steep_ends(done, lifting, 40.0) is done
+
+
+@pytest.mark.parametrize("bend", [0, 1])
+def test_borders_that_end_a_millimetre_apart_end_in_one_place(bend):
+    """Where the wall turns more: the other end gives way, and the wall between them is a part of its neighbour."""
+    tilt = np.array([[0.0, 0], [0, 0], [0, 0], [0, 30]]) if bend else np.array([[0.0, 30], [0, 0], [0, 0], [0, 0]])
+    points = np.array([*np.array([[-200, 0], [0, 0], [1.5, 0], [200, 0]]) + tilt, [-40, 200], [60, 200]])
+    runs = [([0, 1], 0, VOID), ([1, 2], 1, VOID), ([2, 3], 2, VOID), ([1, 4], 0, 1), ([2, 5], 1, 2)]
+    runs += [([4, 0], 0, VOID), ([5, 4], 1, VOID), ([3, 5], 2, VOID)]
+    chains = {k: Chain(np.array(run), left, right) for k, (run, left, right) in enumerate(runs)}
+    loops = {
+        0: [[(0, True), (3, True), (5, True)]],
+        1: [[(1, True), (4, True), (6, True), (3, False)]],
+        2: [[(2, True), (7, True), (4, False)]],
+    }
+    lifting = lifting_of(flat_strip())
+    at = np.column_stack([points + [500, 1000], np.zeros(len(points))])
+    net = ChainNet(lifting.weights_at(at), chains, loops, frozenset(), np.zeros(0, dtype=np.int64))
+    assert without_short_walls(net, lifting, 1.0).loops == loops
+    done = without_short_walls(net, lifting, 2.0)
+    assert sorted(done.chains) == [0, 2, 3, 4, 5, 6, 7]
+    assert done.loops == loops | {1: [[(4, True), (6, True), (3, False)]]}
+    assert [done.chains[k].points[0] for k in (3, 4)] == [1 + bend] * 2
+    walls = [[0, 1, 2], [2, 3]] if bend else [[0, 1], [1, 2, 3]]
+    assert [done.chains[k].points.tolist() for k in (0, 2)] == walls
+    assert without_short_walls(done, lifting, 2.0).loops == done.loops

@@ -13,6 +13,7 @@ from dsfab.export.network.bends import level
 from dsfab.export.network.crossings import TOUCHING, crossing_chains, without_crossings
 from dsfab.export.network.curves import SampledChain, sampled_chains
 from dsfab.export.network.dividing import divided
+from dsfab.export.network.ends import without_short_walls
 from dsfab.export.network.fillets import without_fillets
 from dsfab.export.network.flush import flush_at_corners
 from dsfab.export.network.graph import VOID, ChainNet, net_of
@@ -50,6 +51,9 @@ NARROW = 1 / 4000
 NARROW_MM, OF_THIN = 0.01, 1 / 1500
 """Millimetres of one that is narrow enough, if that is no larger a share of the thickness: of a sheet of 16 mm most
 trimmed faces had degrees of 4 to 7, to close it to .004 mm, and a third more poles."""
+
+SHORT = 1 / 20
+"""Length of a wall between two borders that is none, as a share of the thickness."""
 
 LENS = 1 / 3
 """Width of a region between two chains that is no region, as a share of the thickness."""
@@ -163,7 +167,8 @@ def _net(sheet: StripedSheet, lifting: Lifting, plan: SmoothPlan) -> ChainNet:
     net = net_of(sheet, plan.surface.V, skins.normals, t / MM_PER_M, creased)
     net = without_fillets(net, lifting)
     P, N = (np.asarray(net.weights @ x) for x in (skins.points, skins.normals))
-    net = with_steep_ends(joined_outlines(without_lenses(net, P, LENS * t), P, N), lifting, t)
+    net = joined_outlines(without_lenses(net, P, LENS * t), P, N)
+    net = with_steep_ends(without_short_walls(net, lifting, SHORT * t), lifting, t)
     return straightened(level(net, sheet, lifting, plan.limits), lifting, t)
 
 

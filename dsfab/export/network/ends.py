@@ -7,8 +7,11 @@ import numpy as np
 from scipy.sparse import csr_array, vstack
 
 from dsfab.arrays import Floats, Ints
-from dsfab.export.network.graph import VOID, ChainNet, Loop
+from dsfab.export.network.graph import VOID, ChainNet, Loop, ends_at, outline_through
 from dsfab.export.network.lifting import Lifting
+
+FEWEST_SIDES = 3
+"""Of a region, that it keeps."""
 
 FEWEST = 5
 """Points of a chain whose ends are moved, at least."""
@@ -45,6 +48,47 @@ def _between(P: Floats, points: Ints, ends: list[int]) -> Floats:
 def _way(line: Floats) -> Floats:
     """(k,) lengths along a line (k, 3), from 0."""
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+
+
+def without_short_walls(net: ChainNet, lifting: Lifting, most: float) -> ChainNet:
+    """The net without walls shorter than `most` millimetres between the ends of two borders: these end in one place.
+
+    Left as they are, walls of a millimetre leave an arc's end at any angle: where members of four feet meet their rim,
+    eight of twelve edges were such, and took no fillet.
+    """
+    P: Floats = np.asarray(net.weights @ lifting.skins.points)
+    chains, moves, at = dict(net.chains), dict[tuple[int, int], int](), ends_at(net)
+    loops = {region: [list(loop) for loop in some] for region, some in net.loops.items()}
+    for k, chain in net.chains.items():
+        if chain.right != VOID or _way(P[chain.points])[-1] >= most:
+            continue
+        before, after = (outline_and_border(net, at[int(chain.points[i])]) for i in (0, -1))
+        mine = next(loop for loop in loops[chain.left] if (k, True) in loop)
+        if not before or not after or len(mine) <= FEWEST_SIDES:
+            continue
+        first = _turned(P, net, *before[:2]) < _turned(P, net, *after[:2])  # the end that gives way
+        other, border = (before[0], before[2]) if first else (after[1], after[2])
+        if other not in chains or chains[other].left == chain.left or border in moves:
+            continue
+        both = [chains[other].points, chain.points][:: 1 if first else -1]
+        chains[other] = replace(chains[other], points=np.concatenate([both[0], both[1][1:]]))
+        moves[border] = int(chain.points[-1 if first else 0])
+        mine.remove((k, True))
+        del chains[k]
+    return with_moved_ends(replace(net, chains=chains, loops=loops), moves, lifting)
+
+
+def outline_and_border(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int, int, tuple[int, int]] | None:
+    """The outline's chains that end and begin where ends of chains are, and the end of the one border there."""
+    outline, borders = outline_through(net, ends), [one for one in ends if net.chains[one[0]].right != VOID]
+    return (*outline, borders[0]) if outline and len(borders) == 1 else None
+
+
+def _turned(P: Floats, net: ChainNet, j: int, k: int) -> float:
+    """1 less the cosine of how far an outline through points P (p, 3) turns from chain j to chain k."""
+    before, after = (net.chains[i].points for i in (j, k))
+    ways = np.diff(P[[before[-2], after[0], after[1]]], axis=0)
+    return float(1 - ways[0] @ ways[1] / max(float(np.prod(np.linalg.norm(ways, axis=1))), 1e-300))
 
 
 def with_whole_arcs(net: ChainNet, arcs: Collection[int], lifting: Lifting) -> ChainNet:

@@ -14,8 +14,8 @@ import numpy as np
 
 from dsfab.arrays import Floats, Ints
 from dsfab.export.network.arcs import BENT, CORNER
-from dsfab.export.network.ends import with_moved_ends
-from dsfab.export.network.graph import VOID, Chain, ChainNet, Loop, ends_at, outline_through
+from dsfab.export.network.ends import outline_and_border, with_moved_ends
+from dsfab.export.network.graph import VOID, Chain, ChainNet, Loop, ends_at
 from dsfab.export.network.lifting import Lifting
 
 STEEP = 30.0
@@ -59,7 +59,7 @@ class _Ends:
         self.loops = {region: [list(loop) for loop in loops] for region, loops in net.loops.items()}
         at = ends_at(net)
         self.degree = {node: len(ends) for node, ends in at.items()}
-        self.nodes = {node: three for node, ends in at.items() if (three := _three(net, ends))}
+        self.nodes = {node: three for node, ends in at.items() if (three := outline_and_border(net, ends))}
         self.moves, self.changed = dict[tuple[int, int], int](), set[int]()
 
     def take(self, node: int) -> None:
@@ -189,9 +189,3 @@ def _angle(three: Floats, weights: list[float], anchor: Floats) -> float:
     along, there = weights @ ways, anchor - three[1]
     cosine = abs(along @ there) / max(float(np.linalg.norm(along) * np.linalg.norm(there)), 1e-300)
     return float(np.degrees(np.arccos(min(1.0, cosine))))
-
-
-def _three(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int, int, tuple[int, int]] | None:
-    """Of the ends of three chains at a node: the outline's chain that ends there, the one that begins, and a border."""
-    outline, seams = outline_through(net, ends), [(k, end) for k, end in ends if net.chains[k].right != VOID]
-    return (*outline, seams[0]) if outline and len(seams) == 1 else None
