@@ -509,8 +509,8 @@ class Export(Section):
     smooth or compact: curved, of few skins, the smallest file; cutting it in CAD often fails.
     auto: planar where it can, else by members up to 7000 faces, else smooth where it is soon made and OCCT cuts it,
     else faceted where step_faces allows, else smooth.
-    quick: the same by members of open surfaces alone, and without cuts, and the last, which may take minutes and come
-    to nothing."""
+    quick: the same, but by members for open surfaces alone, without cuts, and without the last, which may take minutes
+    and come to nothing."""
     step_tolerance: Annotated[float, Ge(0)] = 0.0
     """Metres that planar, smooth or simplified STEP may be off the mesh; 0: a share of the thickness, faceted: none."""
     step_mb: Annotated[float, Ge(0)] = 0.0

@@ -29,6 +29,11 @@ def stopping(count: int) -> str:
     return f"{ends} would run into"
 
 
+def coordinates(point: Sequence[float]) -> str:
+    """Of a point, thousands apart: '(452 341, 5 567 120, 0)'."""
+    return f"({', '.join(f'{x:,.10g}'.replace(',', ' ') for x in point)})"
+
+
 def sentence(words: str) -> str:
     """With a capital letter and a full stop."""
     return f"{words[0].upper()}{words[1:]}."

@@ -247,13 +247,12 @@ def _by_members(error: ExportError) -> bool:
 def reasons(refused: Sequence[ExportError]) -> list[str]:
     """Why ways were refused, each once; that a curved sheet is not flat is said only if there is nothing else."""
     others = [one for one in refused if not isinstance(one, NotFlatError)] or refused
-    return list(dict.fromkeys(one.short if isinstance(one, BudgetError) else _with_way_out(one) for one in others))
+    return list(dict.fromkeys(one.short if isinstance(one, BudgetError) else _told(one, str(one)) for one in others))
 
 
-def _with_way_out(error: ExportError) -> str:
+def _told(error: ExportError, why: str) -> str:
     """Why a way was refused, and what to ask for where that helps."""
-    asked = isinstance(error, NotByMembersError) and error.if_asked
-    return f"{error}: ask for step = 'members'" if asked else str(error)
+    return f"{why}: ask for step = 'members'" if isinstance(error, NotByMembersError) and error.if_asked else why
 
 
 def refusal(refused: Sequence[ExportError]) -> ExportError:
@@ -262,9 +261,7 @@ def refusal(refused: Sequence[ExportError]) -> ExportError:
     if not over:
         return refused[-1]
     others = [one for one in refused if not isinstance(one, (BudgetError, NotFlatError))]
-    last = {_by_members(one): str(one).split("; ")[0] for one in others}
-    asked = {str(one).split("; ")[0] for one in others if isinstance(one, NotByMembersError) and one.if_asked}
+    last = {_by_members(one): _told(one, str(one).split("; ")[0]) for one in others}
     told = [f"by members, {why}" if members and "by members" not in why else why for members, why in last.items()]
-    told = [f"{why}: ask for step = 'members'" if why in asked else why for why in told]
     tried = f" (tried too: {'; '.join(told)})" if told else ""
     return ExportError(f"{none_within(over) if len({one.way for one in over}) > 1 else over[-1]}{tried}")

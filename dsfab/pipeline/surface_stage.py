@@ -10,6 +10,7 @@ from dsfab.preset import Preset
 from dsfab.preset_surface import FileSurface, OwnSurface
 from dsfab.results import StaticsResult
 from dsfab.surface import SizeField, Surface, change_sizes, coincident, pieces, twin_remarks
+from dsfab.wording import coordinates
 
 
 def surface_step(preset: Preset, log: Log) -> Surface:
@@ -56,8 +57,8 @@ def _surface_read(given: OwnSurface, log: Log | None) -> Surface:
         for remark in found.record.remarks:
             log.note("surface", f"{given.file.name}, {remark}")
         if any(given.origin):
-            at = ", ".join(f"{x:,.10g}".replace(",", " ") for x in given.origin)
-            log.note("surface", f"files are about ({at}) m of the mesh: move what goes back by that; IFC files say it")
+            at = coordinates(given.origin)
+            log.note("surface", f"files are about {at} m of the mesh: move what goes back by that; IFC files say it")
     return found.surface
 
 

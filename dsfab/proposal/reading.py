@@ -28,7 +28,7 @@ from dsfab.surface import (
     upright,
 )
 from dsfab.units import metres_per
-from dsfab.wording import length
+from dsfab.wording import coordinates, length
 
 UMLAUTS = str.maketrans(
     {"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss", "ø": "oe", "æ": "ae"}
@@ -115,7 +115,7 @@ def mesh_in_file(
     if any(origin):
         keys["origin"] = list(origin)
         surface = Surface(surface.V - origin, surface.F)
-        where = f"({', '.join(f'{x:,.0f}'.replace(',', ' ') for x in origin)}) m of the file"
+        where = f"{coordinates(origin)} m of the file"
         why = "it lies so far away that other programs have too few digits; move what is written back by that"
         decisions.append(Decision("origin", f"{where}: {why}", "surface.origin"))
     return GivenMesh(surface, preset_name(path), keys, tuple(decisions), found.record.repaired)

@@ -135,20 +135,20 @@ def _twice_areas(flat: Floats, F: Ints) -> Floats:
     return twice
 
 
-def _turns(flat: Floats, ring: Ints) -> tuple[Floats, Floats, Bools]:
-    """Of every corner of a ring (k,): how far it is right of the line between its neighbours, how long that line is,
-    and whether the outline goes on there rather than back."""
-    to, on = flat[ring] - flat[np.roll(ring, 1)], flat[np.roll(ring, -1)] - flat[ring]
+def _turns(flat: Floats) -> tuple[Floats, Bools]:
+    """Of every corner of an outline (k, 2): how far it is right of the line between its neighbours, and whether the
+    outline goes on there rather than back."""
+    to, on = flat - np.roll(flat, 1, axis=0), np.roll(flat, -1, axis=0) - flat
     cut = np.linalg.norm(to + on, axis=1)
     twice = to[:, 0] * on[:, 1] - to[:, 1] * on[:, 0]
     height: Floats = np.divide(twice, cut, out=np.zeros_like(cut), where=cut > 0)
-    return height, cut, np.asarray(np.einsum("ki,ki->k", to, on) > 0)
+    return height, np.asarray(np.einsum("ki,ki->k", to, on) > 0)
 
 
 def _without_straight(flat: Floats, noise: float) -> tuple[Ints, list[Ints]]:
     """The corners where the outline turns, and the straight runs between two of them, both ends included."""
     k = len(flat)
-    height, _, onward = _turns(flat, np.arange(k))
+    height, onward = _turns(flat)
     turning = np.flatnonzero((np.abs(height) > noise) | ~onward)
     if len(turning) < 3:
         return np.arange(k), []

@@ -66,7 +66,9 @@ def without_short_walls(net: ChainNet, lifting: Lifting, most: float) -> ChainNe
         mine = next(loop for loop in loops[chain.left] if (k, True) in loop)
         if not before or not after or len(mine) <= FEWEST_SIDES:
             continue
-        first = _turned(P, net, *before[:2]) < _turned(P, net, *after[:2])  # the end that gives way
+        three = ([net.chains[i].points[-2], *net.chains[j].points[:2]] for i, j in (before[:2], after[:2]))
+        turned = [turn_at(P[points]) for points in three]
+        first = turned[0] < turned[1]  # the end that gives way
         other, border = (before[0], before[2]) if first else (after[1], after[2])
         if other not in chains or chains[other].left == chain.left or border in moves:
             continue
@@ -84,11 +86,11 @@ def outline_and_border(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int,
     return (*outline, borders[0]) if outline and len(borders) == 1 else None
 
 
-def _turned(P: Floats, net: ChainNet, j: int, k: int) -> float:
-    """1 less the cosine of how far an outline through points P (p, 3) turns from chain j to chain k."""
-    before, after = (net.chains[i].points for i in (j, k))
-    ways = np.diff(P[[before[-2], after[0], after[1]]], axis=0)
-    return float(1 - ways[0] @ ways[1] / max(float(np.prod(np.linalg.norm(ways, axis=1))), 1e-300))
+def turn_at(three: Floats) -> float:
+    """Degrees that a line through three points (3, 3) turns at the middle one."""
+    ways = np.diff(three, axis=0)
+    long = max(float(np.prod(np.linalg.norm(ways, axis=1))), 1e-300)
+    return float(np.degrees(np.arccos(np.clip(ways[0] @ ways[1] / long, -1, 1))))
 
 
 def with_whole_arcs(net: ChainNet, arcs: Collection[int], lifting: Lifting) -> ChainNet:

@@ -17,7 +17,7 @@ from dsfab.arrays import Floats
 from dsfab.export.network.heights import differences, height_rows, places, raised
 from dsfab.export.network.model import NetModel
 from dsfab.export.network.ordering import CutEdges, corner_tangents
-from dsfab.export.network.trimmed import SPLIT, TrimmedFace, loop_samples
+from dsfab.export.network.trimmed import SPLIT, TrimmedFace, inside_of, loop_samples
 from dsfab.export.splines import bernstein
 
 CLEAR = 1 / 6
@@ -41,9 +41,6 @@ points along edges."""
 
 HOLD = np.stack(np.meshgrid(*[np.linspace(0, 1, 13)] * 2), axis=2).reshape(-1, 2)
 """Where else a surface is held where it was, over all of its domain: of a sphere of 2 m one went 1.4 mm away."""
-
-INSIDE = np.array([0.3, 0.5, 0.7, 0.85, 0.95])
-"""Where that is measured: shares of the way from the middle of an outline to it."""
 
 MOVED = 1 / 400
 """Share of the thickness that it may move there."""
@@ -98,7 +95,7 @@ def _flush(face: TrimmedFace, model: NetModel, held: Iterable[int]) -> TrimmedFa
     at, asked = (np.concatenate([bernstein(x) @ P for P in mine]) for x in (HELD, ASKED))
     edges = np.concatenate([loop_samples(model, loop) for loop in face.loops])
     middle, two = edges.mean(axis=0), list[Floats]()
-    inside = (middle + INSIDE[:, None, None] * (edges - middle)).reshape(-1, 6)
+    inside = inside_of(edges)
     most = MOVED * float(np.linalg.norm(middle[:3] - middle[3:]))
     for poles, axes, s in ((face.outer, face.axes[0], np.s_[:, :3]), (face.inner, face.axes[1], np.s_[:, 3:])):
         on = _through(poles, axes, (at[s], asked[s], edges[s], inside[s]), most)

@@ -15,7 +15,7 @@ from scipy.linalg import lstsq
 from dsfab.arrays import Bools, Floats
 from dsfab.export.network.heights import differences, height_rows, places, raised
 from dsfab.export.network.model import NetModel
-from dsfab.export.network.trimmed import SPLIT, TrimmedFace, loop_samples
+from dsfab.export.network.trimmed import SPLIT, TrimmedFace, inside_of, loop_samples
 from dsfab.export.splines import bernstein
 
 PLACES = 23
@@ -57,9 +57,6 @@ SLOPE = BETWEEN * np.array([[1.0, -8.0, 0.0, 8.0, -1.0]]) / 12
 
 HOLD = (1 - np.cos(np.pi * np.arange(6) / 5)) / 2
 """Where exact edges are held."""
-
-INSIDE = np.array([0.3, 0.5, 0.7, 0.85, 0.95])
-"""Where it is measured what a surface moves by: shares of the way from the middle of an outline to it."""
 
 
 def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[TrimmedFace]:
@@ -146,8 +143,7 @@ class _Surface:
 
     def _allowed(self, local: Floats, z: Floats) -> bool:
         """Whether a surface with other heights is near enough to its edges, and to what it was."""
-        degree, middle = len(local) - 1, self.edges.mean(axis=0)
-        inside = (middle + INSIDE[:, None, None] * (self.edges - middle)).reshape(-1, 3)
+        degree, inside = len(local) - 1, inside_of(self.edges)
         at = height_rows(places(self.poles, self.axes, self.edges), degree)
         before, after = (np.abs(self.edges @ self.axes[2] - at @ x.ravel()).max() for x in (local[..., 2], z))
         moved = height_rows(places(self.poles, self.axes, inside), degree) @ (z - local[..., 2]).ravel()

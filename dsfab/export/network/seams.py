@@ -14,7 +14,7 @@ import numpy as np
 
 from dsfab.arrays import Floats, Ints
 from dsfab.export.network.arcs import BENT, CORNER
-from dsfab.export.network.ends import outline_and_border, with_moved_ends
+from dsfab.export.network.ends import outline_and_border, turn_at, with_moved_ends
 from dsfab.export.network.graph import VOID, Chain, ChainNet, Loop, ends_at
 from dsfab.export.network.lifting import Lifting
 
@@ -65,7 +65,7 @@ class _Ends:
     def take(self, node: int) -> None:
         """Move the end of the border at a node, if there is a steeper place."""
         before, after, (seam, end) = self.nodes[node]
-        if self.changed & {before, after, seam} or _turn(self._beside(before, after)) < SHARP:
+        if self.changed & {before, after, seam} or turn_at(self._beside(before, after)) < SHARP:
             return
         line = self.chains[seam].points if end == 0 else self.chains[seam].points[::-1]
         anchor = self._anchor(line)
@@ -127,7 +127,7 @@ class _Ends:
         j = loop[(loop.index((k, True)) + (1 if i else -1)) % len(loop)][0]
         if len(loop) < 4 or j == k or self.chains[j].right != VOID or j in self.changed:
             return -1
-        return j if BENT < np.deg2rad(_turn(self._beside(k, j) if i else self._beside(j, k))) < CORNER else -1
+        return j if BENT < np.deg2rad(turn_at(self._beside(k, j) if i else self._beside(j, k))) < CORNER else -1
 
     def _steepness(self, k: int, i: int, anchor: Floats) -> float:
         """Degrees between the outline and a border with an anchor that ends at a point of a chain."""
@@ -172,13 +172,6 @@ def _bent(line: Floats) -> Ints:
     way = np.diff(line, axis=0)
     way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-300)
     return 1 + np.flatnonzero(np.einsum("ki,ki->k", way[:-1], way[1:]) < np.cos(BENT))
-
-
-def _turn(three: Floats) -> float:
-    """Degrees that a line through three points turns at the middle one."""
-    ways = np.diff(three, axis=0)
-    long = max(float(np.prod(np.linalg.norm(ways, axis=1))), 1e-300)
-    return float(np.degrees(np.arccos(np.clip(ways[0] @ ways[1] / long, -1, 1))))
 
 
 def _angle(three: Floats, weights: list[float], anchor: Floats) -> float:
