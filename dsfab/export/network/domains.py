@@ -1,7 +1,6 @@
 """Where surfaces of trimmed regions are parametrised: a parallelogram around the outline in the mean plane."""
 
 from dataclasses import dataclass
-from itertools import combinations
 
 import numpy as np
 from scipy.linalg import lstsq
@@ -54,20 +53,21 @@ class FaceDomain:
         heights = lstsq(_quadric(at), self.z, check_finite=False)[0]
         long = np.linalg.norm(ways, axis=1)[:, None]
         ways = ways[long[:, 0] > 0] / long[long > 0][:, None]  # a closed edge has no chord
-        found, least = self.sides, np.inf
-        for i, j in combinations(range(len(ways)), 2):
-            sides = ways[[i, j]]
-            sine = float(np.linalg.det(sides))
-            if abs(sine) < ASLANT:
-                continue
-            sides = sides if sine > 0 else sides[::-1]  # right-handed, or the surface faces the other way
-            ends = at @ np.linalg.inv(sides)
-            corners = np.stack(np.meshgrid(*np.stack([ends.min(axis=0), ends.max(axis=0)], axis=1)), axis=2) @ sides
-            z = _quadric(corners.reshape(4, 2)) @ heights
-            out = beyond(self.origin + np.hstack([corners.reshape(4, 2), z[:, None]]) @ self.axes, box)
-            if out < least:
-                found, least = sides, out
-        return found
+        turned = np.stack([-ways[:, 1], ways[:, 0]])
+        ends = np.stack([(at @ turned).min(axis=0), (at @ turned).max(axis=0)])  # (2, k) how far left of each way
+        i, j = np.triu_indices(len(ways), 1)
+        sine = (ways @ turned)[j, i]
+        i, j = np.where(sine > 0, (i, j), (j, i))  # right-handed, or the surface faces the other way
+        i, j, sine = (x[np.abs(sine) >= ASLANT] for x in (i, j, np.abs(sine)))
+        if not len(i):
+            return self.sides
+        along = ways[i] * (-ends[::-1, j] / sine)[..., None]  # (2, pairs, 2)
+        corners = along[:, None] + ways[j] * (ends[:, i] / sine)[..., None]
+        z = _quadric(corners.reshape(-1, 2)) @ heights
+        placed = np.concatenate([corners.reshape(-1, 2), z[:, None]], axis=1) @ self.axes + self.origin
+        out = np.maximum(box[0] - placed, placed - box[1]).reshape(4, len(i), 3).max(axis=(0, 2), initial=0.0)
+        best = int(out.argmin())
+        return ways[[i[best], j[best]]]
 
 
 def _quadric(at: Floats) -> Floats:

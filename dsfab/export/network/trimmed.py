@@ -126,12 +126,15 @@ def trimmed_face(
 def _surrounded(points: Floats, lines: list[Floats]) -> Bools:
     """(k,) which points (k, 6) closed lines (., 6) go around, on the side of the sheet where these are."""
     mean = middle_normal(np.concatenate(lines))
-    x, y = axes_of(mean)[:2] @ points[:, :3].T
+    plane = axes_of(mean)[:2].T
+    x, y = (points[:, :3] @ plane).T[..., None]
     found = np.zeros(len(points), dtype=bool)
     for line in lines:
-        a = line[:, :3] @ axes_of(mean)[:2].T
-        for (ax, ay), (bx, by) in zip(a, np.roll(a, -1, axis=0), strict=True):
-            found ^= ((ay > y) != (by > y)) & (x < ax + (y - ay) * (bx - ax) / (by - ay if by != ay else 1.0))
+        a = line[:, :3] @ plane
+        (ax, ay), (bx, by) = a.T, np.roll(a, -1, axis=0).T
+        slope = (bx - ax) / np.where(by != ay, by - ay, 1.0)
+        crossed = ((ay > y) != (by > y)) & (x < ax + (y - ay) * slope)
+        found ^= crossed.sum(axis=1) % 2 == 1
     return np.asarray(found & (_across(points) @ mean > SEEN))
 
 
