@@ -46,8 +46,8 @@ def without_followers(overlay: Overlay, found: list[Component]) -> list[Componen
             beside = over[line.cells[first:last]]
             taker = int(np.bincount(beside[beside >= 0]).argmax())
             given.setdefault(taker, []).append(cells[made[cells] == one.field])
-    for taker, cells in given.items():
-        place, taken = left.index(found[taker]), np.setdiff1d(np.concatenate(cells), found[taker].cells)
+    for taker, some in given.items():
+        place, taken = left.index(found[taker]), np.setdiff1d(np.concatenate(some), found[taker].cells)
         left[place] = found[taker].along(taken, core=True)
     return left
 
