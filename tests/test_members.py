@@ -253,6 +253,65 @@ def test_members_that_only_touch_are_listed_as_grazing():
     assert "graze" in graph.notes[0]
 
 
+RIM = 0.12
+
+
+def beside_a_rim(middle):
+    """One strip, .12 m wide, about the zero of a function of x and y in metres; within .12 m of y = 0 all is kept."""
+    surface, pattern = plate([lambda x, y: middle(x, y) / 3], 0.02, edge=0.05, shake=0.0)
+    levels, widths = (np.array([-RIM]), *pattern.levels), (np.full(surface.n, np.inf), *pattern.half_widths)
+    return surface, PatternResult(("rim", "major"), (-surface.V[:, 1], *pattern.fields), levels, widths)
+
+
+def met(graph, name):
+    """The other members at the nodes of one, in their order."""
+    return [one for node in graph.along[name] for one in node.members if one != name]
+
+
+def test_a_strip_that_runs_into_a_rim_and_follows_it_ends_there():
+    """Its middle runs along y = .08, so that .02 m of it are beside the rim; they are the rim's."""
+    surface, pattern = beside_a_rim(lambda x, y: y - 0.08 - 0.6 * np.clip(1.2 - x, 0, None) ** 2)
+    graph = graph_of(surface, pattern)
+    assert_whole(graph, cut(surface, pattern.fields, pattern.levels).kept())
+    rim, strip = graph.by_id["rim 1"], graph.by_id["A01"]
+    x = np.linspace(0, 1.2 - np.sqrt((RIM - 0.08) / 0.6), 1000)  # where it comes to lie in the rim
+    outside = np.hypot(np.diff(x), np.diff(0.6 * (1.2 - x) ** 2)).sum()
+    assert strip.length == pytest.approx(outside + 1.5 * RIM, abs=0.06)
+    assert strip.ends[0] == "edge"
+    assert met(graph, "A01") == ["rim 1"]
+    assert strip.width[strip.axis.s > 1.25].min() > 0.9 * RIM
+    assert rim.width[np.abs(rim.axis.P[:, 0] - 1.6) < 0.2] == pytest.approx(0.14, abs=0.002)
+
+
+def test_a_strip_that_comes_down_to_a_rim_and_leaves_it_is_two_members():
+    surface, pattern = beside_a_rim(lambda x, y: y - 0.05 - 0.9 * np.clip(np.abs(x - 1) - 0.25, 0, None) ** 2)
+    graph = graph_of(surface, pattern)
+    assert_whole(graph, cut(surface, pattern.fields, pattern.levels).kept())
+    assert [one.id for one in graph.members] == ["A01a", "A01b", "rim 1"]
+    assert met(graph, "A01a") == met(graph, "A01b") == ["rim 1"]
+
+
+def test_a_ring_that_lies_on_a_rim_is_open_there():
+    graph = graph_of(*beside_a_rim(lambda x, y: np.hypot(x - 1, y - 0.69) - 0.63))
+    assert not graph.by_id["A01"].axis.closed
+    assert met(graph, "A01") == ["rim 1", "rim 1"]
+
+
+@pytest.mark.parametrize("degrees", [25, 60, 90])
+def test_a_strip_that_crosses_a_rim_goes_on_to_the_edge(degrees):
+    a = np.radians(degrees)
+    surface, pattern = beside_a_rim(lambda x, y: y * np.cos(a) - (x - 0.9) * np.sin(a))
+    strip = graph_of(surface, pattern).by_id["A01"]
+    assert np.abs(strip.axis.P[[0, -1], 1]).min() == pytest.approx(0, abs=1e-9)
+
+
+def test_a_strip_that_lies_in_a_rim_all_along_is_no_member():
+    surface, pattern = beside_a_rim(lambda x, y: y - 0.08)
+    graph = graph_of(surface, pattern)
+    assert [one.id for one in graph.members] == ["rim 1"]
+    assert graph.by_id["rim 1"].mean_width == pytest.approx(0.14, abs=0.005)
+
+
 # --- whatever the design
 
 

@@ -1,6 +1,8 @@
 """Verdicts: known compliances lie inside the bound, cutting costs nothing, finer meshes keep the load, refusals."""
 
 import json
+import subprocess
+import sys
 from dataclasses import replace
 
 import numpy as np
@@ -255,6 +257,38 @@ def test_what_carries_nothing_fails_and_what_is_too_large_is_unknown():
     assert len(some.levels) == 1
     with pytest.raises(ValueError, match="no sheet of its own"):
         check(setting)
+
+
+def test_a_finer_mesh_is_solved_where_the_solver_at_hand_needs_no_more_than_the_budget(monkeypatch):
+    setting = plate()
+    sheet = whole_sheet(setting.surface)
+    next_mesh = MAIN.unknowns(finer(sheet, SmoothSurface.through(setting.surface)).surface)
+    for solver, solved in (("PARDISO", 2), ("multifrontal", 1)):
+        monkeypatch.setattr("dsfab.study.verdict.refinement.solver_name", lambda solver=solver: solver)
+        assert len(check(setting, sheet, budget=3000 * next_mesh).levels) == solved
+
+
+SOLVE = """
+import sys
+from dsfab.sparse import peak_memory, solver_name
+from dsfab.study.verdict.levels import MAIN, level, memory_needed
+from tests.test_study_verdict import on_mesh, plate, shares, whole_sheet
+
+setting = plate(int(sys.argv[1]))
+sheet = whole_sheet(setting.surface)
+given = on_mesh(setting.surface, sheet, setting.loads, shares(sheet, setting.loads))
+before = peak_memory()
+level(setting.surface, setting.made, *given, (MAIN,))
+needed = memory_needed(MAIN.unknowns(setting.surface), MAIN.bending, solver_name())
+print((peak_memory() - before) / needed)
+"""
+
+
+@pytest.mark.slow
+@pytest.mark.skipif(sys.platform == "win32", reason="Windows does not say how much a process held")
+def test_a_solve_takes_about_the_memory_that_is_told_before():
+    ran = subprocess.run([sys.executable, "-c", SOLVE, "100"], capture_output=True, text=True, check=True)
+    assert 0.6 < float(ran.stdout) < 1.1
 
 
 def test_the_bound_follows_the_largest_of_what_is_known():

@@ -100,6 +100,36 @@ def test_a_corner_that_marching_cubes_cut_off_is_whole_again(tmp_path):
     assert Surface(mesh.V, mesh.F).edge_lengths.min() > 1.5e-4 * patch.size
 
 
+def crossing_itself():
+    """A tube whose section is an eight: its two sheets have 11 vertices each at the places where they cross."""
+    around = np.linspace(0, 2 * np.pi, 32, endpoint=False)
+    x, z = np.sin(around), np.round(np.sin(2 * around), 12) / 2
+    V = np.array([[round(a, 12), y, b] for y in np.linspace(0, 3, 11) for a, b in zip(x, z, strict=True)])
+    k = np.arange(11 * 32).reshape(11, 32)
+    a, b, c, d = (one.ravel() for one in (k[:-1], k[1:], np.roll(k, -1, 1)[1:], np.roll(k, -1, 1)[:-1]))
+    return V, np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+
+
+def test_a_sheet_that_crosses_itself_stays_whole():
+    V, F = crossing_itself()
+    assert len(merged(V)[0]) == len(V) - 11
+    mesh = mended(V, F)
+    assert mesh.repairs == ()
+    assert_array_equal(mesh.F, F)
+
+
+def test_two_sheets_that_cross_stay_two_while_a_wall_on_one_of_them_and_copies_of_it_are_sewn():
+    flat = grid(6, 6, 2.0, 2.0)
+    upright = flat.V[:, [1, 2, 0]] + [0, 1, -1]
+    both = mended(np.concatenate([flat.V, upright]), np.concatenate([flat.F, flat.F + flat.n]))
+    assert both.repairs == ()
+    assert pieces(both.F, edge_table(both.F))[0] == 2
+    wall = mended(np.concatenate([flat.V, upright + [0, 0, 1]]), np.concatenate([flat.F, flat.F + flat.n]))
+    assert wall.repairs[0] == "7 vertices welded to others within 5e-05 of the largest side"
+    twice = mended(np.concatenate([flat.V, flat.V]), np.concatenate([flat.F, flat.F + flat.n]))
+    assert len(twice.F) == flat.m
+
+
 def test_a_finely_divided_outline_is_not_welded_to_a_point():
     """Links go on from one vertex to the next: a disc of 200 000 corners became one vertex, and was refused."""
     turn = 2 * np.pi * np.arange(200_000) / 200_000

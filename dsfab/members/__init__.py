@@ -3,6 +3,7 @@
 bands                      what the fields of a pattern draw; that none hides another is `dsfab.slicing.overlay`'s work
 middle_lines, components   the middle line and the cells of each member    loose    what lies in no stripe
 axis, widths               a smooth curve with its curvatures, and how far the member reaches to both sides of it
+following                  strips that run into a rim and follow it end there
 overlaps, nodes            where members cross, and what they end at       order, naming   names that a person reads
 graph, assembly            all of it together: `Design.members`    regions   the cells by the stripes they lie in
 """

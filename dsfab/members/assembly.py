@@ -8,6 +8,7 @@ from dsfab.arrays import Floats, unit_vectors
 from dsfab.members.axis import fitted_axis
 from dsfab.members.bands import Kind, pattern_bands
 from dsfab.members.components import Component, components
+from dsfab.members.following import without_followers
 from dsfab.members.graph import Member, MemberGraph
 from dsfab.members.loose import owners, with_loose
 from dsfab.members.naming import named
@@ -27,7 +28,8 @@ def member_graph(surface: Surface, sheet: Sheet, pattern: PatternResult) -> Memb
     bands = pattern_bands(surface, sheet, pattern)
     overlay = overlaid(sheet, surface, [band.drawn for band in bands])
     normals = overlay.sheet.carry(spherical_normals(surface))
-    found = with_loose(overlay, components(overlay, bands, normals, surface.mean_edge))
+    found = components(overlay, bands, normals, surface.mean_edge)
+    found = with_loose(overlay, without_followers(overlay, found))
     listed = named(overlay.sheet.surface, found)
     parts = [one for *_, one in listed]
     joints = Joints(overlay, [_member(overlay, *one, surface.mean_edge) for one in listed], parts, normals)

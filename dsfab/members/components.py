@@ -152,7 +152,7 @@ def _parts(overlay: Overlay, whole: Component, lines: list[MiddleLine], edge: fl
         return [replace(whole, line=lines[0])]
     width = float(overlay.sheet.surface.areas[whole.cells].sum()) / sum(line.length for line in lines)
     parts = [part for line in without_specks(lines, width) for part in straight_parts(line, width, edge)]
-    owner = _nearest_line(overlay, whole.cells, parts)
+    owner = nearest_line(overlay, whole.cells, parts)
     found = []
     for number, line in enumerate(parts):
         cells = whole.cells[owner == number]
@@ -161,7 +161,7 @@ def _parts(overlay: Overlay, whole: Component, lines: list[MiddleLine], edge: fl
     return found
 
 
-def _nearest_line(overlay: Overlay, cells: Ints, lines: list[MiddleLine]) -> Ints:
+def nearest_line(overlay: Overlay, cells: Ints, lines: list[MiddleLine]) -> Ints:
     """(c,) the line that is nearest to each of connected cells (c,), from cell to cell."""
     if len(lines) == 1:
         return np.zeros(len(cells), dtype=np.int64)

@@ -2,10 +2,12 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints, area_vectors, closed_length, complement, lengths
+from dsfab.surface.crossings import crossings
 from dsfab.surface.doubled import single_sheets
 from dsfab.surface.places import FAR, in_reach, merged
 from dsfab.surface.stitching import joined_at_points, stitched
@@ -58,11 +60,12 @@ def mended(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
 
     metres : of that unit, for what is told.
 
-    Vertices closer than `WELD` of the largest side become one, faces without area or with an earlier face's corners go,
-    and so do the later ones of three and more on an edge, pieces under `CRUMB` of the area, and pinholes with outlines
-    under `PINHOLE` of the side. Seams of patches that were divided apart are stitched, and parts that touch in a
-    point are joined there: see `dsfab.surface.stitching`. Copies of a sheet go, and a slab becomes the sheet in its
-    middle: see `dsfab.surface.doubled`. What is left is as it was; vertices without a face go.
+    Vertices closer than `WELD` of the largest side become one, but for those where sheets cross. Faces without area or
+    with an earlier face's corners go, and so do the later ones of three and more on an edge, pieces under `CRUMB` of
+    the area, and pinholes with outlines under `PINHOLE` of the side. Seams of patches that were divided apart are
+    stitched, and parts that touch in a point are joined there: see `dsfab.surface.stitching`. Copies of a sheet go, and
+    a slab becomes the sheet in its middle: see `dsfab.surface.doubled`. What is left is as it was; vertices without a
+    face go.
     """
     mesh = single_sheet(sound_faces(V, F), metres)
     mesh = _without(stitched_mesh(_without(mesh, _TOO_MANY)), _TOO_SMALL)
@@ -106,7 +109,7 @@ def _compact(mesh: MendedMesh) -> MendedMesh:
 
 
 def _welded(mesh: MendedMesh) -> MendedMesh:
-    V, became = merged(mesh.V, WELD)
+    V, became = merged(mesh.V, WELD, partial(crossings, mesh.F))
     fewer = len(mesh.V) - len(V)
     if not fewer:
         return mesh

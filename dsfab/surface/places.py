@@ -1,5 +1,7 @@
 """Vertices at the same place: what cutting and drawing programs leave where they part a mesh."""
 
+from collections.abc import Callable
+
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
@@ -28,10 +30,11 @@ def in_reach(V: Floats) -> Bools:
     return near
 
 
-def merged(V: Floats, within: float = SAME_PLACE) -> tuple[Floats, Ints]:
+def merged(V: Floats, within: float = SAME_PLACE, apart: Callable[[Ints], Bools] | None = None) -> tuple[Floats, Ints]:
     """Vertices V (n, 3) at the same place made one, the first of them, in the order given; and which (n,) each became.
 
     within : share of the mesh's largest side that counts as one place; none moves further.
+    apart  : which (p,) of the pairs (p, 2) of them stay two; none where left out.
 
     Mesh files are merged by equality alone (`dsfab.surface.files`): their numbers were written with the same digits.
     """
@@ -40,6 +43,7 @@ def merged(V: Floats, within: float = SAME_PLACE) -> tuple[Floats, Ints]:
         return alone
     reach = within * float(np.ptp(V, axis=0).max())
     pairs = cKDTree(V).query_pairs(reach, output_type="ndarray")
+    pairs = pairs[~apart(pairs)] if apart and len(pairs) else pairs
     if not len(pairs):
         return alone
     links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(V), len(V)))

@@ -84,7 +84,8 @@ def mode_intervals(
         sheet, _, loads = attached_material(setting, material)
         forces = shares(sheet, loads)
         for mesh in islice(meshes(sheet, SmoothSurface.through(setting.surface)), LEVELS):
-            needed = memory_needed(PAIR.unknowns(mesh.surface), PAIR.bending)
+            # two factors are kept, so that PARDISO's save nothing against one of the other solver
+            needed = memory_needed(PAIR.unknowns(mesh.surface), PAIR.bending, "multifrontal")
             if levels and needed > budget:
                 refusals.append(f"a finer mesh for the bound of modes would need {needed / 1e9:.1f} GB")
                 break

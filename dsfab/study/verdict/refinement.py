@@ -8,7 +8,7 @@ from dsfab.errors import DsfabError
 from dsfab.limits import CONVERGED, Status
 from dsfab.pipeline.log import Progress
 from dsfab.slicing import Sheet
-from dsfab.sparse import NotPositiveDefinite
+from dsfab.sparse import NotPositiveDefinite, solver_name
 from dsfab.statics import Elements, flat_axis
 from dsfab.study.verdict import rules
 from dsfab.study.verdict.finer import Shares, meshes, on_mesh, shares
@@ -76,7 +76,7 @@ class Refinement:
 
     def _too_large(self, mesh: Surface) -> str:
         """Why this mesh is not solved, or ''."""
-        needed = memory_needed(self._pair.unknowns(mesh), self._pair.bending)
+        needed = memory_needed(self._pair.unknowns(mesh), self._pair.bending, solver_name())
         if needed <= self.budget:
             return ""
         return (
