@@ -17,6 +17,10 @@ from dsfab.export.smooth.seams import Key, run_key
 from dsfab.export.step_pieces import closing
 from dsfab.export.step_text import DIGITS, header
 
+MORE = 2
+"""Decimals of points and directions over the usual ones: edges keep to a plane aslant under 1e-7 mm, the least tolerance
+that OCCT gives. Over it, a fillet that shortens an edge finds the tolerance too small that was taken along all of it."""
+
 Edges = tuple[int, int]
 """The edges of a run on the upper skin and on the lower one."""
 
@@ -58,7 +62,7 @@ class _Writer:
     """Writes regions; what two of them share is written once."""
 
     def __init__(self, shape: FoldedShape) -> None:
-        self.new, self.shape, self.sheet = Entities(), shape, shape.sheet
+        self.new, self.shape, self.sheet = Entities(more=MORE), shape, shape.sheet
         self.vertices, self.posts, self.edges = dict[int, Edges](), dict[int, int](), dict[Key, Edges]()
 
     def region(self, region: Region) -> list[int]:

@@ -23,8 +23,10 @@ from dsfab.export.text import TRAILING_ZEROS
 class Entities:
     """The numbered entities; points and directions are written once."""
 
-    def __init__(self) -> None:
+    def __init__(self, more: int = 0) -> None:
+        """more : decimals of points and directions over the usual ones."""
         self.text: list[str] = []
+        self._digits, self._direction_digits = DIGITS + more, DIRECTION_DIGITS + more
         self._known: dict[str, int] = {}
 
     def add(self, body: str) -> int:
@@ -46,11 +48,11 @@ class Entities:
 
     def point(self, p: Floats) -> int:
         """The number of a point p (3,), millimetres."""
-        return self.once(f"CARTESIAN_POINT('',{step_list(p, DIGITS)})")
+        return self.once(f"CARTESIAN_POINT('',{step_list(p, self._digits)})")
 
     def direction(self, d: Floats) -> int:
         """The number of a direction d (3,) of any length."""
-        return self.once(f"DIRECTION('',{step_list(d / np.linalg.norm(d), DIRECTION_DIGITS)})")
+        return self.once(f"DIRECTION('',{step_list(d / np.linalg.norm(d), self._direction_digits)})")
 
     def line(self, p: Floats, along: Floats) -> int:
         """The number of a new line through p (3,), millimetres, along a direction (3,)."""

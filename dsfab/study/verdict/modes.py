@@ -84,7 +84,7 @@ def mode_intervals(
         sheet, _, loads = attached_material(setting, material)
         forces = shares(sheet, loads)
         for mesh in islice(meshes(sheet, SmoothSurface.through(setting.surface)), LEVELS):
-            # two factors are kept, so that PARDISO's save nothing against one of the other solver
+            # not measured where two factors are kept: the larger figure
             needed = memory_needed(PAIR.unknowns(mesh.surface), PAIR.bending, "multifrontal")
             if levels and needed > budget:
                 refusals.append(f"a finer mesh for the bound of modes would need {needed / 1e9:.1f} GB")
