@@ -4,8 +4,9 @@ from collections import Counter
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
-from dsfab.export.network import parting
+from dsfab.export.network import chords, parting
 from dsfab.export.network.chords import HalvedOutline
 from dsfab.export.network.model import NetModel, NetPatch, NetWall
 from dsfab.export.network.parting import allowance_used, parted
@@ -74,6 +75,17 @@ def test_a_seam_ends_in_the_middle_of_an_edge_which_is_two_to_all_faces():
     assert set(range(len(model.edges))) == {e for face in after for e, _ in face.loops[0]}
 
 
+@pytest.mark.parametrize(("gap", "parts"), [(0.9, 1), (1.1, 2)])
+def test_a_part_may_have_a_wider_gap_where_no_edge_could_be_split_before(monkeypatch, gap, parts):
+    """Of a region whose inside is far off: else what could be cut could not be any more."""
+    model, loop = folded_model(HALVES, 1)
+    face = replace(trimmed_face(model, [loop], np.zeros((0, 6)), LIMITS), gap=gap * SPLIT, off=5.0)
+    some = [replace(face, gap=share * SPLIT, off=0.5, loops=[each]) for share, each in ((1.2, loop), (0.1, loop))]
+    monkeypatch.setattr(parting._Parting, "_faces", lambda *given: some)
+    two = parting._Parting(model, np.zeros_like, LIMITS)._two(face, np.zeros((0, 6)))
+    assert (len(two) or 1) == parts
+
+
 def test_a_region_without_a_gap_stays_as_it_is():
     model, loop = folded_model(HALVES, 0)
     edges = list(model.edges)
@@ -126,3 +138,17 @@ def test_chords_are_inside_of_the_outline_and_clear_of_it():
         assert ((x > 0) & (x < 300) & (y > 0) & (y < 400) & ((x < 100) | (x > 200) | (y < 100))).all()
         beside = np.linalg.norm(outline.line[:, :2] - (start + end) / 2, axis=1).min()
         assert beside > 0.15 * np.linalg.norm(end - start)
+
+
+def test_no_chord_cuts_off_a_narrow_lens_beside_an_edge_that_wiggles(monkeypatch):
+    """An edge of 2 mm that bows out by .5 mm: its own chord is clear of it, and cuts off a face of two edges that
+    OCCT draws no triangles of."""
+    monkeypatch.setattr(chords, "TRIED", 1000)
+    model, loop = flat_model(np.array([[0, 0], [150, 0], [152, 0], [300, 0], [300, 200], [0, 200]], dtype=float))
+    poles = model.edges[1].poles.copy()
+    poles[1:3, [1, 4]] -= 0.75
+    model.edges[1] = replace(model.edges[1], poles=poles)
+    outline = HalvedOutline.of(model, loop)
+    pairs = list(outline.chords(np.array([2, 3, 4])))
+    assert (2, 4) not in pairs
+    assert any(2 in pair for pair in pairs)

@@ -18,6 +18,10 @@ CLEAR = 0.3
 """Distance of each point of a chord from the outline over that from the chord's nearer end, at least: the sine of the
 angle there, and no other edge is nearer."""
 
+WIDE = 1 / 20
+"""Mean width of what a chord cuts off, as a share of the thickness, at least: of a lens of two edges, 1.6 mm long and
+.2 wide beside an edge that wiggles, OCCT draws no triangles."""
+
 BESIDE = np.linspace(0, 1, 17)[1:-1]
 """Shares of a chord where that is asked."""
 
@@ -66,8 +70,10 @@ class HalvedOutline:
         area = np.append(0.0, np.cumsum(_cross(line, np.roll(line, -1, axis=0)))) / 2
         one = area[POINTS * j] - area[POINTS * i] + _cross(at[j], at[i]) / 2
         least = np.minimum(one, area[-1] - one)
-        order = np.argsort(np.linalg.norm(at[j] - at[i], axis=1) / np.maximum(least, 1e-300), kind="stable")
-        order = order[least[order] > 0]  # what a chord outside cuts off runs the other way
+        long = np.linalg.norm(at[j] - at[i], axis=1)
+        order = np.argsort(long / np.maximum(least, 1e-300), kind="stable")
+        narrow = WIDE * float(np.linalg.norm(self.line[:, :3] - self.line[:, 3:], axis=1).mean())
+        order = order[least[order] > narrow * long[order]]  # what a chord outside cuts off runs the other way
         near = np.isin(i[order], worst) | np.isin(j[order], worst)
         for some in (order[near], order[~near]):
             clear = (k for k in some.tolist() if _is_clear(at[i[k]], at[j[k]], line))

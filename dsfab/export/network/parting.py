@@ -102,7 +102,7 @@ class _Parting:
             edges, vertices, halves = len(model.edges), len(model.vertices), dict(self.halves)
             two = self._faces(self._with_seam(loop, *ends, poles), points)
             worse = max((allowance_used(part, self.limits) for part in two), default=np.inf)
-            wide = any(part.gap > max(face.gap, SPLIT) for part in two)  # what could be cut still can
+            wide = face.gap <= SPLIT < max((part.gap for part in two), default=0.0)  # what could be cut still can
             if worse < LESS * allowance_used(face, self.limits) and not wide:
                 return two
             del model.edges[edges:], model.vertices[vertices:]
