@@ -5,6 +5,11 @@ r"""Walls in an order, and edges in directions and lengths, with which OCCT (8.0
  -------o========  first  begins at the corner, and does not end there, a wrong part of the lengthened curve is taken:
         | seam    <---    of a sphere's corners 31 of 34 were rounded where edges end, and 8 of 33 where they begin.
 
+A corner where the void is less than a half turn is filled, beyond the end of a seam there. OCCT intersects the faces on
+both sides of the seam, each of them lengthened: they touch all along it, so that any line may be found. Of 13 such
+corners of a shell on four feet (turns of 32 to 37 degrees) none was rounded. Of four looked at, edges run the other
+way changed nothing, and three were rounded once both walls were in the other order.
+
 It also makes edges shorter, which keep their tolerance. That is their largest distance from a face at 23 points; at
 those of what is left it may be a thousandth more, and then the solid is not valid. Where the largest is at an end, both
 are exact, or what is left has less. So edges of trimmed faces are cut in two where they are farthest off.
