@@ -465,6 +465,25 @@ def test_outlines_are_joined_but_where_they_begin_to_be_round(folded):
     assert joined_outlines(net, P, N).loops == net.loops
 
 
+def test_sides_of_regions_are_looked_for_again_only_where_a_chain_is_another(monkeypatch):
+    net, P, _ = rectangle_net(arc=False)
+    chains = {k: SampledChain(np.hstack([P[chain.points], P[chain.points]]), True) for k, chain in net.chains.items()}
+    for chain in chains.values():
+        chain.Q[:, 5] -= 0.1
+    fits, asked = object.__new__(draft._Fits), list[int]()
+    fits.reach, fits.quads = 0.01, {}
+    monkeypatch.setattr(draft, "quads_of", lambda net, *some: asked.extend(net.loops) or quads_of(net, *some))
+    (first,), others = fits._quads(net, chains)
+    (quad,), rest = quads_of(net, chains, 0.01)
+    assert (first.region, first.sides, others) == (quad.region, quad.sides, rest) == (0, quad.sides, [1])
+    assert fits._quads(net, chains)[0][0] is first
+    assert asked == [0, 1]
+    fits._quads(net, chains | {1: replace(chains[1])})
+    assert asked == [0, 1, 0]
+    fits._quads(replace(net, loops=net.loops | {1: [[(4, False)]]}), chains)
+    assert asked == [0, 1, 0, 0, 1], "chain 1 is the old one again, and the other region has another outline"
+
+
 def test_opposite_sides_are_divided_alike_and_points_on_a_line_divide_nothing():
     """Arcs of .1 at both ends of a bottom of length 1, and a top of one span: parts of three lines, or of one."""
     ends = {0: ([0, 0], [0.1, 0]), 1: ([0.1, 0], [0.9, 0]), 2: ([0.9, 0], [1, 0]), 4: ([1, 1], [0, 1])}
