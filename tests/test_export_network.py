@@ -385,7 +385,7 @@ def test_a_strip_is_untrimmed_and_uses_each_edge_twice():
     part, _, _ = draft_of(surface, striped(surface))
     draft = member_draft(part, SmoothPlan(part))
     assert (draft.solids, draft.trimmed) == (1, 0)
-    assert draft.text.count("B_SPLINE_SURFACE") == draft.faces == draft.text.count("=ADVANCED_FACE(")
+    assert draft.text.count("=QUASI_UNIFORM_SURFACE(") == draft.faces == draft.text.count("=ADVANCED_FACE(")
     edges, used = draft.text.count("=EDGE_CURVE("), draft.text.count("=ORIENTED_EDGE(")
     assert used == 2 * edges
 
@@ -463,6 +463,25 @@ def test_outlines_are_joined_but_where_they_begin_to_be_round(folded):
     assert done.chains[0].points.tolist() == [0, 7, 1, 2, 8, 3, 9, 4]
     net, P, N = rectangle_net(arc=True, folded=folded)
     assert joined_outlines(net, P, N).loops == net.loops
+
+
+def test_sides_of_regions_are_looked_for_again_only_where_a_chain_is_another(monkeypatch):
+    net, P, _ = rectangle_net(arc=False)
+    chains = {k: SampledChain(np.hstack([P[chain.points], P[chain.points]]), True) for k, chain in net.chains.items()}
+    for chain in chains.values():
+        chain.Q[:, 5] -= 0.1
+    fits, asked = object.__new__(draft._Fits), list[int]()
+    fits.reach, fits.quads = 0.01, {}
+    monkeypatch.setattr(draft, "quads_of", lambda net, *some: asked.extend(net.loops) or quads_of(net, *some))
+    (first,), others = fits._quads(net, chains)
+    (quad,), rest = quads_of(net, chains, 0.01)
+    assert (first.region, first.sides, others) == (quad.region, quad.sides, rest) == (0, quad.sides, [1])
+    assert fits._quads(net, chains)[0][0] is first
+    assert asked == [0, 1]
+    fits._quads(net, chains | {1: replace(chains[1])})
+    assert asked == [0, 1, 0]
+    fits._quads(replace(net, loops=net.loops | {1: [[(4, False)]]}), chains)
+    assert asked == [0, 1, 0, 0, 1], "chain 1 is the old one again, and the other region has another outline"
 
 
 def test_opposite_sides_are_divided_alike_and_points_on_a_line_divide_nothing():
@@ -725,7 +744,7 @@ def test_edges_that_are_parts_of_a_patchs_side_are_written_on_it():
             for line in new.text
             if kind in line
         ]
-        for kind in ("B_SPLINE_CURVE", "B_SPLINE_SURFACE")
+        for kind in ("QUASI_UNIFORM_CURVE", "QUASI_UNIFORM_SURFACE")
     )
     x = bernstein(np.linspace(0, 1, 23))
     for s in (0, 1):

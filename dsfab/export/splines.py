@@ -36,8 +36,9 @@ def straight(a: Floats, b: Floats) -> Spline:
 
 def bernstein(x: Floats) -> Floats:
     """(k, 4) the cubic Bernstein polynomials at x (k,) in [0, 1]."""
-    y = 1 - x
-    return np.stack([y**3, 3 * x * y**2, 3 * x**2 * y, x**3], axis=1)
+    y, found = 1 - x, np.empty((len(x), 4))
+    found[:, 0], found[:, 1], found[:, 2], found[:, 3] = y**3, 3 * x * y**2, 3 * x**2 * y, x**3
+    return found
 
 
 def basis(x: Floats, knots: Floats) -> tuple[Ints, Floats]:

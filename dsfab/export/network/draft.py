@@ -16,7 +16,7 @@ from dsfab.export.network.dividing import divided
 from dsfab.export.network.ends import without_short_walls
 from dsfab.export.network.fillets import without_fillets
 from dsfab.export.network.flush import flush_at_corners
-from dsfab.export.network.graph import VOID, ChainNet, net_of
+from dsfab.export.network.graph import VOID, ChainNet, Loop, net_of
 from dsfab.export.network.interior import Interior
 from dsfab.export.network.joining import joined_outlines, without_lenses
 from dsfab.export.network.lifting import Lifting
@@ -25,7 +25,7 @@ from dsfab.export.network.lines import NetLines
 from dsfab.export.network.model import NetModel, net_model
 from dsfab.export.network.ordering import in_order
 from dsfab.export.network.parting import parted
-from dsfab.export.network.quads import REACH, quads_of
+from dsfab.export.network.quads import REACH, Quad, quads_of
 from dsfab.export.network.sampling import with_sampled_peaks
 from dsfab.export.network.seams import with_steep_ends
 from dsfab.export.network.straightening import straightened
@@ -269,6 +269,7 @@ class _Fits:
         self.wanted = FaceLimits(_narrow(plan.limits.thickness), plan.limits.distance, box)
         self.points, self.chains = dict[int, Ints](), dict[int, SampledChain]()
         self.faces = dict[tuple[int, bytes], TrimmedFace]()
+        self.quads = dict[int, tuple[list[Loop], list[SampledChain], Quad | None]]()
         self.patched = set[int]()
 
     def model(self, net: ChainNet) -> tuple[NetLines, NetModel]:
@@ -278,9 +279,20 @@ class _Fits:
             self.chains |= sampled_chains(replace(net, chains=new), self.lifting, self.limits)
             self.points |= {k: chain.points for k, chain in new.items()}
         chains = {k: self.chains[k] for k in net.chains}
-        quads, others = quads_of(net, chains, self.reach)
+        quads, others = self._quads(net, chains)
         lines = self.fits.lines(net, chains, quads, self.reach)
         return lines, net_model(lines, chains, quads, others, self.lifting.away, self.patched, self.limits.distance)
+
+    def _quads(self, net: ChainNet, chains: dict[int, SampledChain]) -> tuple[list[Quad], list[int]]:
+        """As `quads_of`; regions with the chains that they had are as they were."""
+        for region, loops in net.loops.items():
+            around = [chains[k] for loop in loops for k, _ in loop]
+            known = self.quads.get(region)
+            if known is None or known[0] != loops or any(a is not b for a, b in zip(known[1], around, strict=True)):
+                found, _ = quads_of(replace(net, loops={region: loops}), chains, self.reach)
+                self.quads[region] = loops, around, found[0] if found else None
+        quads = {region: self.quads[region][2] for region in net.loops}
+        return [quad for quad in quads.values() if quad], [region for region, quad in quads.items() if not quad]
 
 
 def _narrow(thickness: float) -> float:

@@ -149,9 +149,12 @@ def with_ends_on_lines(lines: NetLines) -> NetLines:
     at = _points_on(lines)
     moved = list[ChainLine]()
     for line in lines.lines:
-        ends = zip(ends_of(lines.net, line), line.curve.spans[[0, -1], [0, -1]], strict=True)
-        start, end = (at.get(node, pole) for node, pole in ends)
-        moved.append(replace(line, curve=line.curve.with_ends(start, end)))
+        nodes, curve = ends_of(lines.net, line), line.curve
+        if at.keys().isdisjoint(nodes):
+            moved.append(line)
+            continue
+        start, end = (at.get(node, pole) for node, pole in zip(nodes, curve.spans[[0, -1], [0, -1]], strict=True))
+        moved.append(replace(line, curve=curve.with_ends(start, end)))
     return NetLines(lines.net, moved)
 
 

@@ -37,16 +37,16 @@ def with_parabolas(curves: Sequence[ChainCurve], distance: float, box: Floats) -
 
 def lowered(P: Floats, axis: int) -> Floats:
     """(k, 4, 6), or any with 4 along an axis: cubics as the parabolas through their ends and middles, still 4 poles."""
-    P = np.moveaxis(P, axis, 0)
+    P = P.swapaxes(0, axis)
     third = _third(P) / 6
-    return np.moveaxis(np.stack([P[0], P[1] - third, P[2] + third, P[3]]), 0, axis)
+    return np.stack([P[0], P[1] - third, P[2] + third, P[3]]).swapaxes(0, axis)
 
 
 def lowered_patches(P: Floats, distance: float) -> Floats:
     """Patches of a region (ku, kv, 4, 4, 6) of degree 2 in each direction in which its sides are parabolas, where that
     moves no pole by more than a share of `distance`, millimetres; the sides stay."""
     for axis, sides in ((2, P[:, [0, -1], :, [0, -1]]), (3, P[[0, -1], :, [0, -1]])):
-        if np.abs(_third(np.moveaxis(sides, -2, 0))).max() < NOTHING:
+        if np.abs(_third(sides.swapaxes(0, -2))).max() < NOTHING:
             Q = lowered(P, axis)
             if np.abs(Q - P).max() <= OFF * distance:
                 P = Q
@@ -55,10 +55,10 @@ def lowered_patches(P: Floats, distance: float) -> Floats:
 
 def fewest(P: Floats, axis: int) -> Floats:
     """The poles of what is a parabola along an axis, 3 there as in (k, 3, 6), or those that are given, as (k, 4, 6)."""
-    P = np.moveaxis(P, axis, 0)
+    P = P.swapaxes(0, axis)
     if len(P) == 4 and np.abs(_third(P)).max() < NOTHING:
         P = np.stack([P[0], _middle_pole(P), P[3]])
-    return np.moveaxis(P, 0, axis)
+    return P.swapaxes(0, axis)
 
 
 def _third(P: Floats) -> Floats:

@@ -156,8 +156,9 @@ class _Surface:
 
     def _over(self, degree: int) -> Floats:
         if degree not in self.over:
-            ways = [np.zeros(3), STEP * self.axes[0], STEP * self.axes[1]]
-            self.over[degree] = np.stack([self._rows(self.seams + way, degree) for way in ways])
+            ways = np.array([np.zeros(3), STEP * self.axes[0], STEP * self.axes[1]])
+            points = self.seams + ways[:, None, None]
+            self.over[degree] = self._rows(points.reshape(-1, *points.shape[2:]), degree).reshape(*points.shape[:3], -1)
         return self.over[degree]
 
     def _gaps(self, local: Floats) -> Floats:

@@ -1,4 +1,8 @@
-"""The entities of solids by members: Bezier patches on both skins, ruled walls, and the posts between their ends."""
+"""The entities of solids by members: Bezier patches on both skins, ruled walls, and the posts between their ends.
+
+Curves and surfaces of one span are written as quasi-uniform splines, whose knots are known: of those with knots, a
+tenth of a file was that these are 0 and 1.
+"""
 
 from collections.abc import Iterator
 
@@ -11,9 +15,6 @@ from dsfab.export.network.parabolas import fewest
 from dsfab.export.network.trimmed import TrimmedFace
 from dsfab.export.plate_text import Entities, references
 from dsfab.export.smooth.text import ROUNDING
-
-FINER = 1 / 10
-"""Share of the usual rounding of poles inside faces."""
 
 ALONG = 7
 """Digits after the point of millimetres along edges. An edge that is a part of a patch's side has other poles than the
@@ -28,13 +29,13 @@ class NetText:
     def __init__(self, new: Entities, model: NetModel, thickness: float) -> None:
         self.new, self.model = new, model
         self._put = new.once if model.seam else new.add
-        self.digits = int(np.clip(np.ceil(-np.log10(FINER * ROUNDING * thickness)), 2, 6))
+        self.digits = int(np.clip(np.ceil(-np.log10(ROUNDING * thickness)), 2, 6))
         self._numbers = dict[tuple[float, ...], int]()
         self.vertices = [
             [self._put(f"VERTEX_POINT('',#{p})") for p in self._points(both.reshape(2, 3))] for both in model.vertices
         ]
         lines = [fewest(edge.poles, 0) for edge in model.edges]
-        self.poles = [[list(self._points(line[:, s : s + 3])) for s in (0, 3)] for line in lines]
+        self.poles = self._pole_numbers(lines)
         self.edges = [
             [
                 self._curve(poles, self.vertices[edge.start][s], self.vertices[edge.end][s])
@@ -66,7 +67,7 @@ class NetText:
             surface = self._surface([list(row) for row in zip(inner, outer, strict=True)])
             below = [(self.edges[e][1], way) for e, way in wall.steps]
             above = [(self.edges[e][0], not way) for e, way in wall.steps[::-1]]
-            wire = self.new.wire([*below, two, *above, (one[0], not one[1])])
+            wire = self.new.wire([*below, two, *above, (one[0], not one[1])], "FACE_BOUND")
             found.append(self.new.face([wire], surface))
         return found
 
@@ -75,7 +76,7 @@ class NetText:
         wires = []
         for i, loop in enumerate(loops):
             steps = [(self.edges[e][s], ahead != bool(s)) for e, ahead in (loop[::-1] if s else loop)]
-            wires.append(self.new.wire(steps, "FACE_BOUND" if i else "FACE_OUTER_BOUND"))
+            wires.append(self.new.wire(steps, "FACE_OUTER_BOUND" if len(loops) > 1 and not i else "FACE_BOUND"))
         return self.new.face(wires, surface, same=not s)
 
     def _rows(self, poles: Floats) -> list[list[int]]:
@@ -93,6 +94,15 @@ class NetText:
                 known[p] = self.new.once(f"CARTESIAN_POINT('',({text}))")
             yield known[p]
 
+    def _pole_numbers(self, lines: list[Floats]) -> list[list[list[int]]]:
+        """Of the poles of curves (k, 6), on the outer and on the inner skin."""
+        found, at = list(self._points(np.concatenate([line[:, s : s + 3] for line in lines for s in (0, 3)]))), 0
+        numbers = list[list[list[int]]]()
+        for k in map(len, lines):
+            numbers.append([found[at : at + k], found[at + k : at + 2 * k]])
+            at += 2 * k
+        return numbers
+
     def _grid(self, poles: Floats, digits: int) -> list[list[int]]:
         """Of a grid of points (r, k, 3), row by row."""
         found = list(self._points(poles.reshape(-1, 3), digits))
@@ -100,10 +110,7 @@ class NetText:
 
     def _curve(self, poles: list[int], start: int, end: int) -> int:
         k = len(poles)
-        curve = self._put(
-            f"B_SPLINE_CURVE_WITH_KNOTS('',{k - 1},{references(poles)},.UNSPECIFIED.,.F.,.F.,({k},{k}),(0.,1.),"
-            ".UNSPECIFIED.)"
-        )
+        curve = self._put(f"QUASI_UNIFORM_CURVE('',{k - 1},{references(poles)},.UNSPECIFIED.,.F.,.F.)")
         return self._put(f"EDGE_CURVE('',#{start},#{end},#{curve},.T.)")
 
     def _post(self, posts: dict[tuple[int, int], int], vertex: int) -> tuple[int, bool]:
@@ -118,10 +125,6 @@ class NetText:
         return posts[inner, outer], True
 
     def _surface(self, rows: list[list[int]]) -> int:
-        """A Bezier patch, as a spline with one span."""
-        poles, counts = ",".join(references(row) for row in rows), (len(rows), len(rows[0]))
-        times = ",".join(f"({k},{k})" for k in counts)
-        return self.new.add(
-            f"B_SPLINE_SURFACE_WITH_KNOTS('',{counts[0] - 1},{counts[1] - 1},({poles}),.UNSPECIFIED.,.F.,.F.,.F.,"
-            f"{times},(0.,1.),(0.,1.),.UNSPECIFIED.)"
-        )
+        """A Bezier patch."""
+        poles, (j, k) = ",".join(references(row) for row in rows), (len(rows), len(rows[0]))
+        return self.new.add(f"QUASI_UNIFORM_SURFACE('',{j - 1},{k - 1},({poles}),.UNSPECIFIED.,.F.,.F.,.F.)")
