@@ -6,7 +6,7 @@ import pytest
 from dsfab.errors import ExportError
 from dsfab.export import sampled_use
 from dsfab.export.network import build
-from dsfab.export.network.use_check import ADDS, ALONE, INVALID, Missed, _as_one, _missed, _volume
+from dsfab.export.network.use_check import ADDS, ALONE, INVALID, Missed, _across, _as_one, _missed, _volume
 
 SIDE = 100.0
 
@@ -63,6 +63,20 @@ def test_of_halves_that_are_not_valid_nothing_is_measured():
 
 def test_cubes_beside_each_other_are_one_volume():
     assert _volume(_as_one(halves(0.0))) == pytest.approx(2 * SIDE**3, rel=1e-9)
+
+
+def test_pieces_of_a_rim_as_long_as_the_sheet_is_thick_are_not_across_it():
+    """A plate of 60 mm whose sides of 180 mm are three edges each: across it are its four corners."""
+    from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace, BRepBuilderAPI_MakePolygon
+    from OCP.BRepPrimAPI import BRepPrimAPI_MakePrism
+    from OCP.gp import gp_Pnt, gp_Vec
+
+    outline = BRepBuilderAPI_MakePolygon()
+    for x, y in ((0, 0), (60, 0), (120, 0), (180, 0), (180, 100), (120, 100), (60, 100), (0, 100)):
+        outline.Add(gp_Pnt(x, y, 0))
+    outline.Close()
+    plate = BRepPrimAPI_MakePrism(BRepBuilderAPI_MakeFace(outline.Wire()).Face(), gp_Vec(0, 0, 60)).Shape()
+    assert [length for _, length in _across(plate)] == pytest.approx([60] * 4)
 
 
 @pytest.mark.parametrize(

@@ -338,9 +338,13 @@ def _fillets(shape: Any) -> tuple[int, int]:
 
 
 def _across(shape: Any) -> list[tuple[Any, float]]:
-    """The sharp edges from skin to skin with their lengths: the commonest length of straight edges is the thickness."""
+    """The sharp edges from skin to skin with their lengths: the commonest length of straight edges is the thickness.
+
+    One that goes on smoothly in another is a piece of a rim which happens to be as long.
+    """
     from OCP.BRep import BRep_Tool
     from OCP.BRepAdaptor import BRepAdaptor_Curve
+    from OCP.BRepFilletAPI import BRepFilletAPI_MakeFillet
     from OCP.collections import IndexedDataMap_TopoDS_Shape_List_TopoDS_Shape_TopTools_ShapeMapHasher as Faces
     from OCP.TopAbs import TopAbs_ShapeEnum
     from OCP.TopExp import TopExp
@@ -358,7 +362,13 @@ def _across(shape: Any) -> list[tuple[Any, float]]:
             straight.append((edge, length, beside))
     usual = Counter(round(length, 1) for _, length, _ in straight).most_common(1)
     alike = [one for one in straight if abs(one[1] / usual[0][0] - 1) < 0.1] if usual else []
-    return [(edge, length) for edge, length, beside in alike if _turn(edge, beside) >= SHARP]
+    fillet, found = BRepFilletAPI_MakeFillet(shape), list[tuple[Any, float]]()
+    for edge, length, beside in alike:
+        if _turn(edge, beside) >= SHARP:
+            fillet.Add(edge)
+            if fillet.NbEdges(fillet.Contour(edge)) == 1:
+                found.append((edge, length))
+    return found
 
 
 def _turn(edge: Any, beside: list[Any]) -> float:
