@@ -18,8 +18,8 @@ from dsfab.export.step_pieces import closing
 from dsfab.export.step_text import DIGITS, header
 
 MORE = 2
-"""Decimals of points and directions over the usual ones: edges keep to a plane aslant under 1e-7 mm, the least tolerance
-that OCCT gives. Over it, a fillet that shortens an edge finds the tolerance too small that was taken along all of it."""
+"""Decimals of points and directions over the usual ones: edges keep to a plane aslant under 1e-7 mm, the least
+tolerance that OCCT gives. Over it a fillet that shortens an edge finds the tolerance of all of it a little too small."""
 
 Edges = tuple[int, int]
 """The edges of a run on the upper skin and on the lower one."""
