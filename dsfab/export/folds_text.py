@@ -19,7 +19,7 @@ from dsfab.export.step_text import DIGITS, header
 
 MORE = 2
 """Decimals of points and directions over the usual ones: edges keep to a plane aslant under 1e-7 mm, the least
-tolerance that OCCT gives. Over it a fillet that shortens an edge finds the tolerance of all of it a little too small."""
+tolerance that OCCT gives. Over it a fillet that shortens an edge finds the tolerance of all of it a bit too small."""
 
 Edges = tuple[int, int]
 """The edges of a run on the upper skin and on the lower one."""
