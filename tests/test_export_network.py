@@ -44,6 +44,7 @@ from dsfab.export.smooth.source import StripedSheet
 from dsfab.export.splines import Spline, bernstein
 from dsfab.limits import DEFLECTION
 from dsfab.slicing import Sheet
+from dsfab.study.file_check import read_shipped
 from dsfab.surface import SHAPES, Surface
 from dsfab.surface.neighbours import on_boundary
 from dsfab.thickening import offsets, thicken
@@ -378,6 +379,15 @@ def test_a_plain_sheet_is_one_patch_and_a_grid_has_every_side_twice():
         assert (k, True) in steps
         assert ((k, False) in steps) == (chain.right != VOID)
     assert len(steps) == len(set(steps))
+
+
+def test_its_faces_are_curved_to_a_check_of_the_file(tmp_path):
+    """Or no chord error of the mesh would be allowed there: a ring whose file was within a build's limits failed."""
+    surface = cylinder_strip()
+    part, _, _ = draft_of(surface, striped(surface))
+    path = tmp_path / "strip.step"
+    path.write_text(member_draft(part, SmoothPlan(part)).text, encoding="ascii")
+    assert read_shipped(path, deflection=1e-3).deflection > 0
 
 
 def test_a_strip_is_untrimmed_and_uses_each_edge_twice():

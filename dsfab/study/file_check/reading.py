@@ -22,7 +22,8 @@ BY_CONVENTION = "mm"
 """STL files name no unit; dsfab writes millimetres, and workshops read them so."""
 
 CURVED = (
-    *(f"{word}_SURFACE".encode() for word in ("B_SPLINE", "CYLINDRICAL", "CONICAL", "SPHERICAL", "TOROIDAL")),
+    *(f"{word}_SURFACE".encode() for word in ("B_SPLINE", "UNIFORM", "BEZIER")),
+    *(f"{word}_SURFACE".encode() for word in ("CYLINDRICAL", "CONICAL", "SPHERICAL", "TOROIDAL")),
     b"SURFACE_OF_",
 )
 """What a STEP file calls faces that are not planes."""
