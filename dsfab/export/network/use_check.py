@@ -338,9 +338,9 @@ def _fillets(shape: Any) -> tuple[int, int]:
 
 
 def _across(shape: Any) -> list[tuple[Any, float]]:
-    """The sharp edges from skin to skin with their lengths: the commonest length of straight edges is the thickness.
+    """The sharp edges from skin to skin with their lengths: the commonest length of straight ones is the thickness.
 
-    One that goes on smoothly in another is a piece of a rim which happens to be as long.
+    Those that go on smoothly in others are pieces of rims: they may happen to be as long, or to be more.
     """
     from OCP.BRep import BRep_Tool
     from OCP.BRepAdaptor import BRepAdaptor_Curve
@@ -360,15 +360,15 @@ def _across(shape: Any) -> list[tuple[Any, float]]:
         length = a.Distance(b)
         if len(beside) == 2 and length and a.Distance(middle) + middle.Distance(b) <= (1 + 1e-9) * length:
             straight.append((edge, length, beside))
-    usual = Counter(round(length, 1) for _, length, _ in straight).most_common(1)
-    alike = [one for one in straight if abs(one[1] / usual[0][0] - 1) < 0.1] if usual else []
-    fillet, found = BRepFilletAPI_MakeFillet(shape), list[tuple[Any, float]]()
-    for edge, length, beside in alike:
+    fillet, sharp = BRepFilletAPI_MakeFillet(shape), list[tuple[Any, float]]()
+    for edge, length, beside in straight:
         if _turn(edge, beside) >= SHARP:
             fillet.Add(edge)
-            if fillet.NbEdges(fillet.Contour(edge)) == 1:
-                found.append((edge, length))
-    return found
+            contour = fillet.Contour(edge)  # 0 of an edge that none is begun along
+            if not contour or fillet.NbEdges(contour) == 1:
+                sharp.append((edge, length))
+    usual = Counter(round(length, 1) for _, length in sharp).most_common(1)
+    return [one for one in sharp if abs(one[1] / usual[0][0] - 1) < 0.1]
 
 
 def _turn(edge: Any, beside: list[Any]) -> float:
