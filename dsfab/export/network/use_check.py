@@ -32,7 +32,7 @@ import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterator
-from math import acos, degrees
+from math import acos, cos, degrees, radians
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -63,6 +63,9 @@ FILLETS, SHARP = 10, 20.0
 
 ROUND, OF_EDGE = 10.0, 1 / 8
 """Radius of a fillet: millimetres, and no more than this share of its edge."""
+
+SMOOTH = cos(radians(1.0))
+"""Cosine of the angle up to which an edge goes on in another."""
 
 
 def use(path: Path, cuts: int, all_of_them: bool = False) -> dict[str, Any]:
@@ -344,13 +347,12 @@ def _across(shape: Any) -> list[tuple[Any, float]]:
     """
     from OCP.BRep import BRep_Tool
     from OCP.BRepAdaptor import BRepAdaptor_Curve
-    from OCP.BRepFilletAPI import BRepFilletAPI_MakeFillet
     from OCP.collections import IndexedDataMap_TopoDS_Shape_List_TopoDS_Shape_TopTools_ShapeMapHasher as Faces
     from OCP.TopAbs import TopAbs_ShapeEnum
     from OCP.TopExp import TopExp
     from OCP.TopoDS import TopoDS
 
-    faces, straight = Faces(), list[tuple[Any, float, list[Any]]]()
+    faces, edges, straight = Faces(), Faces(), list[tuple[Any, float, list[Any]]]()
     TopExp.MapShapesAndAncestors_s(shape, TopAbs_ShapeEnum.TopAbs_EDGE, TopAbs_ShapeEnum.TopAbs_FACE, faces)
     for i in range(1, faces.Extent() + 1):
         edge = TopoDS.Edge(faces.FindKey(i))
@@ -360,15 +362,27 @@ def _across(shape: Any) -> list[tuple[Any, float]]:
         length = a.Distance(b)
         if len(beside) == 2 and length and a.Distance(middle) + middle.Distance(b) <= (1 + 1e-9) * length:
             straight.append((edge, length, beside))
-    fillet, sharp = BRepFilletAPI_MakeFillet(shape), list[tuple[Any, float]]()
-    for edge, length, beside in straight:
-        if _turn(edge, beside) >= SHARP:
-            fillet.Add(edge)
-            contour = fillet.Contour(edge)  # 0 of an edge that none is begun along
-            if not contour or fillet.NbEdges(contour) == 1:
-                sharp.append((edge, length))
-    usual = Counter(round(length, 1) for _, length in sharp).most_common(1)
-    return [one for one in sharp if abs(one[1] / usual[0][0] - 1) < 0.1]
+    TopExp.MapShapesAndAncestors_s(shape, TopAbs_ShapeEnum.TopAbs_VERTEX, TopAbs_ShapeEnum.TopAbs_EDGE, edges)
+    sharp = [one for one in straight if _turn(one[0], one[2]) >= SHARP and _ends_at_corners(one[0], edges)]
+    usual = Counter(round(length, 1) for _, length, _ in sharp).most_common(1)
+    return [(edge, length) for edge, length, _ in sharp if abs(length / usual[0][0] - 1) < 0.1]
+
+
+def _ends_at_corners(edge: Any, edges: Any) -> bool:
+    """Whether none of the edges at its ends goes on from a straight one; edges : of a shape, by vertices."""
+    from OCP.BRep import BRep_Tool
+    from OCP.BRepAdaptor import BRepAdaptor_Curve
+    from OCP.TopExp import TopExp
+    from OCP.TopoDS import TopoDS
+
+    for vertex in (TopExp.FirstVertex_s(edge), TopExp.LastVertex_s(edge)):
+        ways = [
+            BRepAdaptor_Curve(one).DN(BRep_Tool.Parameter_s(vertex, one), 1).Normalized()
+            for one in (edge, *(TopoDS.Edge(other) for other in edges.FindFromKey(vertex) if not other.IsSame(edge)))
+        ]
+        if any(abs(ways[0].Dot(way)) > SMOOTH for way in ways[1:]):
+            return False
+    return True
 
 
 def _turn(edge: Any, beside: list[Any]) -> float:
