@@ -65,7 +65,7 @@ class FaceDomain:
         corners = along[:, None] + ways[j] * (ends[:, i] / sine)[..., None]
         z = _quadric(corners.reshape(-1, 2)) @ heights
         placed = np.concatenate([corners.reshape(-1, 2), z[:, None]], axis=1) @ self.axes + self.origin
-        out = np.maximum(box[0] - placed, placed - box[1]).reshape(4, len(i), 3).max(axis=(0, 2), initial=0.0)
+        out = _outside(placed, box).reshape(4, len(i), 3).max(axis=(0, 2), initial=0.0)
         best = int(out.argmin())
         return ways[[i[best], j[best]]]
 
@@ -78,4 +78,9 @@ def _quadric(at: Floats) -> Floats:
 
 def beyond(points: Floats, box: Floats) -> float:
     """How far any of points (..., 3) is out of a box (2, 3)."""
-    return float(np.maximum(box[0] - points, points - box[1]).max(initial=0.0))
+    return float(_outside(points, box).max(initial=0.0))
+
+
+def _outside(points: Floats, box: Floats) -> Floats:
+    """(..., 3) how far points (..., 3) are out of a box (2, 3) along each axis; below 0 inside."""
+    return np.asarray(np.maximum(box[0] - points, points - box[1]))

@@ -376,11 +376,9 @@ def _ends_at_corners(edge: Any, edges: Any) -> bool:
     from OCP.TopoDS import TopoDS
 
     for vertex in (TopExp.FirstVertex_s(edge), TopExp.LastVertex_s(edge)):
-        ways = [
-            BRepAdaptor_Curve(one).DN(BRep_Tool.Parameter_s(vertex, one), 1).Normalized()
-            for one in (edge, *(TopoDS.Edge(other) for other in edges.FindFromKey(vertex) if not other.IsSame(edge)))
-        ]
-        if any(abs(ways[0].Dot(way)) > SMOOTH for way in ways[1:]):
+        others = (TopoDS.Edge(other) for other in edges.FindFromKey(vertex) if not other.IsSame(edge))
+        way, *ways = (BRepAdaptor_Curve(one).DN(BRep_Tool.Parameter_s(vertex, one), 1) for one in (edge, *others))
+        if any(abs(way.Dot(w)) > SMOOTH * way.Magnitude() * w.Magnitude() for w in ways):
             return False
     return True
 
