@@ -395,7 +395,7 @@ def test_a_strip_is_untrimmed_and_uses_each_edge_twice():
     part, _, _ = draft_of(surface, striped(surface))
     draft = member_draft(part, SmoothPlan(part))
     assert (draft.solids, draft.trimmed) == (1, 0)
-    assert draft.text.count("=QUASI_UNIFORM_SURFACE(") == draft.faces == draft.text.count("=ADVANCED_FACE(")
+    assert draft.text.count("=B_SPLINE_SURFACE_WITH_KNOTS(") == draft.faces == draft.text.count("=ADVANCED_FACE(")
     edges, used = draft.text.count("=EDGE_CURVE("), draft.text.count("=ORIENTED_EDGE(")
     assert used == 2 * edges
 
@@ -754,7 +754,7 @@ def test_edges_that_are_parts_of_a_patchs_side_are_written_on_it():
             for line in new.text
             if kind in line
         ]
-        for kind in ("QUASI_UNIFORM_CURVE", "QUASI_UNIFORM_SURFACE")
+        for kind in ("B_SPLINE_CURVE_WITH_KNOTS", "B_SPLINE_SURFACE_WITH_KNOTS")
     )
     x = bernstein(np.linspace(0, 1, 23))
     for s in (0, 1):

@@ -114,13 +114,11 @@ def test_parabolas_are_written_with_three_poles_and_faces_end_on_them():
     model.patches.append(NetPatch([(i, True) for i in range(4)], P))
     NetText(new := Entities(), model, 40.0).faces([])
     text = "".join(new.text)
-    assert sorted(re.findall(r"QUASI_UNIFORM_CURVE\('',(\d)", text)) == ["2"] * 6 + ["3"] * 2  # on each skin
-    assert re.findall(r"QUASI_UNIFORM_SURFACE\('',(\d),(\d)", text) == [("3", "2")] * 2
+    assert sorted(re.findall(r"B_SPLINE_CURVE_WITH_KNOTS\('',(\d)", text)) == ["2"] * 6 + ["3"] * 2  # on each skin
+    assert re.findall(r"B_SPLINE_SURFACE_WITH_KNOTS\('',(\d),(\d)", text) == [("3", "2")] * 2
     points = {n: np.array(x.split(","), float) for n, x in re.findall(r"(#\d+)=CARTESIAN_POINT\('',\((.*?)\)\)", text)}
     *curves, outer, inner = (
-        np.array([points[n] for n in re.findall(r"#\d+", line)[1:]])
-        for line in text.splitlines()
-        if "QUASI_UNIFORM" in line
+        np.array([points[n] for n in re.findall(r"#\d+", line)[1:]]) for line in text.splitlines() if "B_SPLINE" in line
     )
     x = np.linspace(0, 1, 23)[:, None]
     hats = {3: np.hstack([(1 - x) ** 2, 2 * x * (1 - x), x**2]), 4: bernstein(x[:, 0])}
@@ -135,10 +133,10 @@ def test_members_across_a_cylinder_are_of_degree_2_and_those_around_it_of_degree
     """The outlines of these are curves of a quarter of a turn."""
     part, _, _ = draft_of(surface := cylinder_strip(), grid(surface))
     text = member_draft(part, SmoothPlan(part)).text
-    degrees = re.findall(r"QUASI_UNIFORM_SURFACE\('',(\d),(\d)", text)
+    degrees = re.findall(r"B_SPLINE_SURFACE_WITH_KNOTS\('',(\d),(\d)", text)
     assert [degrees.count(both) for both in (("2", "2"), ("2", "1"))] == [4, 4]
     assert degrees.count(("3", "3")) >= 8
-    assert text.count("QUASI_UNIFORM_CURVE('',2,") > 0.3 * text.count("QUASI_UNIFORM_CURVE('',3,")
+    assert text.count("B_SPLINE_CURVE_WITH_KNOTS('',2,") > 0.3 * text.count("B_SPLINE_CURVE_WITH_KNOTS('',3,")
 
 
 @pytest.mark.parametrize(("bend", "degree"), [(1e-3, 2), (1.0, 3)])

@@ -1,7 +1,7 @@
 """The entities of solids by members: Bezier patches on both skins, ruled walls, and the posts between their ends.
 
-Curves and surfaces of one span are written as quasi-uniform splines, whose knots are known: of those with knots, a
-tenth of a file was that these are 0 and 1.
+All are splines with knots. Quasi-uniform splines say the same with 8 % fewer bytes, and the only reader that was tried
+beside OCCT, volmdlr 0.15, knows their names and fails on them.
 """
 
 from collections.abc import Iterator
@@ -109,9 +109,7 @@ class NetText:
         return [found[i : i + poles.shape[1]] for i in range(0, len(found), poles.shape[1])]
 
     def _curve(self, poles: list[int], start: int, end: int) -> int:
-        k = len(poles)
-        curve = self._put(f"QUASI_UNIFORM_CURVE('',{k - 1},{references(poles)},.UNSPECIFIED.,.F.,.F.)")
-        return self._put(f"EDGE_CURVE('',#{start},#{end},#{curve},.T.)")
+        return self._put(f"EDGE_CURVE('',#{start},#{end},#{self._put(bezier(poles))},.T.)")
 
     def _post(self, posts: dict[tuple[int, int], int], vertex: int) -> tuple[int, bool]:
         """The edge between both points of a vertex, and whether it runs to the outer one."""
@@ -120,11 +118,25 @@ class NetText:
             return posts[outer, inner], False  # it was made for the other side of a seam
         if (inner, outer) not in posts:
             ends = [next(self._points(self.model.vertices[vertex][None, i : i + 3])) for i in (3, 0)]
-            line = self.new.add(f"POLYLINE('',{references(ends)})")
-            posts[inner, outer] = self.new.add(f"EDGE_CURVE('',#{inner},#{outer},#{line},.T.)")
+            posts[inner, outer] = self.new.add(f"EDGE_CURVE('',#{inner},#{outer},#{self.new.add(bezier(ends))},.T.)")
         return posts[inner, outer], True
 
     def _surface(self, rows: list[list[int]]) -> int:
-        """A Bezier patch."""
+        """A Bezier patch, as a spline with one span."""
         poles, (j, k) = ",".join(references(row) for row in rows), (len(rows), len(rows[0]))
-        return self.new.add(f"QUASI_UNIFORM_SURFACE('',{j - 1},{k - 1},({poles}),.UNSPECIFIED.,.F.,.F.,.F.)")
+        return self.new.add(
+            f"B_SPLINE_SURFACE_WITH_KNOTS('',{j - 1},{k - 1},({poles}),.UNSPECIFIED.,.F.,.F.,.F.,"
+            f"({j},{j}),({k},{k}),(0.,1.),(0.,1.),.UNSPECIFIED.)"
+        )
+
+
+def bezier(poles: list[int]) -> str:
+    """The entity of a Bezier curve through the points with these numbers, as a spline with one span.
+
+    A line too: a polyline that an edge lies on has three points at least (ISO 10303-511, advanced_face).
+    """
+    k = len(poles)
+    return (
+        f"B_SPLINE_CURVE_WITH_KNOTS('',{k - 1},{references(poles)},.UNSPECIFIED.,.F.,.F.,({k},{k}),(0.,1.),"
+        ".UNSPECIFIED.)"
+    )

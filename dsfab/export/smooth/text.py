@@ -125,10 +125,11 @@ class SmoothText:
         return self._curve(curve, list(self._points(curve.poles)), spans)
 
     def _curve(self, curve: Spline, through: list[int], spans: int) -> int:
-        """A curve with the parameters 0 to `spans`; a line is the shortest to write as a polyline, which has 0 to 1."""
+        """A curve with the parameters 0 to `spans`.
+
+        A line too: a polyline that an edge lies on has three points at least (ISO 10303-511, advanced_face).
+        """
         poles = references(through)
-        if curve.degree == 1 and spans == 1:
-            return self.new.add(f"POLYLINE('',{poles})")
         times, knots = _counted(spans * curve.knots)
         return self.new.add(
             f"B_SPLINE_CURVE_WITH_KNOTS('',{curve.degree},{poles},.UNSPECIFIED.,.F.,.F.,{times},{knots},.UNSPECIFIED.)"
