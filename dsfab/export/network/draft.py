@@ -10,6 +10,7 @@ import numpy as np
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError
 from dsfab.export.network.bends import level
+from dsfab.export.network.beyond import with_long_seams
 from dsfab.export.network.crossings import TOUCHING, crossing_chains, without_crossings
 from dsfab.export.network.curves import SampledChain, sampled_chains
 from dsfab.export.network.dividing import divided
@@ -118,7 +119,8 @@ def _draft(part: Part, plan: SmoothPlan, fine: bool) -> MemberDraft:
         walls = sum(chain.right == VOID for chain in net.chains.values())
         _require_few(part, 2 * len(net.loops) + int(FEWER_WALLS * walls))
         model, surfaces = _solid(part, net, Interior(sheet, lifting, plan.limits.thickness, fine), plan)
-        added = NetText(new, model, plan.limits.thickness).faces(surfaces)
+        model, surfaces, seams = with_long_seams(model, surfaces)
+        added = NetText(new, model, plan.limits.thickness).faces(surfaces, seams)
         faces += added
         shells += [count] * len(added)
         trimmed += surfaces

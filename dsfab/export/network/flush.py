@@ -7,16 +7,18 @@ r"""Trimmed faces that run exactly through their edges beside sharp corners of o
                       surface is on them: of four corners of a dome two were rounded before, and all are.
 """
 
-from collections.abc import Iterable
+from collections.abc import Mapping
 from dataclasses import replace
 
 import numpy as np
 from scipy.linalg import lstsq
 
 from dsfab.arrays import Floats
+from dsfab.export.network.beyond import curves_beyond
+from dsfab.export.network.corners import corner_tangents
 from dsfab.export.network.heights import differences, height_rows, places, raised
 from dsfab.export.network.model import NetModel
-from dsfab.export.network.ordering import CutEdges, corner_tangents
+from dsfab.export.network.ordering import CutEdges
 from dsfab.export.network.trimmed import SPLIT, TrimmedFace, inside_of, loop_samples
 from dsfab.export.splines import bernstein
 
@@ -35,9 +37,12 @@ EXACT = 5e-8
 NEARLY = 1e-6
 """What it may be off: with 5e-7 all corners of a dome are rounded."""
 
-FAST, SMOOTH, SMALL = 1e6, 1e-2, 1e-4
-"""Weights of places where it is held, of second differences of what poles move by, and of that itself, against 1 of
-points along edges."""
+FAST, SMALL = 1e6, 1e-4
+"""Weights of places where it is held, and of what poles move by, against 1 of points along edges."""
+
+OTHERS = ((1.0, 1e-2), (0.1, 1e-4))
+"""Weights of places where it was, and of second differences of what poles move by. With the first, faces of a blob with
+three corners of openings strayed .07 to .3 mm from other edges, where only `SPLIT` is allowed; with the second .02."""
 
 HOLD = np.stack(np.meshgrid(*[np.linspace(0, 1, 13)] * 2), axis=2).reshape(-1, 2)
 """Where else a surface is held where it was, over all of its domain: of a sphere of 2 m one went 1.4 mm away."""
@@ -69,7 +74,15 @@ def flush_at_corners(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetMode
             parts = [k for k, _ in work.loop([(e, True)])]
             held |= {k for k, half in ((parts[0], halves[0]), (parts[-1], halves[1])) if half}
     new = work.model(model.walls)
-    return new, [_flush(replace(face, loops=[work.loop(loop) for loop in face.loops]), new, held) for face in faces]
+    poles = {e: new.edges[e].poles for e in held}
+    beyond = {e: P for e, P in curves_beyond(new).items() if e in held}
+    found = list[TrimmedFace]()
+    for face in faces:
+        given = replace(face, loops=[work.loop(loop) for loop in face.loops])
+        mine = {e for loop in given.loops for e, _ in loop}
+        long = _flush(given, new, poles | beyond) if mine & beyond.keys() else given
+        found.append(_flush(given, new, poles) if long is given else long)
+    return new, found
 
 
 def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
@@ -87,9 +100,9 @@ def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
     return [float(np.mean(found))] if near else found
 
 
-def _flush(face: TrimmedFace, model: NetModel, held: Iterable[int]) -> TrimmedFace:
-    """A face on those of its edges on which it is held."""
-    mine = [model.edges[e].poles for e in sorted({e for loop in face.loops for e, _ in loop} & set(held))]
+def _flush(face: TrimmedFace, model: NetModel, held: Mapping[int, Floats]) -> TrimmedFace:
+    """A face on those of its edges on which it is held, by curves with poles (4, 6)."""
+    mine = [held[e] for e in sorted({e for loop in face.loops for e, _ in loop} & held.keys())]
     if not mine:
         return face
     at, asked = (np.concatenate([bernstein(x) @ P for P in mine]) for x in (HELD, ASKED))
@@ -109,23 +122,32 @@ def _flush(face: TrimmedFace, model: NetModel, held: Iterable[int]) -> TrimmedFa
 def _through(poles: Floats, axes: Floats, points: tuple[Floats, ...], most: float) -> Floats | None:
     """Poles of a surface through the first points, that is off the second ones by less than `NEARLY`; near to the third
     ones, of the edges, and nowhere at the last ones, inside, farther than `most` from the given one. All are (k, 3)."""
-    local, count, best = poles @ axes.T, len(poles), None
-    each, heights = [places(poles, axes, some) for some in points], [some @ axes[2] for some in points]
-    least, old = np.inf, height_rows(each[3], count - 1) @ local[..., 2].ravel()
-    for degree in range(count - 1, count + MORE):
-        new = np.stack([raised(local[..., i], degree) for i in range(3)], axis=2)
-        on, asked, along, inside = (height_rows(uv, degree) for uv in each)
-        off = [z - A @ new[..., 2].ravel() for z, A in zip(heights, (on, asked, along), strict=False)]
-        calm = [SMOOTH * differences(degree + 1), SMALL * np.eye((degree + 1) ** 2), height_rows(HOLD, degree)]
-        right = np.concatenate([FAST * off[0], off[2], np.zeros(sum(map(len, calm)))])
-        more = lstsq(
-            np.concatenate([FAST * on, along, *calm]), right, lapack_driver="gelsd", cond=1e-15, check_finite=False
-        )[0]
-        left = [float(np.abs(z - A @ more).max()) for z, A in zip(off, (on, asked, along), strict=True)]
-        new[..., 2] += more.reshape(new.shape[:2])
-        moved = float(np.abs(inside @ new[..., 2].ravel() - old).max())
-        if left[2] <= SPLIT and moved <= most and left[1] < least:
-            best, least = new @ axes, left[1]
-        if least < EXACT:
-            break
-    return best if least < NEARLY else None
+    local, most_off = poles @ axes.T, (NEARLY, SPLIT, most)
+    each, heights = [places(poles, axes, some) for some in points], [some @ axes[2] for some in points[:3]]
+    heights.append(height_rows(each[3], len(poles) - 1) @ local[..., 2].ravel())
+    for calm, smooth in OTHERS:
+        best, least = None, NEARLY
+        for degree in range(len(poles) - 1, len(poles) + MORE):
+            new = np.stack([raised(local[..., i], degree) for i in range(3)], axis=2)
+            rows = [height_rows(uv, degree) for uv in each]
+            off = [z - A @ new[..., 2].ravel() for z, A in zip(heights, rows, strict=True)]
+            more = _moves(rows, off, calm, smooth)
+            left = [float(np.abs(z - A @ more).max()) for z, A in zip(off, rows, strict=True)][1:]
+            new[..., 2] += more.reshape(new.shape[:2])
+            if left[0] < least and all(x <= y for x, y in zip(left, most_off, strict=True)):
+                best, least = new @ axes, left[0]
+            if least < EXACT:
+                break
+        if best is not None:
+            return best
+    return None
+
+
+def _moves(rows: list[Floats], off: list[Floats], calm: float, smooth: float) -> Floats:
+    """(k,) what heights of poles move by, where they count for each kind of points as in rows (., k), so that they are
+    on the first points, off which they are, and near to the third."""
+    degree = int(np.sqrt(rows[0].shape[1])) - 1
+    still = [smooth * differences(degree + 1), SMALL * np.eye((degree + 1) ** 2), calm * height_rows(HOLD, degree)]
+    right = np.concatenate([FAST * off[0], off[2], np.zeros(sum(map(len, still)))])
+    A = np.concatenate([FAST * rows[0], rows[2], *still])
+    return np.asarray(lstsq(A, right, lapack_driver="gelsd", cond=1e-15, check_finite=False)[0])

@@ -47,10 +47,11 @@ class NetWall:
 @dataclass(frozen=True, eq=False)
 class NetPatch:
     """A four-sided face on each skin. loop : edges, counter-clockwise from outside, one or several along each side of
-    the surface.    poles : (4, 4, 6)."""
+    the surface.    poles : (4, 4, 6).    within : whether the surface goes on beyond some edges."""
 
     loop: Loop
     poles: Floats
+    within: bool = False
 
 
 @dataclass(eq=False)

@@ -5,10 +5,8 @@ r"""Walls in an order, and edges in directions and lengths, with which OCCT (8.0
  -------o========  first  begins at the corner, and does not end there, a wrong part of the lengthened curve is taken:
         | seam    <---    of a sphere's corners 31 of 34 were rounded where edges end, and 8 of 33 where they begin.
 
-A corner where the void is less than a half turn is filled, beyond the end of a seam there. OCCT intersects the faces on
-both sides of the seam, each of them lengthened: they touch all along it, so that any line may be found. Of 13 such
-corners of a shell on four feet (turns of 32 to 37 degrees) none was rounded. Of four looked at, edges run the other
-way changed nothing, and three were rounded once both walls were in the other order.
+Where a seam alone goes straight on as a wall's edge, at a corner that is filled, it is the seam that is lengthened: it
+ends there, too. Any other seam there is not lengthened, see `beyond`.
 
 It also makes edges shorter, which keep their tolerance. That is their largest distance from a face at 23 points; at
 those of what is left it may be a thousandth more, and then the solid is not valid. Where the largest is at an end, both
@@ -21,14 +19,12 @@ from dataclasses import replace
 import numpy as np
 
 from dsfab.arrays import Floats
+from dsfab.export.network.corners import filled_corners, half_turn, outlines, way
 from dsfab.export.network.curves import parts_of
 from dsfab.export.network.graph import Loop
 from dsfab.export.network.model import NetEdge, NetModel, NetWall, turned
 from dsfab.export.network.trimmed import TrimmedFace
 from dsfab.export.splines import bernstein
-
-SMOOTH = np.cos(np.deg2rad(10.0))
-"""Cosine of the turn between two walls up to which there is no corner to be rounded."""
 
 CLEAR = 1 / 7
 """Of the thickness, radius of a fillet that takes no more of a wall than up to where its edge is cut at the nearest."""
@@ -52,8 +48,11 @@ def in_order(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[
     """
     work, walls = CutEdges(model), list[NetWall]()
     beside = {e: face for face in faces for loop in face.loops for e, _ in loop}
-    for outline in _outlines(model):
+    for outline in outlines(model):
         walls += _directed(outline, model, beside, work)
+    for corner in filled_corners(model):
+        if corner.straight is not None and not corner.end:
+            work.cut(corner.seam, True, [], True)
     return work.model(walls), [replace(face, loops=[work.loop(loop) for loop in face.loops]) for face in faces]
 
 
@@ -61,10 +60,10 @@ def _directed(
     outline: list[NetWall], model: NetModel, beside: dict[int, TrimmedFace], work: "CutEdges"
 ) -> list[NetWall]:
     """An outline from where it is smoothest, once its edges are directed and cut."""
-    cosines = [float(_way(wall, model, True) @ _way(outline[i - 1], model, False)) for i, wall in enumerate(outline)]
+    cosines = [float(way(wall, model, True) @ way(outline[i - 1], model, False)) for i, wall in enumerate(outline)]
     begin = int(np.argmax(cosines))
     walls = [*outline[begin:], *outline[:begin]]
-    turns = [_half_turn(x) for x in (*cosines[begin:], *cosines[:begin], cosines[begin])]
+    turns = [half_turn(x) for x in (*cosines[begin:], *cosines[:begin], cosines[begin])]
     for i, wall in enumerate(walls):
         for j, (e, ahead) in enumerate(wall.steps):
             corners = turns[i] if j == 0 else 0.0, turns[i + 1] if j == len(wall.steps) - 1 else 0.0
@@ -73,22 +72,6 @@ def _directed(
             stops = _stops(model.poles((e, ahead)), beside.get(e), corners, ending)
             work.cut(e, ahead, stops or ([0.5] if against and len(wall.steps) == 1 else []), against)
     return walls
-
-
-def corner_tangents(model: NetModel) -> dict[int, float]:
-    """By vertex where an outline has a corner the tangent of half its turn."""
-    found = dict[int, float]()
-    for outline in _outlines(model):
-        for i, wall in enumerate(outline):
-            half = _half_turn(float(_way(wall, model, True) @ _way(outline[i - 1], model, False)))
-            if half > 0:
-                found[model.vertex(wall.steps[0], True)] = half
-    return found
-
-
-def _half_turn(cosine: float) -> float:
-    """The tangent of half the turn at a corner, by which a fillet's radius is multiplied; 0 where there is none."""
-    return float(np.sqrt((1 - cosine) / max(1 + cosine, 0.05))) if cosine < SMOOTH else 0.0
 
 
 def _stops(
@@ -153,24 +136,3 @@ class CutEdges:
             steps = self.forwards.get(e, [(e, True)])
             found += steps if ahead else turned(steps)
         return found
-
-
-def _outlines(model: NetModel) -> list[list[NetWall]]:
-    """Walls that follow each other, each once."""
-    begin = dict[int, list[NetWall]]()
-    for wall in model.walls:
-        begin.setdefault(model.vertex(wall.steps[0], True), []).append(wall)
-    found = list[list[NetWall]]()
-    for some in begin.values():
-        while some:
-            found.append([some.pop(0)])
-            while after := begin.get(model.vertex(found[-1][-1].steps[-1], False)):
-                found[-1].append(after.pop(0))
-    return found
-
-
-def _way(wall: NetWall, model: NetModel, first: bool) -> Floats:
-    """(3,) the direction of a wall where it begins, or ends."""
-    P = model.poles(wall.steps[0 if first else -1])[:, :3]
-    way = P[1] - P[0] if first else P[3] - P[2]
-    return np.asarray(way / max(float(np.linalg.norm(way)), 1e-300))

@@ -7,12 +7,14 @@ gap                     A reader finds an edge's tolerance at 23 places of it, e
  0           1          peaks are moved to the nearest of these places (x), by a part of the gap and no new edge.
 """
 
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy.linalg import lstsq
 
 from dsfab.arrays import Bools, Floats
+from dsfab.export.network.beyond import curves_beyond
 from dsfab.export.network.heights import differences, height_rows, places, raised
 from dsfab.export.network.model import NetModel
 from dsfab.export.network.trimmed import SPLIT, TrimmedFace, inside_of, loop_samples
@@ -66,20 +68,23 @@ def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[Trimme
     """
     walls = {e for wall in model.walls for e, _ in wall.steps}
     ends = {v for e in walls for v in (model.edges[e].start, model.edges[e].end)}
-    return [_with_peaks(face, model, walls, ends) for face in faces]
+    held = {e: edge.poles for e, edge in enumerate(model.edges)} | curves_beyond(model)
+    return [_with_peaks(face, model, walls, ends, held) for face in faces]
 
 
-def _with_peaks(face: TrimmedFace, model: NetModel, walls: set[int], ends: set[int]) -> TrimmedFace:
-    """A face with all peaks that can be moved where they should be."""
+def _with_peaks(
+    face: TrimmedFace, model: NetModel, walls: set[int], ends: set[int], held: Mapping[int, Floats]
+) -> TrimmedFace:
+    """A face with all peaks that can be moved where they should be; held : poles of what stays exact."""
     mine = sorted({e for loop in face.loops for e, _ in loop})
     seams = [e for e in mine if e not in walls and {model.edges[e].start, model.edges[e].end} & ends]
     if not seams:
         return face
     dense = np.stack([bernstein(DENSE) @ model.edges[e].poles for e in seams])
-    held = np.stack([bernstein(HOLD) @ model.edges[e].poles for e in mine])
+    firm = np.stack([bernstein(HOLD) @ held[e] for e in mine])
     edges = np.concatenate([loop_samples(model, loop) for loop in face.loops])
     skins = (face.outer, face.axes[0], np.s_[..., :3]), (face.inner, face.axes[1], np.s_[..., 3:])
-    surfaces = [_Surface(poles, axes, dense[s], held[s], edges[s]) for poles, axes, s in skins]
+    surfaces = [_Surface(poles, axes, dense[s], firm[s], edges[s]) for poles, axes, s in skins]
     outer, inner = (surface.moved(face.exact) for surface in surfaces)
     exact = face.exact or any(x.closest(P) < FINE for x, P in zip(surfaces, (outer, inner), strict=True))
     if outer is face.outer and inner is face.inner:

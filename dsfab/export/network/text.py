@@ -4,22 +4,29 @@ All are splines with knots. Quasi-uniform splines say the same with 8 % fewer by
 beside OCCT, volmdlr 0.15, knows their names and fails on them.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
+from types import MappingProxyType
 
 import numpy as np
 
 from dsfab.arrays import Floats
+from dsfab.export.network.beyond import LongSeam
 from dsfab.export.network.graph import Loop
-from dsfab.export.network.model import NetModel
+from dsfab.export.network.model import NetModel, NetPatch
 from dsfab.export.network.parabolas import fewest
 from dsfab.export.network.trimmed import TrimmedFace
 from dsfab.export.plate_text import Entities, references
-from dsfab.export.smooth.text import ROUNDING
+from dsfab.export.smooth.text import PLANE, ROUNDING
 
 ALONG = 7
 """Digits after the point of millimetres along edges. An edge that is a part of a patch's side has other poles than the
 side, and OCCT takes what is off by less than 1e-7 as exact. What is off by more it measures at some points of an edge;
 of one that a fillet makes shorter at others, and where it is off by a thousandth more there, that is invalid."""
+
+OVER = 12
+"""Digits after the point of places on surfaces, which are a square."""
+
+NO_SEAMS: Mapping[int, LongSeam] = MappingProxyType({})
 
 
 class NetText:
@@ -34,28 +41,18 @@ class NetText:
         self.vertices = [
             [self._put(f"VERTEX_POINT('',#{p})") for p in self._points(both.reshape(2, 3))] for both in model.vertices
         ]
-        lines = [fewest(edge.poles, 0) for edge in model.edges]
-        self.poles = self._pole_numbers(lines)
-        self.edges = [
-            [
-                self._curve(poles, self.vertices[edge.start][s], self.vertices[edge.end][s])
-                for s, poles in enumerate(two)
-            ]
-            for edge, two in zip(model.edges, self.poles, strict=True)
-        ]
+        self.edges = list[list[int]]()
 
-    def faces(self, trimmed: list[TrimmedFace]) -> list[int]:
-        """The numbers of all faces."""
+    def faces(self, trimmed: list[TrimmedFace], seams: Mapping[int, LongSeam] = NO_SEAMS) -> list[int]:
+        """The numbers of all faces. seams : by edge those that go on beyond it."""
         found, posts = list[int](), dict[tuple[int, int], int]()
-        for patch in self.model.patches:
-            both = fewest(fewest(patch.poles, 0), 1)
-            for s in (0, 1):
-                surface = self._surface(self._rows(both[:, :, 3 * s : 3 * s + 3]))
-                found.append(self._skin([patch.loop], surface, s))
-        for face in trimmed:
-            for s, poles in enumerate((face.outer, face.inner)):
-                surface = self._surface(self._grid(poles, ALONG + 1 if face.exact else ALONG - 1))
-                found.append(self._skin(face.loops, surface, s))
+        skins: list[NetPatch | TrimmedFace] = [*self.model.patches, *trimmed]
+        surfaces = {i: self._surfaces(skins[i]) for i in sorted({i for seam in seams.values() for i in seam.on})}
+        self._add_edges(seams, surfaces)
+        for i, skin in enumerate(skins):
+            loops = skin.loops if isinstance(skin, TrimmedFace) else [skin.loop]
+            both = surfaces[i] if i in surfaces else self._surfaces(skin)
+            found += [self._skin(loops, both[s], s) for s in (0, 1)]
         for wall in self.model.walls:
             (first, way), (last, ahead) = wall.steps[0], wall.steps[-1]
             start, end = self.model.edges[first], self.model.edges[last]
@@ -70,6 +67,37 @@ class NetText:
             wire = self.new.wire([*below, two, *above, (one[0], not one[1])], "FACE_BOUND")
             found.append(self.new.face([wire], surface))
         return found
+
+    def _surfaces(self, skin: NetPatch | TrimmedFace) -> list[int]:
+        """The outer and the inner surface of a face."""
+        if isinstance(skin, TrimmedFace):
+            digits = ALONG + 1 if skin.exact else ALONG - 1
+            return [self._surface(self._grid(poles, digits)) for poles in (skin.outer, skin.inner)]
+        both = np.split(fewest(fewest(skin.poles, 0), 1), 2, axis=2)
+        return [self._surface(self._grid(poles, ALONG + 1) if skin.within else self._rows(poles)) for poles in both]
+
+    def _add_edges(self, seams: Mapping[int, LongSeam], surfaces: Mapping[int, list[int]]) -> None:
+        """All edges, of which some are parts of curves that have places on surfaces."""
+        given = [seams[e].poles if e in seams else edge.poles for e, edge in enumerate(self.model.edges)]
+        self.poles = self._pole_numbers([fewest(poles, 0) for poles in given])
+        for e, (edge, two) in enumerate(zip(self.model.edges, self.poles, strict=True)):
+            on = seams[e].on if e in seams else {}
+            curves = [self._put(bezier(poles)) for poles in two]
+            for s in (0, 1) if on else ():
+                lines = references([self._on_surface(uv[s], surfaces[i][s]) for i, uv in on.items()])
+                curves[s] = self.new.add(f"SURFACE_CURVE('',#{curves[s]},{lines},.PCURVE_S1.)")
+            ends = zip(self.vertices[edge.start], self.vertices[edge.end], curves, strict=True)
+            self.edges.append([self._put(f"EDGE_CURVE('',#{a},#{b},#{curve},.T.)") for a, b, curve in ends])
+
+    def _on_surface(self, uv: Floats, surface: int) -> int:
+        """A curve with poles (k, 2) over a surface."""
+        points = [
+            self.new.once(f"CARTESIAN_POINT('',({','.join(f'{x:.{OVER}f}'.rstrip('0') for x in p)}))")
+            for p in (np.round(uv, OVER) + 0.0).tolist()
+        ]
+        curve = self.new.add(bezier(points))
+        line = self.new.add(f"DEFINITIONAL_REPRESENTATION('',(#{curve}),#{self.new.once(PLANE)})")
+        return self.new.add(f"PCURVE('',#{surface},#{line})")
 
     def _skin(self, loops: list[Loop], surface: int, s: int) -> int:
         """A face of the outer (0) or the inner (1) skin; its loops run the other way there."""
@@ -107,9 +135,6 @@ class NetText:
         """Of a grid of points (r, k, 3), row by row."""
         found = list(self._points(poles.reshape(-1, 3), digits))
         return [found[i : i + poles.shape[1]] for i in range(0, len(found), poles.shape[1])]
-
-    def _curve(self, poles: list[int], start: int, end: int) -> int:
-        return self._put(f"EDGE_CURVE('',#{start},#{end},#{self._put(bezier(poles))},.T.)")
 
     def _post(self, posts: dict[tuple[int, int], int], vertex: int) -> tuple[int, bool]:
         """The edge between both points of a vertex, and whether it runs to the outer one."""
