@@ -289,6 +289,12 @@ BAD = {
     "obj number": ("mesh.obj", "v 0 0 zero\n", r"line 1 cannot be read: 'v 0 0 zero'"),
     "obj short vertex": ("mesh.obj", "v 0 0\n", "line 1 cannot be read"),
     "obj far index": ("mesh.obj", TRIANGLE + "f 1 2 7\n", "1 face names vertices outside the file's 3 vertices"),
+    "obj semicolon": (
+        "mesh.obj",
+        TRIANGLE.replace("v ", "v;", 1) + "f 1 2 3\n",
+        r"outside .* not know \(first: line 1: 'v;",
+    ),
+    "lines alone": ("mesh.obj", TRIANGLE + "l 1 2 3\n", "no faces; passed over: 1 line; give"),
     "obj index zero": ("mesh.obj", TRIANGLE + "f 0 1 2\n", "1 face names vertices outside"),
     "nan": ("mesh.obj", "v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "1 of 3 vertices are not finite"),
     "infinite": ("mesh.obj", "v 1e999 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "1 of 3 vertices are not finite"),

@@ -139,14 +139,16 @@ def _beside(path: Path, name: str, budget: Budget) -> bytes:
 
 def _checked(path: Path, raw: RawMesh) -> RawMesh:
     """What was read with the vertices that have faces alone; raises SurfaceError where faces name others."""
+    over = "".join(f"; passed over: {what}" for what in raw.record.dropped)  # why it is so, often
     if not len(raw.F):
-        raise SurfaceError(f"{path} holds {len(raw.V)} vertices and no faces; give a mesh with at least one triangle")
+        some = f"{path} holds {len(raw.V)} vertices and no faces"
+        raise SurfaceError(f"{some}{over}; give a mesh with at least one triangle")
     n = len(raw.V)
     bad = np.flatnonzero((raw.F.min(axis=1) < 0) | (raw.F.max(axis=1) >= n))
     if len(bad):
         raise SurfaceError(
             f"{path}: {counted(len(bad), 'face')} {'name' if len(bad) > 1 else 'names'} vertices outside the file's "
-            f"{n} vertices (first triangles: {first(bad)}); export it again"
+            f"{n} vertices (first triangles: {first(bad)}){over}; export it again"
         )
     used, F = np.unique(raw.F, return_inverse=True)
     record = raw.record
