@@ -68,8 +68,8 @@ def raw_mesh(path: str | Path, most_triangles: int = DEFAULT_TRIANGLES) -> RawMe
 
     glTF's y axis (up, by its specification) becomes z.
 
-    Quads are cut along the shorter diagonal, STL and glTF vertices at exactly the same place become one, those of other
-    files where the faces share none (`dsfab.surface.formats.soup`); vertices without a face are dropped.
+    Quads are cut along a fold, or the shorter diagonal. STL and glTF vertices at exactly the same place become one,
+    those of other files where the faces share none (`dsfab.surface.formats.soup`); vertices without a face go.
 
     most_triangles : what the file may have; bytes, vertices and seconds are limited by it (`formats.limits`).
 
