@@ -2,11 +2,13 @@
 
 import numpy as np
 import pytest
+import trimesh
 from scipy.spatial import cKDTree
 
 from dsfab.pattern.width import slopes
 from dsfab.slicing import cut
 from dsfab.slicing.features import Features, features, kept_cells, under
+from dsfab.study.file_check.walls import clearances
 from dsfab.surface import Surface
 from dsfab.surface.topology import pieces
 from dsfab.thickening import Solid, offsets, thicken
@@ -269,6 +271,29 @@ def test_the_wall_of_a_shell_follows_its_radii():
 def test_a_solid_without_opposite_faces_has_no_wall():
     corner = Solid([[0, 0, 0], [1, 0, 0], [0, 1, 0], [0, 0, 1]], [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]], 0, 1)
     assert thinnest_wall(corner) is None
+
+
+def blade() -> tuple[np.ndarray, np.ndarray]:
+    """A plate 0.1 m thick, ground to an edge of 11 degrees on one side, and fine at that: its section along y."""
+    profile = [(0, 0), (1, 0), (1.4, 0.04), (1.5, 0.05), (1.4, 0.06), (1, 0.1), (0, 0.1)]
+    n, y = len(profile), np.linspace(0, 1, 9)
+    V = np.array([(x, at, z) for at in y for x, z in profile])
+    side = [(k, (k + 1) % n) for k in range(n)]
+    F = [
+        f
+        for j in range(8)
+        for a, b in side
+        for f in ((j * n + b, j * n + a, j * n + n + a), (j * n + b, j * n + n + a, j * n + n + b))
+    ]
+    caps = [(0, k, k + 1) for k in range(1, n - 1)] + [(8 * n, 8 * n + k + 1, 8 * n + k) for k in range(1, n - 1)]
+    return V, np.array(F + caps)
+
+
+def test_an_edge_as_of_a_blade_is_no_wall():
+    V, F = blade()
+    assert trimesh.Trimesh(V, F, process=False).volume == pytest.approx(0.125)
+    assert thinnest_wall(Solid(V, F, 0, 1)).thickness == pytest.approx(0.1, rel=1e-9)
+    assert clearances(V, F).wall.size == pytest.approx(0.1, rel=0.01)  # the bevel, near where it begins
 
 
 def test_the_wall_of_a_very_small_solid_is_found_too():

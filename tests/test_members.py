@@ -297,6 +297,21 @@ def test_a_ring_that_lies_on_a_rim_is_open_there():
     assert met(graph, "A01") == ["rim 1", "rim 1"]
 
 
+def test_what_is_kept_around_a_support_is_one_band_without_its_ends_that_run_out_of_the_sheet():
+    """All within .2 m of the line from (.5, 0) to (1.5, 0): its middle turns at both ends, and is .1 m long there."""
+    surface, pattern = plate([lambda x, y: (y - 0.6) / 3], 0.02, edge=0.05, shake=0.0)
+    x, y, _ = surface.V.T
+    away = np.hypot(np.clip(np.abs(x - 1) - 0.5, 0, None), y)
+    levels, widths = (np.array([-0.2]), *pattern.levels), (np.full(surface.n, np.inf), *pattern.half_widths)
+    pattern = PatternResult(("keep", "major"), (-away, *pattern.fields), levels, widths)
+    graph = graph_of(surface, pattern)
+    assert_whole(graph, cut(surface, pattern.fields, pattern.levels).kept())
+    assert [one.id for one in graph.members] == ["A01", "band 1"]
+    band = graph.by_id["band 1"]
+    assert band.area == pytest.approx(0.2 + np.pi * 0.2**2 / 2, rel=0.02)
+    assert 1 < band.length < 1 + np.pi * 0.1
+
+
 @pytest.mark.parametrize("degrees", [25, 60, 90])
 def test_a_strip_that_crosses_a_rim_goes_on_to_the_edge(degrees):
     a = np.radians(degrees)

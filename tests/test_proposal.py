@@ -26,9 +26,10 @@ from dsfab.proposal.feet import feet
 from dsfab.proposal.reading import preset_name
 from dsfab.proposal.sizes import is_figure, sizes
 from dsfab.proposal.stems import stems
-from dsfab.proposal.vertical import likely_up
+from dsfab.proposal.vertical import is_nearly_closed, likely_up
 from dsfab.slicing.features import features, kept_cells
 from dsfab.surface import Boundary, Box, Snow, Surface, Wind, files, mend, read_surface, upright
+from dsfab.surface.reader import normalized
 from dsfab.surface.shapes import barrel_vault, cylinder, dome, plate, sphere, torus, tower
 from tests.canopy import canopy
 from tests.designs import sliced
@@ -77,6 +78,18 @@ def test_the_vertical_axis_of_roofs_is_found(shape, way):
 )
 def test_what_ends_in_level_rings_stands_on_one(shape):
     assert likely_up(shape) == "z"
+
+
+def test_what_is_over_the_ground_with_y_up_is_not_put_under_it():
+    """The roof of a stadium around its level inner edge, 9 to 14 m over y = 0, was to stand on that upside down."""
+    share, angle = (x.ravel() for x in np.meshgrid(np.linspace(0, 1, 7), np.linspace(0, 2 * np.pi, 48, endpoint=False)))
+    k = np.arange(7 * 48).reshape(48, 7)
+    a, b, c, d = (np.roll(k, -j, axis=0)[:, i : 6 + i].ravel() for i, j in ((0, 0), (1, 0), (1, 1), (0, 1)))
+    height = 11 + 3 * share + 2.5 * np.cos(2 * angle) * (1 - share)
+    roof = [(45 - 22 * share) * np.cos(angle), height, -(36 - 20 * share) * np.sin(angle)]
+    V, F = np.stack(roof, axis=1), np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
+    assert likely_up(Surface(V, F), ".obj") == "y"
+    assert likely_up(Surface(V - [0, 20, 0], F), ".obj") == "-y"  # where the ground is nobody can know
 
 
 def bench():
@@ -177,6 +190,18 @@ def test_feet_of_shapes_that_everybody_knows():
     assert names(canopy(0.5)) == ["foot 1", "foot 2", "foot 3", "foot 4"]
     assert names(plate(edge=0.3)) == ["edge"]
     assert names(sphere(edge=0.4)) == ["foot"]
+
+
+def test_a_closed_surface_with_a_hole_low_in_its_side_stands_on_its_lowest_part():
+    """Faces without numbers had been dropped there, and what was left was to stand on the hole."""
+    ball = sphere(1.0, edge=0.1)
+    away = np.linalg.norm(ball.centroids - [np.sqrt(1 - 0.55**2), 0, -0.55], axis=1)
+    open_ = Surface(ball.V, ball.F[away > 0.2])
+    assert not is_nearly_closed(open_)
+    (foot,) = feet(open_, 2.0)
+    assert foot.points[:, 2].max() < -0.9
+    door = normalized(Surface(ball.V, ball.F[(away > 0.2) & (ball.centroids[:, 2] > -0.8)]))
+    assert names(door) == ["base ring"]
 
 
 @pytest.mark.parametrize("across", [3.0, 30.0])

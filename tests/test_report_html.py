@@ -2,7 +2,10 @@
 
 import pytest
 
+from dsfab.report.compliance.document import Document, ReportSection, Table
+from dsfab.report.compliance.html import page
 from dsfab.report.html import COLOURS, html_page, image, style, why
+from tests.browser import browser, opened
 
 
 def luminance(colour):
@@ -34,3 +37,26 @@ def test_words_beside_a_picture_or_instead_of_it_cannot_become_markup():
         '<img src="a.png" alt="wide &quot;vault&quot; &lt;b&gt;" width="3" height="2" loading="lazy">'
     )
     assert why("no <mesh>") == '<p class="why">no &lt;mesh&gt;</p>'
+
+
+@pytest.mark.skipif(browser() is None, reason="no Chromium is installed")
+def test_long_heads_of_a_table_do_not_make_it_wider_than_a_telephone(tmp_path):
+    """And its caption is broken where the screen ends, also of one that has to be scrolled."""
+    heads = ["Stress", "on 99 % of the area", "away from corners by a rib's width", "what this mesh shows"]
+    tables = [
+        Table("Largest principal stress of the top, the middle and the bottom of the sheet.", heads, [cells])
+        for cells in (
+            ["von Mises", "1.72 MPa", "4.01 MPa", "7.15 MPa"],
+            ["tension", *["1,000 by 1,000 by 1,000 mm"] * 3],
+        )
+    ]
+    path = tmp_path / "report.html"
+    path.write_text(page(Document("Report", "Leaf", [], [ReportSection("Stress", tables)], "")), encoding="utf-8")
+    with opened(tmp_path) as tab:
+        tab.call("Emulation.setDeviceMetricsOverride", width=390, height=844, deviceScaleFactor=1, mobile=True)
+        tab.open(path.as_uri(), "document.readyState === 'complete'")
+        found = tab.run(
+            "[...document.querySelectorAll('.table')].map((t) => "
+            "[t.scrollWidth > t.clientWidth, t.querySelector('caption').getBoundingClientRect().right < innerWidth])"
+        )
+    assert found == [[False, True], [True, True]]

@@ -17,6 +17,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from dsfab.errors import SurfaceError
 from dsfab.surface import Surface, describe, read_surface
 from dsfab.surface.polygons import polygons, triangles
+from dsfab.surface.reader import turned_over
 from dsfab.surface.shapes import cylinder, dome, plate, sphere
 from dsfab.surface.topology import manifold_faults
 
@@ -260,6 +261,16 @@ def test_a_closed_surface_inside_out_with_stray_faces_ends_outward(tmp_path):
     assert read.volume == pytest.approx(good.volume)
 
 
+def test_what_is_inside_out_is_not_said_to_have_neighbours_that_disagree():
+    good = sphere(edge=0.8)
+    some = np.concatenate([good.F[:3, ::-1], good.F[3:]])
+    assert turned_over(good.F[:, ::-1], good.F) == (
+        f"{good.m} faces of {good.m} turned over, so that they face outward",
+    )
+    assert turned_over(some, good.F) == (f"3 faces of {good.m} turned over, so that neighbours face the same side",)
+    assert turned_over(good.F, good.F) == ()
+
+
 def test_closed_pieces_that_are_inside_out_are_turned_each_for_itself(tmp_path):
     ball, tube = sphere(edge=0.8), cylinder(edge=1.0)
     V = np.concatenate([ball.V, ball.V + np.array([9, 0, 0]), tube.V + np.array([20, 0, 0])])
@@ -278,6 +289,12 @@ BAD = {
     "obj number": ("mesh.obj", "v 0 0 zero\n", r"line 1 cannot be read: 'v 0 0 zero'"),
     "obj short vertex": ("mesh.obj", "v 0 0\n", "line 1 cannot be read"),
     "obj far index": ("mesh.obj", TRIANGLE + "f 1 2 7\n", "1 face names vertices outside the file's 3 vertices"),
+    "obj semicolon": (
+        "mesh.obj",
+        TRIANGLE.replace("v ", "v;", 1) + "f 1 2 3\n",
+        r"outside .* not know \(first: line 1: 'v;",
+    ),
+    "lines alone": ("mesh.obj", TRIANGLE + "l 1 2 3\n", "no faces; passed over: 1 line; give"),
     "obj index zero": ("mesh.obj", TRIANGLE + "f 0 1 2\n", "1 face names vertices outside"),
     "nan": ("mesh.obj", "v nan 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "1 of 3 vertices are not finite"),
     "infinite": ("mesh.obj", "v 1e999 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\n", "1 of 3 vertices are not finite"),

@@ -120,6 +120,7 @@ def without_specks(lines: list[MiddleLine], width: float) -> list[MiddleLine]:
 def straight_parts(line: MiddleLine, width: float, edge: float) -> list[MiddleLine]:
     """The parts of a line between the places where it turns back in the surface.
 
+    At an end a part shorter than the width is none: around a kept support's end the middle runs square to the rim.
     width : of the member, and edge : of the mesh, metres: turns are measured over 1.5 times the one, or the other.
     """
     window = max(WINDOW * width, edge)
@@ -135,10 +136,23 @@ def straight_parts(line: MiddleLine, width: float, edge: float) -> list[MiddleLi
     cuts = sorted(set(cuts))
     if not cuts:
         return [line]
-    if line.closed:
+    closed = line.closed
+    if closed:
         line, cuts = line.opened(cuts[0]), [cut - cuts[0] for cut in cuts[1:]]
     ends = [0, *cuts, len(line.points) - 1]
-    return [line.between(a, b) for a, b in pairwise(ends) if b > a]
+    parts = [line.between(a, b) for a, b in pairwise(ends) if b > a]
+    return parts if closed else _without_hooks(parts, width)
+
+
+def _without_hooks(parts: list[MiddleLine], width: float) -> list[MiddleLine]:
+    """Parts of a line without those at its ends that are shorter than it is wide; the longest one stays."""
+    longest = max(range(len(parts)), key=lambda k: parts[k].length)
+    first, last = 0, len(parts)
+    while first < longest and parts[first].length < SPECK * width:
+        first += 1
+    while last - 1 > longest and parts[last - 1].length < SPECK * width:
+        last -= 1
+    return parts[first:last]
 
 
 def _turns(line: MiddleLine, x: Floats) -> Floats:

@@ -64,14 +64,14 @@ def feet(surface: Surface, span: float) -> tuple[Foot, ...]:
     """Where the surface stands, z up; `span`: metres that it bridges.
 
     flat   : on its outer edge.
-    closed : on what lies within `SOLE` of its height over its lowest point.
+    closed : on what lies within `SOLE` of its height over its lowest point, and so where it has holes in its side.
     hung   : from the corners of its outer edge, see `mast_corners`.
     else   : on the stretches of boundary around the low points of the outer edge, and of other edges that reach the
              ground, and of those that are higher on a site that slopes. Openings in the roof, with sheet below them,
              are not held.
     """
     height = float(np.ptp(surface.V[:, 2]))
-    if is_nearly_closed(surface):
+    if is_nearly_closed(surface) or _has_sheet_below(surface, height):
         return _named(surface, soles(surface, height), span)
     if height < FLAT * surface.size:
         outline = surface.V[surface.loops[0]]
@@ -133,6 +133,17 @@ def _hangs(surface: Surface, loop: int) -> bool:
     """Whether a level boundary loop is above the middle of the sheet."""
     middle = float(surface.vertex_areas @ surface.V[:, 2]) / surface.area
     return float(surface.V[surface.loops[loop], 2].mean()) > middle
+
+
+def _has_sheet_below(surface: Surface, height: float) -> bool:
+    """Whether all boundary of one piece is over its lowest part, and the lowest of it below the middle: it stands on no
+    hole in its side, and hangs from none."""
+    if surface.pieces[0] > 1:
+        return False
+    lowest = min(float(surface.V[loop, 2].min()) for loop in surface.loops)
+    return lowest > float(surface.V[:, 2].min()) + LEVEL * height and not any(
+        _hangs(surface, k) for k in range(len(surface.loops))
+    )
 
 
 def _masts(surface: Surface, outer: list[bool], height: float, span: float) -> list[Foot]:

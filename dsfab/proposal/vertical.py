@@ -35,14 +35,16 @@ def likely_up(surface: Surface, suffix: str = "", usual: str | None = None) -> U
 
     An open surface is judged by how much of it a plan shows, by how much more of its boundary lies at its bottom than
     at its top, and by how well it stands; a closed one by how well it stands alone. What ends in level rings, as a
-    tower, a vase or a bowl does, has z up. A wall shows nothing in plan, and would always be laid on its back: what
-    stands on the ground with a long edge has z up, or y where its program has.
+    tower, a vase or a bowl does, has z up. What has y over 0 everywhere has not -y up. A wall shows nothing in plan,
+    and would always be laid on its back: what stands on the ground with a long edge has z up, or y where its program
+    has.
     """
     if usual == "z" or _ends_in_level_rings(surface) or _stands_on_ground(surface, "z"):
         return "z"
     if usual == "y" and _stands_on_ground(surface, "y"):
         return "y"
-    others: tuple[Up, Up] = ("y", "-y")
+    below = surface.V[:, 1].min() < -GROUND * surface.size  # else -y would put all of it under the ground
+    others: tuple[Up, ...] = ("y", "-y") if below else ("y",)
     score = {axis: _standing(surface, axis) for axis in others}
     best = max(others, key=lambda axis: score[axis])
     return best if score[best] > _standing(surface, "z") + CLEAR_IN.get(suffix.lower(), CLEAR) else "z"

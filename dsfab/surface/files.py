@@ -68,8 +68,8 @@ def raw_mesh(path: str | Path, most_triangles: int = DEFAULT_TRIANGLES) -> RawMe
 
     glTF's y axis (up, by its specification) becomes z.
 
-    Quads are cut along the shorter diagonal, STL and glTF vertices at exactly the same place become one, those of other
-    files where the faces share none (`dsfab.surface.formats.soup`); vertices without a face are dropped.
+    Quads are cut along a fold, or the shorter diagonal. STL and glTF vertices at exactly the same place become one,
+    those of other files where the faces share none (`dsfab.surface.formats.soup`); vertices without a face go.
 
     most_triangles : what the file may have; bytes, vertices and seconds are limited by it (`formats.limits`).
 
@@ -139,14 +139,16 @@ def _beside(path: Path, name: str, budget: Budget) -> bytes:
 
 def _checked(path: Path, raw: RawMesh) -> RawMesh:
     """What was read with the vertices that have faces alone; raises SurfaceError where faces name others."""
+    over = "".join(f"; passed over: {what}" for what in raw.record.dropped)  # why it is so, often
     if not len(raw.F):
-        raise SurfaceError(f"{path} holds {len(raw.V)} vertices and no faces; give a mesh with at least one triangle")
+        some = f"{path} holds {len(raw.V)} vertices and no faces"
+        raise SurfaceError(f"{some}{over}; give a mesh with at least one triangle")
     n = len(raw.V)
     bad = np.flatnonzero((raw.F.min(axis=1) < 0) | (raw.F.max(axis=1) >= n))
     if len(bad):
         raise SurfaceError(
             f"{path}: {counted(len(bad), 'face')} {'name' if len(bad) > 1 else 'names'} vertices outside the file's "
-            f"{n} vertices (first triangles: {first(bad)}); export it again"
+            f"{n} vertices (first triangles: {first(bad)}){over}; export it again"
         )
     used, F = np.unique(raw.F, return_inverse=True)
     record = raw.record

@@ -7,6 +7,7 @@ import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints
 from dsfab.surface.polygon_cuts import FEW, fan, large_polygon_cut, small_polygons_cut
+from dsfab.surface.quad_cuts import quads_cut
 
 
 @dataclass(frozen=True, eq=False)
@@ -51,13 +52,13 @@ class CutPolygons:
 def triangles(mesh: Polygons) -> CutPolygons:
     """Polygons cut into triangles.
 
-    A quad is cut along its shorter diagonal that stays inside it (along the one from its first corner when they are
-    equal), a larger polygon as `dsfab.surface.polygon_cuts` says. Polygons with fewer than three corners are dropped;
+    A quad is cut as `dsfab.surface.quad_cuts` says, mostly along its shorter diagonal, a larger polygon as
+    `dsfab.surface.polygon_cuts` does. Polygons with fewer than three corners are dropped;
     one with a vertex outside the mesh, or that is not finite, is fanned, for the caller to refuse.
     """
     start = np.concatenate([[0], np.cumsum(mesh.sizes)[:-1]]).astype(np.int64)
     of3, of4 = np.flatnonzero(mesh.sizes == 3), np.flatnonzero(mesh.sizes == 4)
-    cuts = [mesh.corners[start[of3][:, None] + np.arange(3)], _quads_cut(mesh, start[of4])]
+    cuts = [mesh.corners[start[of3][:, None] + np.arange(3)], quads_cut(mesh.V, mesh.corners, mesh.sizes, of4)]
     owners = [of3, np.repeat(of4, 2)]
     fanned: list[int] = []
     for k in np.unique(mesh.sizes[mesh.sizes > 4]).tolist():
@@ -87,23 +88,3 @@ def _polygons_cut(V: Floats, corners: Ints) -> tuple[Ints, Bools]:
         crossed[i] = cut is None
         F[i] = F[i] if cut is None else cut
     return F, crossed
-
-
-def _quads_cut(mesh: Polygons, start: Ints) -> Ints:
-    """(2 q, 3) the two triangles of each quad."""
-    Q = mesh.corners[start[:, None] + np.arange(4)]
-    n = len(mesh.V)
-    P = mesh.V[np.where((Q < 0) | (n <= Q), 0, Q)] if len(Q) and n else np.zeros((len(Q), 4, 3))
-    d02, d13 = P[:, 2] - P[:, 0], P[:, 3] - P[:, 1]
-    area = np.cross(d02, d13)
-
-    def inside(a: int, b: int, c: int, d: int) -> Bools:
-        one, two = (np.cross(P[:, j] - P[:, i], P[:, k] - P[:, i]) for i, j, k in ((a, b, c), (a, c, d)))
-        fits: Bools = (np.einsum("qi,qi->q", one, area) > 0) & (np.einsum("qi,qi->q", two, area) > 0)
-        return fits
-
-    fits02, fits13 = inside(0, 1, 2, 3), inside(1, 2, 3, 0)
-    shorter = np.linalg.norm(d13, axis=1) < (1 - 1e-9) * np.linalg.norm(d02, axis=1)
-    other = np.where(fits02 == fits13, shorter, fits13)
-    cut = np.where(other[:, None], [[1, 2, 3, 1, 3, 0]], [[0, 1, 2, 0, 2, 3]])
-    return np.take_along_axis(Q, cut, axis=1).reshape(-1, 3)

@@ -111,7 +111,8 @@ def turned_over(before: Ints, after: Ints) -> tuple[str, ...]:
     count = int((before != after).any(axis=1).sum())
     if not count:
         return ()
-    return (f"{counted(count, 'face')} of {len(before):,} turned over, so that neighbours face the same side",)
+    why = "neighbours face the same side" if count < len(before) else "they face outward"
+    return (f"{counted(count, 'face')} of {len(before):,} turned over, so that {why}",)
 
 
 def orientable(V: Floats, F: Ints) -> Surface:

@@ -153,7 +153,8 @@ footer { border-top: 1px solid var(--hair); margin-top: 8mm; padding-top: 2mm; c
   .banner, .strong td, pre { print-color-adjust: exact; -webkit-print-color-adjust: exact; }
   .page { break-before: page; } .page h2 { margin-top: 0; } footer { display: none; } .table { overflow: visible; } }
 @media screen and (max-width: 60rem) { body { padding: 1.2rem; margin: 0; } dl { grid-template-columns: 1fr 1fr; }
-  .across { grid-template-columns: 1fr; } }
+  .across { grid-template-columns: 1fr; } th { white-space: normal; } th, td { padding: .9mm 1mm; }
+  caption { max-width: calc(100vw - 2.4rem); } }
 """
 """What is its own: an A4 sheet, on a screen and on paper; RUNNING and FOOTER stand at the edges of printed pages, which
 know no variables, in QUIET."""

@@ -6,7 +6,7 @@ import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints, lock
 from dsfab.surface.topology import edge_table
-from dsfab.thickening.wall import INSIDE, OPPOSED, Rays
+from dsfab.thickening.wall import INSIDE, OPPOSED, Facets, Rays
 
 FLAT = 64 * float(np.finfo(np.float32).eps)
 """Triangles lower than this share of the size of the mesh say nothing of a direction: single precision moved them."""
@@ -41,8 +41,8 @@ def clearances(V: Floats, F: Ints) -> Clearances:
     Four lines a face, from its centre and near its corners, square to it: into the material for walls, away from it for
     gaps. What they meet counts where it is parallel to 20 degrees, at the distance of its plane: exact between flat
     faces. Neighbours that are not parallel to 3 degrees are the two sides of a tip or a notch, which tapers to nothing;
-    they do not count. Widths of members are walls too. Triangles too low for single precision to hold their direction
-    are left out.
+    they do not count, and neither do flat facets that meet in a point. Widths of members are walls too. Triangles too
+    low for single precision to hold their direction are left out.
     """
     N, plain = _normals(V, F)
     face = np.flatnonzero(plain)
@@ -50,7 +50,7 @@ def clearances(V: Floats, F: Ints) -> Clearances:
     centre = corners.mean(axis=1)
     start = np.concatenate([centre, *(INSIDE * centre + (1 - INSIDE) * corners[:, k] for k in range(3))])
     face = np.tile(face, 4)
-    rays = Rays(V, F)
+    rays, facets = Rays(V, F), Facets(F, N)
 
     def nearest(sign: float) -> Clearance | None:
         way = sign * N[face]
@@ -61,8 +61,8 @@ def clearances(V: Floats, F: Ints) -> Clearances:
         met[tapering[_neighbours(F, face[tapering], hit[tapering])]] = False
         depth = np.einsum("ki,ki->k", V[F[hit, 0]] - start, N[hit])
         depth = np.where(met, np.abs(depth), np.inf)
-        k = int(depth.argmin())
-        return Clearance(float(depth[k]), start[k]) if np.isfinite(depth[k]) else None
+        k = facets.first_apart(depth, face, hit)
+        return None if k is None else Clearance(float(depth[k]), start[k])
 
     return Clearances(nearest(-1.0), nearest(1.0)) if len(face) else Clearances(None, None)
 
