@@ -16,7 +16,7 @@ from typing import Any
 
 NAMES = ("chromium", "chromium-browser", "google-chrome", "google-chrome-stable", "chrome")
 
-SECONDS = 60
+SECONDS = 240
 """An answer that has not come by then does not come."""
 
 

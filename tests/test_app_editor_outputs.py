@@ -29,6 +29,7 @@ STL = {"export.formats": ["stl"]}
 def outputs(tmp_path, monkeypatch):
     monkeypatch.setattr("dsfab.render.opengl.why_no_pictures", lambda: "not now")
     monkeypatch.setattr("dsfab.proposal.sizes.MEMBERS", 8)  # across the span; their number takes the time
+    monkeypatch.setattr("dsfab.proposal.sizes.TRIANGLES", 1)  # as few as draw clean stripes
     monkeypatch.chdir(tmp_path)
     return Outputs(tmp_path / "outputs", "outputs")
 
@@ -209,7 +210,7 @@ def test_what_another_run_built_is_asked_about(tab, outputs):
     tab.run("document.getElementById('build').click()")
     until(tab, "document.getElementById('replace').open")
     tab.run("document.getElementById('replace-other').click()")
-    until(tab, "document.querySelectorAll('#built a').length > 0", 120)
+    until(tab, "document.querySelectorAll('#built a').length > 0")
     assert (outputs.home / "hut" / "hut.stl").read_text() == "of before"
     assert (outputs.home / "hut-2" / "hut-2.stl").stat().st_size > 1000
     assert tab.run("document.getElementById('name').value") == "hut-2"
@@ -244,7 +245,7 @@ def test_a_file_of_any_kind_is_exported_from_the_page(tab, outputs, monkeypatch)
     assert tab.run(f"{buttons}.filter(e => e.disabled).map(e => e.textContent)") == ["3dm"]
     assert 'pip install "dsfab[rhino]"' in tab.run("document.getElementById('format-list').innerText")
     tab.run(f"{buttons}.find(e => e.textContent === 'svg').click()")
-    until(tab, "document.querySelectorAll('#built a').length > 0", 120)
+    until(tab, "document.querySelectorAll('#built a').length > 0")
     assert not tab.run("document.getElementById('exporting').open")
     assert "outputs/dome_modes:" in tab.run("document.getElementById('built').innerText")
     assert (outputs.home / "dome_modes" / "dome_modes.svg").read_text().startswith("<?xml")

@@ -8,7 +8,7 @@ from dsfab.preset_file import load_preset
 from tests.browser import browser
 from tests.presets import DOME_MODES
 from tests.test_app_editor import COARSE, serving
-from tests.test_app_editor_page import READY, page_of, place_of, solved, type_into
+from tests.test_app_editor_page import READY, page_of, place_of, solved, type_into, until
 
 pytestmark = [
     pytest.mark.skipif(browser() is None, reason="no Chromium or Chrome is installed"),
@@ -53,10 +53,17 @@ def tab(page):
     return page
 
 
-def handle(tab, identifier):
-    """Where a handle is in the window."""
+HANDLES = "[...document.querySelectorAll('.handle')].map(e => e.dataset.handle).join()"
+
+
+def place(identifier):
+    """An expression: where a handle is in the window."""
     at = f"document.querySelector('[data-handle=\"{identifier}\"]').getBoundingClientRect()"
-    return tab.run(f"(() => {{ const r = {at}; return [r.left + r.width / 2, r.top + r.height / 2]; }})()")
+    return f"(() => {{ const r = {at}; return [r.left + r.width / 2, r.top + r.height / 2]; }})()"
+
+
+def handle(tab, identifier):
+    return tab.run(place(identifier))
 
 
 def drag(tab, identifier, x, y):
@@ -128,14 +135,14 @@ def test_a_box_is_moved_as_a_whole_and_a_point_by_keys(tab):
 
 
 def test_handles_follow_the_eye_and_go_with_their_list(tab):
-    before = handle(tab, "surface.load.1.at.points.0")
-    tab.run("dsfab.views.look('top'); new Promise(done => setTimeout(done, 200))")
-    assert handle(tab, "surface.load.1.at.points.0") != before
-    tab.run("document.getElementById('loads').open = false; new Promise(done => setTimeout(done, 100))")
-    left = tab.run("[...document.querySelectorAll('.handle')].map(e => e.dataset.handle)")
-    assert left == ["pattern.guide.0.curve.0", "pattern.guide.0.curve.1"]
+    _, before = handle(tab, "surface.load.1.at.points.0")
+    tab.run("dsfab.views.look('top')")
+    until(tab, f"{place('surface.load.1.at.points.0')}[1] !== {before}")
+    tab.run("document.getElementById('loads').open = false")
+    left = ["pattern.guide.0.curve.0", "pattern.guide.0.curve.1"]
+    until(tab, f"{HANDLES} === '{','.join(left)}'")
     tab.run("document.querySelector('[aria-label=\"Remove guide 1\"]').click()")
-    assert tab.run("document.querySelectorAll('.handle').length") == 0
+    assert tab.run(HANDLES) == ""
     tab.run("dsfab.views.look('iso')")
 
 

@@ -13,6 +13,7 @@ from dsfab.study.sweeps.plan_file import plan_from
 from dsfab.study.sweeps.store import RunRow
 from tests.browser import browser, opened
 from tests.presets import DOME_MODES
+from tests.test_app_editor_page import until
 
 ASKED = {
     "preset": DOME_MODES,
@@ -113,10 +114,9 @@ def test_it_begins_with_the_best_and_shows_what_failed(tab):
 def test_only_rows_that_are_seen_are_in_the_table(tab):
     assert 5 < tab.run("document.querySelectorAll('#body tr[data-run]').length") < 40
     tab.run("document.getElementById('frame').scrollTop = 59 * 2500")
-    tab.run("new Promise((done) => setTimeout(done, 100))")
+    until(tab, "!!document.querySelector('#body tr[data-run=\"2501\"]')")
     numbers = tab.run("[...document.querySelectorAll('#body tr[data-run]')].map((row) => Number(row.dataset.run))")
-    assert 2501 in numbers
-    assert len(numbers) < 40
+    assert 5 < len(numbers) < 40
     tab.run("document.getElementById('frame').scrollTop = 0")
 
 
@@ -179,12 +179,7 @@ def test_clicking_a_row_shows_the_design_its_parameters_and_its_command(tab):
     )
     assert terms["pattern.major.frequency"] == "4.005"
     assert terms["pattern.width.rule"] == "plain"
-    assert (
-        tab.run(
-            "new Promise((done) => setTimeout(() => done(document.querySelector('#detail img').naturalWidth), 500))"
-        )
-        == 480
-    )
+    assert until(tab, "document.querySelector('#detail img').naturalWidth") == 480
     tab.key("ArrowDown")
     assert tab.run("document.querySelector('#detail h2').textContent") == "Run 4"
 

@@ -14,7 +14,7 @@ from dsfab.members import member_graph
 from dsfab.members.order import along_structure
 from dsfab.members.regions import _without_slivers
 from dsfab.pipeline import Design
-from dsfab.preset_file import load_preset
+from dsfab.preset_file import load_preset, overridden
 from dsfab.preset_list import shipped_presets
 from dsfab.results import PatternResult
 from dsfab.slicing import Sheet, cut
@@ -483,8 +483,16 @@ def test_members_of_every_preset_are_looked_at():
 @pytest.mark.slow
 @pytest.mark.parametrize("name", ["Botanic", "BubbleShell", "blub", "bob", "camelhead", "roof_with_opening", "torus"])
 def test_members_of_other_surfaces_are_their_sheets(name):
-    """An open shell with holes, a smooth and a rough one, a fish with fins, a ring, a head, a torus."""
-    made = sliced(preset_for(mesh_file(f"{name}.obj")))
+    """An open shell with holes, a smooth and a rough one, a fish with fins, a ring, a head, a torus.
+
+    The smooth shell and the head have fewer members than is proposed, which take half of the time.
+    """
+    preset = preset_for(mesh_file(f"{name}.obj"))
+    if name in ("Botanic", "camelhead"):
+        apart = 1.3 * preset.pattern.major.spacing
+        spacings = {"pattern.major.spacing": apart, "pattern.minor.spacing": apart}
+        preset = overridden(preset, {"surface.edge": 1.3 * preset.surface.edge, **spacings})
+    made = sliced(preset)
     assert_whole(made.members, made.sheet)
 
 

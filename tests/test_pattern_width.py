@@ -581,6 +581,28 @@ def test_bridges_are_in_the_share_too():
     assert len(asked) < len(aims)  # not before the rest is known
 
 
+def test_a_bridge_that_comes_and_goes_is_not_sought_for_longer_than_the_nearer_side_is_allowed():
+    """Of stripes of over 40.15 % a gap is bridged, by 1.2 % of the surface; .6 % round corners are everywhere.
+
+    Each round takes seconds: six of them, none twice, where it were ten.
+    """
+    aims: list[float] = []
+
+    def made(taken: float, _: float) -> SimpleNamespace:
+        aims.append(0.41 - taken)
+        return SimpleNamespace(factor=1.0, aim=aims[-1])
+
+    def bridged() -> float:
+        return 0.012 if aims[-1] > 0.4015 else 0.0
+
+    width = Width(solid_fraction=0.41, solid_fraction_tolerance=0.005)
+    best, total = corrected(width, made, lambda x: x, lambda _: 0.006, bridged)
+    assert len(aims) <= 6
+    assert np.diff(sorted(aims)).min() > 4e-4  # none twice
+    assert total == pytest.approx(best.aim + 0.006)  # the side without it is the nearer one
+    assert 0.41 - 0.005 <= total < 0.41
+
+
 @pytest.mark.slow
 def test_a_share_holds_where_many_bridges_are_built(monkeypatch):
     """72 of them, between meridians that all meet at a skylight, were .6 % of the surface."""

@@ -171,12 +171,11 @@ def test_a_plain_width_is_not_exchanged():
 
 
 @pytest.mark.slow
-def test_stressed_widths_are_judged_evened():
+def test_stressed_widths_are_judged_evened(plate):
     """By the rule `stressed` the trial is worth what the width search ends with, not what it begins with."""
+    evened = {**PLATE, "pattern.width.rule": "stressed", "pattern.width.steps": 4}
     both = {}
-    for rule in ("graded", "stressed"):
-        words = {**PLATE, "pattern.width.rule": rule, "pattern.width.steps": 4}
-        made = dsfab.pipeline.draft(dsfab.load_preset("cantilever", words))
+    for rule, made in (("graded", plate), ("stressed", dsfab.pipeline.draft(dsfab.load_preset("cantilever", evened)))):
         both[rule] = {
             one.name.split(",")[0]: one
             for one in made.pattern.attempts
@@ -193,13 +192,14 @@ def coarse_shape(name, share, edge, **pattern):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("share", [0.5, 0.3])
-def test_a_bracket_of_method_auto_comes_near_to_topology_optimisation(share):
-    """1.15 and 1.5 times its compliance are asked; 2.56 and 2.71 it had while widths were constant or graded only.
+def test_a_bracket_of_method_auto_comes_near_to_topology_optimisation():
+    """1.15 times its compliance are asked; 2.56 it had while widths were constant or graded only.
 
-    On half of the benchmark's triangles, where topology optimisation is as stiff to 1.4 %, and the design has 1.140 and
-    1.392 times its compliance; 1.26 and 2.00 if the best of graded widths is taken.
+    On half of the benchmark's triangles, where topology optimisation is as stiff to 1.4 %, and the design has 1.140
+    times its compliance; 1.26 if the best of graded widths is taken. Of .3 of the material it has 1.392, asked are 1.5;
+    what method auto makes of so little is held against a record in test_targets.py.
     """
+    share = 0.5
     made = dsfab.pipeline.draft(coarse_shape("bracket", share, 0.055))
     own = against_simp.structure(made)
     task = ComparisonTask.of(made, own.sheet.surface.area)

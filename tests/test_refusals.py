@@ -119,7 +119,7 @@ OPTIONS: dict[str, tuple[list[str], str]] = {
     "a third family": (["--set", "pattern.families=third"], "'both', 'major' or 'minor'"),
     "an unknown format": (["--format", "skp"], "skp"),
     "STEP over its budget": (
-        ["--format", "step", "--set", "export.step_faces=10"]
+        ["--format", "step", "--set", "export.step_faces=10", "--set", "export.step=faceted"]
         + [word for family in ("major", "minor") for word in ("--set", f"pattern.{family}.frequency=2")],
         "more than step_faces = 10",
     ),

@@ -28,7 +28,7 @@ def test_the_mesh_of_the_gallery_is_the_one_that_is_described():
 
 @pytest.mark.slow
 def test_at_equal_mass_and_spacing_they_are_over_twice_as_stiff():
-    """Recorded: 0.468 halved, the default, and 0.485 free."""
+    """Recorded: 0.468 halved, the default; 0.485 free."""
     preset = overridden(load_preset(PRESET), {"pattern.method": "modes"})
     made = draft(preset)
     surface, statics, diffusion = made.surface, made.statics, made.diffusion
@@ -36,9 +36,9 @@ def test_at_equal_mass_and_spacing_they_are_over_twice_as_stiff():
     spacing = [surface.area / float(surface.vertex_areas @ family.slope) for family in families]
     apart = {f"pattern.{name}.spacing": h for name, h in zip(("major", "minor"), spacing, strict=True)}
     found = {}
-    for halve in (None, True, False):
+    for halve in (None, True):
         even, own = None, made.pattern.settled(preset)
-        if halve is not None:
+        if halve:
             own = overridden(preset, {"pattern.method": "stripes", "pattern.halve": halve, **apart})
             even = even_stripes(own, surface, statics)
         task = ComparisonTask(own, surface, statics, diffusion, made.pattern.frequency, SHARE * surface.area, even)
@@ -46,7 +46,6 @@ def test_at_equal_mass_and_spacing_they_are_over_twice_as_stiff():
         assert structure.sheet.surface.area == pytest.approx(task.area, rel=1e-3)
         found[halve] = quick(task, structure).compliance
     assert found[True] < 0.48 * found[None]
-    assert found[False] < 0.50 * found[None]
 
 
 @pytest.mark.slow

@@ -50,15 +50,16 @@ def test_the_graded_sphere_reaches_its_target_by_the_best_elements():
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(("share", "target", "recorded"), [(0.5, 1.69, 1.672), (0.3, 3.2, 3.193)])
-def test_method_auto_keeps_the_targets_without_phases_by_hand(share, target, recorded):
-    """The phases that were found by hand, and the 120 runs of cantilever_light, with evened widths: 1.68 and 3.20.
+def test_method_auto_keeps_the_target_without_phases_by_hand():
+    """The phases that were found by hand, and the 120 runs of cantilever_light, with evened widths: 3.20.
 
-    On a third of the preset's triangles; on its own mesh 1.680 and 3.129.
+    On a third of the preset's triangles; on its own mesh 3.129. Of half of the material it is 1.672 and 1.680: that the
+    best is taken there, too, the bracket of test_pipeline_method.py tells.
 
     Slits between tidied modes are filled, as between evenly spaced stripes: with 11 of them left, stripes that are 5 %
     softer were taken, 1.758.
     """
+    share = 0.3
     keys = {f"pattern.{family}.{key}": "auto" for family in ("major", "minor") for key in ("mode", "phase")}
     widths = {"pattern.width.rule": "stressed", "pattern.width.solid_fraction": share}
     design = dsfab.run(
@@ -66,8 +67,8 @@ def test_method_auto_keeps_the_targets_without_phases_by_hand(share, target, rec
     )
     assert design.sheet.surface.area / design.surface.area == pytest.approx(share, abs=1e-3)
     ratio = over_full(design)
-    assert ratio <= target
-    assert ratio == pytest.approx(recorded, rel=0.01)
+    assert ratio <= 3.2
+    assert ratio == pytest.approx(3.193, rel=0.01)
 
 
 @pytest.mark.slow

@@ -59,8 +59,8 @@ def corrected(
 
     def settled(last: _Try) -> _Try:
         for _ in range(CORRECTIONS):
-            if abs(last.aim + last.added - wanted) < SHARE_TOLERANCE:
-                break
+            if any(abs(one.aim + last.added - wanted) < SHARE_TOLERANCE for one in tries):
+                break  # it is known what the next would be: where a bridge comes and goes, that of the last but one
             last = attempt(last.added, last.result.factor)
         return last
 
@@ -71,7 +71,7 @@ def corrected(
         last = settled(last)
     for k in range(HALVINGS):
         near = max(allowed, UNSAID) if k >= SOME else UNSAID
-        if abs(last.total - wanted) <= near or not (between := _between(tries, wanted)):
+        if min(abs(one.total - wanted) for one in tries) <= near or not (between := _between(tries, wanted)):
             break
         last = attempt(wanted - between, last.result.factor)
     if abs(last.total - wanted) > UNSAID:
