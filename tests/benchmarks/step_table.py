@@ -1,4 +1,4 @@
-"""What becomes of STEP files in CAD: `python tests/benchmarks/step_table.py [NAME...] [--step WAY] [-s SECONDS]`.
+"""What becomes of STEP files in CAD: `python -m tests.benchmarks.step_table [NAME...] [--step WAY] [-s SECONDS]`.
 
 A name is a preset, a mesh file (in DSFAB_MESHES or anywhere; its preset is proposed), or a sheet of `OWN`. Each design
 has a process of its own, which may take so many seconds of the processor (200 unless told), and as many for what OCCT
@@ -21,7 +21,6 @@ import time
 from collections.abc import Callable
 from pathlib import Path
 
-import igl
 import numpy as np
 
 import dsfab
@@ -29,83 +28,14 @@ from dsfab.errors import DsfabError
 from dsfab.export.network import use_check
 from dsfab.preset_file import overridden
 from dsfab.study.file_check import check_file
+from tests.benchmarks.step_sheets import OWN
 
 DESIGNS = (
-    *("dome", "barrel_vault", "hypar.obj", "sphere", "torus.obj", "bob.obj", "tower", "spot.obj", "snow_vault"),
-    *("globe", "cantilever", "slab", "roof_with_opening.obj", "Botanic.obj", "blub.obj", "pavilion", "boys_surface"),
-    *("folded", "cube", "helicoid", "moebius", "cylinder", "catenoid", "schwarz"),
+    *("dome", "saddle", "snow_vault", "tower", "pavilion", "globe", "sphere", "boys_surface", "hypar.obj", "torus.obj"),
+    *("bob.obj", "spot.obj", "blub.obj", "Botanic.obj", "roof_with_opening.obj", "folded", "helicoid", "moebius"),
+    *("cylinder", "catenoid", "schwarz", "enneper", "genus_two", "terrain"),
 )
 COLUMNS = "way faces MB file_s use_s cuts alone box section again fillets plain bounds off check"
-
-
-def strips(x: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices and triangles of a grid of points (n, m, 3)."""
-    i = np.arange(x.shape[0] * x.shape[1]).reshape(x.shape[:2])
-    a, b, c, d = i[:-1, :-1].ravel(), i[1:, :-1].ravel(), i[1:, 1:].ravel(), i[:-1, 1:].ravel()
-    return x.reshape(-1, 3), np.concatenate([np.stack([a, b, c], axis=1), np.stack([a, c, d], axis=1)])
-
-
-def welded(V: np.ndarray, F: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Vertices and triangles whose vertices at one place are one."""
-    _, first, of = np.unique(np.round(V, 9), axis=0, return_index=True, return_inverse=True)
-    return V[first], of.reshape(-1)[F]
-
-
-def folded() -> tuple[np.ndarray, np.ndarray]:
-    """Eight flat strips of 1 x 6 m in plan, .6 m high."""
-    u, v = np.meshgrid(np.arange(65) / 8, np.linspace(0, 6, 49), indexing="ij")
-    return strips(np.stack([u, v, 0.6 * np.abs((u + 1) % 2 - 1)], axis=2))
-
-
-def cube() -> tuple[np.ndarray, np.ndarray]:
-    """Of 2 m."""
-    import trimesh
-
-    box = trimesh.creation.box((2, 2, 2))
-    for _ in range(4):
-        box = box.subdivide()
-    return box.vertices + np.array([0, 0, 1.0]), box.faces
-
-
-def helicoid() -> tuple[np.ndarray, np.ndarray]:
-    """Three quarters of a turn, from 1 to 4 m, 3 m high."""
-    r, a = np.meshgrid(np.linspace(1, 4, 25), np.linspace(0, 1.5 * np.pi, 97), indexing="ij")
-    return strips(np.stack([r * np.cos(a), r * np.sin(a), 3 * a / a.max()], axis=2))
-
-
-def moebius() -> tuple[np.ndarray, np.ndarray]:
-    """Of radius 3 m, 1.6 m wide; its ends are joined by place."""
-    w, a = np.meshgrid(np.linspace(-0.8, 0.8, 13), np.linspace(0, 2 * np.pi, 121), indexing="ij")
-    r = 3 + w * np.cos(a / 2)
-    return welded(*strips(np.stack([r * np.cos(a), r * np.sin(a), 1 + w * np.sin(a / 2)], axis=2)))
-
-
-def cylinder() -> tuple[np.ndarray, np.ndarray]:
-    """A half of radius 3 m whose grid runs at 45 degrees."""
-    u, v = np.meshgrid(np.linspace(0, np.pi, 65), np.linspace(0, 8, 57), indexing="ij")
-    return strips(np.stack([3 * np.cos(u), v + u, 3 * np.sin(u)], axis=2))
-
-
-def catenoid() -> tuple[np.ndarray, np.ndarray]:
-    """Of 1.5 m around its waist, 3 m high; its ends are joined by place."""
-    z, a = np.meshgrid(np.linspace(-1.5, 1.5, 41), np.linspace(0, 2 * np.pi, 121), indexing="ij")
-    r = 1.5 * np.cosh(z / 1.5)
-    return welded(*strips(np.stack([r * np.cos(a), r * np.sin(a), z + 1.5], axis=2)))
-
-
-def schwarz() -> tuple[np.ndarray, np.ndarray]:
-    """A cell of Schwarz's P surface, 6 m."""
-    x = np.linspace(-np.pi, np.pi, 44)  # of which none is in the surface: 43 is prime
-    Z, Y, X = (axis.ravel() for axis in np.meshgrid(x, x, x, indexing="ij"))  # x runs fastest
-    V, F, *_ = igl.marching_cubes(
-        np.cos(X) + np.cos(Y) + np.cos(Z), np.stack([X, Y, Z], axis=1) * 3 / np.pi, 44, 44, 44, 0.0
-    )
-    return np.asarray(V), np.asarray(F)
-
-
-OWN: dict[str, Callable[[], tuple[np.ndarray, np.ndarray]]] = {
-    f.__name__: f for f in (folded, cube, helicoid, moebius, cylinder, catenoid, schwarz)
-}
 
 
 def design(name: str, step: str, folder: Path) -> "dsfab.Design":
@@ -184,7 +114,17 @@ if __name__ == "__main__":
     print("design", COLUMNS, "| how")
     for one in given.names:
         begin = time.monotonic()
-        command = [sys.executable, __file__, one, "--step", given.step, "-s", str(given.seconds), "--alone"]
+        command = [
+            sys.executable,
+            "-m",
+            "tests.benchmarks.step_table",
+            one,
+            "--step",
+            given.step,
+            "-s",
+            str(given.seconds),
+            "--alone",
+        ]
         done = subprocess.run(command, capture_output=True, text=True, check=False, preexec_fn=limit(given.seconds))
         text = done.stdout.strip() or f"ended: {(done.stderr.strip().splitlines() or [str(done.returncode)])[-1]}"
         print(one, text, f"({time.monotonic() - begin:.0f} s on the clock)", flush=True)
