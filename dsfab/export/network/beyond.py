@@ -6,11 +6,10 @@ r"""Seams that go on beyond corners that a fillet fills, on faces that go on as 
 wall \  .  / wall     and any line may be found. Of 13 such corners of a shell on four feet none was rounded. So the
       \ . /           curve goes on to x, where no edge is: the vertex at o bounds the edge. Both surfaces go on with
        \o/            it, and the seam has its places on them in the file, because those that a reader finds are for
-   A    |    B        what lies between its vertices only.
-        | seam
+   A    |    B        what lies between its vertices only. So have both walls' edges that begin at o: OCCT finds the
+        | seam        places of these up to .1 um off o, puts an end of the seam's there, and drops what is beyond it.
 """
 
-from collections.abc import Mapping
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -18,22 +17,15 @@ import numpy as np
 from dsfab.arrays import Floats
 from dsfab.export.network.corners import filled_corners
 from dsfab.export.network.curves import parts_of
-from dsfab.export.network.heights import places
+from dsfab.export.network.following import on_face, on_patch
 from dsfab.export.network.model import NetModel, NetPatch
 from dsfab.export.network.trimmed import TrimmedFace
-from dsfab.export.splines import bernstein
 
 CLEAR = 1 / 6
 """Of the thickness, radius of a fillet that a seam goes on for, times the tangent of half the turn."""
 
 MOST = 3.0
 """Times its own length that a seam goes on, at most: a polynomial is not to be trusted farther."""
-
-NEAR = 1e-5
-"""Millimetres between a patch's corner and a vertex there."""
-
-NEARLY = 1e-6
-"""Millimetres that faces may be off what a seam goes on for."""
 
 MARGIN = 0.1
 """Share of that by which surfaces go on farther."""
@@ -42,17 +34,17 @@ WIDE = 1 / 100
 """Of the thickness, by which a patch goes on beside a seam that a wall's edge goes straight on as: OCCT makes the seam
 longer along that edge, nearly, and finds no places on the patch for what is beyond."""
 
-ALONG = np.linspace(0, 1, 17)
-"""Where that is measured."""
-
 
 @dataclass(frozen=True, eq=False)
 class LongSeam:
-    """poles : (4, 6) of a seam's curves, millimetres.    on : by face, patches first and then trimmed ones, poles
-    (2, k, 2) of the same curves over its outer and its inner surface, which are a square."""
+    """A seam that goes on, or a wall's edge beside the corner where one does, which does not.
+
+    poles : (4, 6) of its curves, millimetres.    on : by face, patches first and then trimmed ones, poles (2, k, 2) of
+    the same curves over its outer and its inner surface, which are a square.
+    """
 
     poles: Floats
-    on: Mapping[int, Floats]
+    on: dict[int, Floats]
 
 
 def curves_beyond(model: NetModel) -> dict[int, Floats]:
@@ -85,8 +77,8 @@ def _share(poles: Floats, end: int, half: float) -> float:
 def with_long_seams(
     model: NetModel, faces: list[TrimmedFace]
 ) -> tuple[NetModel, list[TrimmedFace], dict[int, LongSeam]]:
-    """The same solid, on surfaces that go on as its seams do, and these by edge; a seam that one of its faces does not
-    follow stays as it is."""
+    """The same solid, on surfaces that go on as its seams do, and by edge these seams and what is beside their ends; a
+    seam that one of its faces does not follow stays as it is."""
     seams = _on_both(model, faces)
     boxes = {i: _wide(model.patches[i]) for i in _beside_straight(model)}
     for i in {i for seam in seams.values() for i in seam.on}:
@@ -125,59 +117,24 @@ def _wide(patch: NetPatch) -> Floats:
 
 
 def _on_both(model: NetModel, faces: list[TrimmedFace]) -> dict[int, LongSeam]:
-    """The seams that go on, over both of the faces beside them."""
-    curves, shares, count = curves_beyond(model), _shares(model), len(model.patches)
+    """The seams that go on, over both of the faces beside them, and the walls' edges beside where they do, over one."""
+    longer, shares, count = curves_beyond(model), _shares(model), len(model.patches)
+    corners = [corner for corner in filled_corners(model) if corner.straight is None and corner.seam in longer]
+    mine = {e for corner in corners for e in (corner.seam, *corner.beside)}
+    curves = {e: longer.get(e, model.edges[e].poles) for e in mine}
+    found = {e: LongSeam(poles, {}) for e, poles in curves.items()}
     loops = [patch.loop for patch in model.patches] + [[step for loop in face.loops for step in loop] for face in faces]
-    beside = dict[int, list[int]]()
     for i, loop in enumerate(loops):
-        for e in {e for e, _ in loop} & curves.keys():
-            beside.setdefault(e, []).append(i)
-    found = dict[int, LongSeam]()
-    for e, two in beside.items():
-        sound = dict[int, Floats]()
-        for i in two:
+        for e in {e for e, _ in loop} & mine:
             if i < count:
-                uv = _on_patch(model.patches[i], model.edges[e].poles, shares[e], curves[e])
+                uv = on_patch(model.patches[i], model.edges[e].poles, shares.get(e, np.zeros(2)), curves[e])
             else:
-                uv = _on_face(faces[i - count], curves[e])
+                uv = on_face(faces[i - count], curves[e])
             if uv is not None:
-                sound[i] = uv
-        if len(sound) == 2:
-            found[e] = LongSeam(curves[e], sound)
-    return found
-
-
-def _on_face(face: TrimmedFace, poles: Floats) -> Floats | None:
-    """(2, 4, 2) poles of curves over a trimmed face, if this follows them."""
-    if np.abs(face.gaps(bernstein(ALONG) @ poles)).max() > NEARLY:
-        return None
-    both = zip((face.outer, face.inner), face.axes, np.split(poles, 2, axis=1), strict=True)
-    return np.stack([places(*each) for each in both])
-
-
-def _on_patch(patch: NetPatch, edge: Floats, share: Floats, poles: Floats) -> Floats | None:
-    """(2, 2, 2) ends of curves over a patch, if they go on from an edge (4, 6) along a side of it, at its corner."""
-    P, lines = patch.poles, ([-share[0], 1 + share[1]], [1 + share[0], -share[1]])
-    for a, b in ((0, 0), (0, 1), (1, 0), (1, 1)):
-        corner, ways = P[-a, -b], (P[-2 if a else 1, -b] - P[-a, -b], P[-a, -2 if b else 1] - P[-a, -b])
-        for end in (0, 1):
-            if np.abs(edge[-end] - corner).max() > NEAR:
-                continue
-            way = edge[-2 if end else 1] - corner
-            axis = int(np.argmax([abs(way @ w) / max(float(np.linalg.norm(w)), 1e-300) for w in ways]))
-            uv = np.tile([float(a), float(b)], (2, 1))
-            speed = float(way @ ways[axis]) / max(float(ways[axis] @ ways[axis]), 1e-300)
-            uv[:, axis] += (-1.0 if (a, b)[axis] else 1.0) * speed * np.array(lines[end])
-            if _is_on(P, uv, poles):
-                return np.stack([uv, uv])
-    return None
-
-
-def _is_on(P: Floats, uv: Floats, poles: Floats) -> bool:
-    """Whether a line over a patch is a curve."""
-    at = uv[0] + ALONG[:, None] * (uv[1] - uv[0])
-    points = np.einsum("ka,kb,abi->ki", bernstein(at[:, 0]), bernstein(at[:, 1]), P)
-    return bool(np.abs(points - bernstein(ALONG) @ poles).max() < NEARLY)
+                found[e].on[i] = uv
+    sound = [corner for corner in corners if len(found[corner.seam].on) == 2]
+    kept = {e for corner in sound for e in (corner.seam, *corner.beside)}
+    return {e: seam for e, seam in found.items() if e in kept and seam.on}
 
 
 def _box(uv: Floats) -> Floats:

@@ -19,13 +19,15 @@ class FilledCorner:
     """A corner where the void is less than a half turn, and the one seam that ends there.
 
     seam, end : the edge, and whether that is its last end (1) or its first (0).    half : tangent of half the turn.
-    straight : the edge of a wall beside the corner that the seam goes straight on from, if there is one.
+    beside : the edges of walls before and after the corner.    straight : that of them that the seam goes straight on
+    from, if there is one.
     """
 
     vertex: int
     seam: int
     end: int
     half: float
+    beside: tuple[int, int]
     straight: int | None
 
 
@@ -51,8 +53,9 @@ def filled_corners(model: NetModel) -> list[FilledCorner]:
         across = model.vertices[v][:3] - model.vertices[v][3:]
         if not others and np.cross(one, two) @ across < 0:
             seam = _end_way(model, (e, not end), True)
-            beside = [step[0] for step, w in ((before, one), (after, -two)) if seam @ w > STRAIGHT]
-            found.append(FilledCorner(v, e, end, half, beside[0] if beside else None))
+            straight = [step[0] for step, w in ((before, one), (after, -two)) if seam @ w > STRAIGHT]
+            beside = before[0], after[0]
+            found.append(FilledCorner(v, e, end, half, beside, straight[0] if straight else None))
     return found
 
 
