@@ -81,13 +81,20 @@ def enneper() -> Sheet:
 
 
 def genus_two() -> Sheet:
-    """The skin of a figure of eight, 8.5 m long, with slivers as marching cubes leave them."""
-    count, reach = (71, 43, 29), (1.27, 0.77, 0.43)
+    """Two rings of 1.6 m and tubes of .62 m that run into each other, with slivers as marching cubes leave them."""
+    count, reach = (83, 53, 19), (4.4, 2.6, 0.9)
     axes = [np.linspace(-x, x, k) for x, k in zip(reach, count, strict=True)]
     Z, Y, X = (axis.ravel() for axis in np.meshgrid(*axes[::-1], indexing="ij"))  # x runs fastest
-    field = (X**2 * (1 - X**2) - Y**2) ** 2 + Z**2 / 2 - 0.0213
-    V, F, *_ = igl.marching_cubes(field, 4 * np.stack([X, Y, Z], axis=1), *count, 0.0)
+    rings = [np.hypot(np.hypot(X - x, Y) - 1.6, Z) - 0.62 for x in (-1.95, 1.95)]
+    field = -0.25 * np.logaddexp(-rings[0] / 0.25, -rings[1] / 0.25)
+    V, F, *_ = igl.marching_cubes(field, np.stack([X, Y, Z], axis=1), *count, 0.0)
     return np.asarray(V), np.asarray(F)
+
+
+def saddle() -> Sheet:
+    """A hyperbolic paraboloid over 8 x 6 m, 3.2 m high."""
+    x, y = np.meshgrid(np.linspace(-4, 4, 65), np.linspace(-3, 3, 49), indexing="ij")
+    return strips(np.stack([x, y, 1.6 * ((x / 4) ** 2 - (y / 3) ** 2 + 1)], axis=2))
 
 
 def terrain() -> Sheet:
@@ -103,5 +110,5 @@ def terrain() -> Sheet:
 
 OWN: dict[str, Callable[[], Sheet]] = {
     f.__name__: f
-    for f in (*(folded, cube, helicoid, moebius, cylinder, catenoid, schwarz), *(enneper, genus_two, terrain))
+    for f in (*(folded, cube, helicoid, moebius, cylinder, catenoid, schwarz), *(enneper, genus_two, saddle, terrain))
 }
