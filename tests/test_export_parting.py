@@ -152,3 +152,49 @@ def test_no_chord_cuts_off_a_narrow_lens_beside_an_edge_that_wiggles(monkeypatch
     pairs = list(outline.chords(np.array([2, 3, 4])))
     assert (2, 4) not in pairs
     assert any(2 in pair for pair in pairs)
+
+
+def to_waves(height: float):
+    """The way from points (k, 6) to skins that wave twice over 600 mm along x, which points at 0, 300 and 600 lie
+    on."""
+
+    def away(Q):
+        way = np.zeros_like(Q)
+        for i, z in ((2, 20), (5, -20)):
+            way[:, i] = z + height * (1 - np.cos(np.pi * Q[:, i - 2] / 150)) - Q[:, i]
+        return way
+
+    return away
+
+
+@pytest.mark.parametrize(("height", "cubics"), [(0.1, 1), (10.0, 4)])
+def test_a_seam_over_skins_that_wave_is_several_cubics(height, cubics):
+    """One is not near to them in two waves; where they hardly wave it is."""
+    model, loop = flat_model(np.array(HALVES, dtype=float))
+    model.vertices = [edge.poles[0] for edge in model.edges]
+    away, edges = to_waves(height), len(model.edges)
+    work = parting._Parting(model, away, LIMITS)
+    (seam,) = work._on_skins([(model.vertices[0], model.vertices[2] + np.array([0, 90.0, 0, 0, 90, 0]))])
+    assert seam.shape == (cubics, 4, 6)
+    off = np.abs(away((bernstein(np.linspace(0, 1, 9)) @ seam).reshape(-1, 6))).max()
+    assert off < parting.STRAYS * LIMITS.off
+    loops = work._with_seam(loop, 4, 10, seam)
+    assert len(model.edges) == edges + cubics
+    assert len(model.vertices) == 6 + cubics - 1
+    for some in loops:
+        ends = [(model.edges[e].start, model.edges[e].end)[:: 1 if ahead else -1] for e, ahead in some]
+        assert [end for _, end in ends] == [start for start, _ in [*ends[1:], ends[0]]]
+    steps = Counter(step for some in loops for step in some)
+    assert steps == Counter([*loop, *((edges + i, ahead) for i in range(cubics) for ahead in (True, False))])
+
+
+def test_an_outline_goes_back_along_all_cubics_of_a_seam():
+    model, loop = flat_model(np.array(HALVES, dtype=float))
+    outline = HalvedOutline.of(model, loop)
+    a, b = outline.poles[2, 0], outline.poles[8, 0]
+    whole = a + np.linspace(0, 1, 7)[:, None] * (b - a)
+    one, two = (outline.part(2, 8, seam) for seam in (whole[None, ::2], np.stack([whole[:4], whole[3:]])))
+    steps = 2 * chords.POINTS
+    back = b + np.arange(2 * steps)[:, None] / (2 * steps) * (a - b)
+    np.testing.assert_allclose(two[-2 * steps :], back, atol=1e-9)
+    np.testing.assert_allclose(one[-steps:], back[::2], atol=1e-9)

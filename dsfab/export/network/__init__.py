@@ -17,6 +17,7 @@ arcs        : round corners of openings as arcs that go on as the walls do.
 stations    : where opposite sides of a region are divided.
 patches     : their patches; trimmed : the surfaces of all other regions; heights : what these are;
               domains : over what; interior : near to which points.
+strays      : those that leave the skins where none of these points are, made anew.
 parting     : trimmed regions whose surface does not meet their edges, divided; chords : where.
 model       : edges, walls and faces of one solid; text : their entities.
 flush       : trimmed faces on their edges at sharp corners, as far as a fillet goes.

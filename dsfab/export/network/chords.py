@@ -56,10 +56,11 @@ class HalvedOutline:
         return np.asarray(bernstein(np.arange(POINTS) / POINTS) @ self.poles).reshape(-1, 6)
 
     def part(self, a: int, b: int, seam: Floats) -> Floats:
-        """(k, 6) the closed line along it from place a to place b, and back along the poles (4, 6) of a seam from a to
-        b."""
+        """(k, 6) the closed line along it from place a to place b, and back along the cubics (c, 4, 6) of a seam from a
+        to b."""
         turned = np.roll(self.line, -a * POINTS, axis=0)[: (b - a) % len(self.poles) * POINTS]
-        return np.concatenate([turned, bernstein(1 - np.arange(2 * POINTS) / (2 * POINTS)) @ seam])
+        back = bernstein(1 - np.arange(2 * POINTS) / (2 * POINTS)) @ seam[::-1]
+        return np.concatenate([turned, back.reshape(-1, 6)])
 
     def chords(self, worst: Ints) -> Iterator[tuple[int, int]]:
         """Pairs of places, ascending, between which a chord is inside and clear: those that are short for the smaller

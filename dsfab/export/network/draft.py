@@ -30,6 +30,7 @@ from dsfab.export.network.quads import REACH, Quad, quads_of
 from dsfab.export.network.sampling import with_sampled_peaks
 from dsfab.export.network.seams import with_steep_ends
 from dsfab.export.network.straightening import straightened
+from dsfab.export.network.strays import without_strays
 from dsfab.export.network.text import NetText
 from dsfab.export.network.trimmed import SPLIT, FaceLimits, TrimmedFace, trimmed_face
 from dsfab.export.part import Part
@@ -208,15 +209,17 @@ def _trimmed_faces(net: ChainNet, model: NetModel, interior: Interior, fits: "_F
     for region, loops in model.trimmed.items():
         if len(loops) == 1 and (known := fits.faces.get((region, outlines[region]))):
             found[region] = replace(known, loops=loops)
-    new = [region for region in model.trimmed if region not in found]
-    for region, inside in interior.points(net, new).items():
+    points = interior.points(net, [region for region in model.trimmed if region not in found])
+    new = dict[int, TrimmedFace]()
+    for region, inside in points.items():
         try:
-            face = trimmed_face(model, model.trimmed[region], inside, fits.wanted, region in parts)
-            found[region] = fits.faces[region, outlines[region]] = face
+            new[region] = trimmed_face(model, model.trimmed[region], inside, fits.wanted, region in parts)
         except ExportError:
             if region not in model.compact:
                 raise
-    return found
+    new = without_strays(model, new, points, fits.lifting.away, fits.wanted)
+    fits.faces |= {(region, outlines[region]): face for region, face in new.items()}
+    return found | new
 
 
 def _close(face: TrimmedFace | None, plan: SmoothPlan) -> bool:

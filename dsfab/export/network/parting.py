@@ -8,6 +8,7 @@
 
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 
@@ -17,7 +18,8 @@ from dsfab.export.network.chords import POINTS, HalvedOutline
 from dsfab.export.network.curves import ChainCurve, on_skins, parts_of
 from dsfab.export.network.domains import beyond
 from dsfab.export.network.graph import Loop
-from dsfab.export.network.model import NetEdge, NetModel
+from dsfab.export.network.model import NetEdge, NetModel, turned
+from dsfab.export.network.strays import without_strays
 from dsfab.export.network.trimmed import SPLIT, FaceLimits, TrimmedFace, misfit, trimmed_face
 
 AT_GAP = 4
@@ -25,6 +27,9 @@ AT_GAP = 4
 
 DEGREE = 6
 """Of the surfaces that seams are tried with."""
+
+MANY = 2000
+"""Points inside with which seams are tried, about, of more that there are: over a foot there were ten thousand."""
 
 FULL = 3
 """Seams whose faces are made, of those that were tried, the best first."""
@@ -39,6 +44,13 @@ are asked for."""
 
 MOST = 12
 """Parts of a region."""
+
+CUBICS, STRAYS = (1, 2, 4), 1 / 2
+"""Of a seam, tried in this order until it is off the skins by no more than this share of what points inside may be:
+one cubic through the foot of a figure of eight, 1.2 m long where the sheet waves, was 6.7 mm off, and so were faces."""
+
+READ = 8
+"""Steps along a cubic between which that is asked."""
 
 
 def parted(
@@ -98,9 +110,9 @@ class _Parting:
     def _two(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
         """Two faces instead of one, if neither is as bad."""
         loop, model = face.loops[0], self.model
-        for ends, poles in self._seams(HalvedOutline.of(model, loop), points)[:FULL]:
+        for ends, cubics in self._seams(HalvedOutline.of(model, loop), points)[:FULL]:
             edges, vertices, halves = len(model.edges), len(model.vertices), dict(self.halves)
-            two = self._faces(self._with_seam(loop, *ends, poles), points)
+            two = self._faces(self._with_seam(loop, *ends, cubics), points)
             worse = max((allowance_used(part, self.limits) for part in two), default=np.inf)
             wide = face.gap <= SPLIT < max((part.gap for part in two), default=0.0)  # what could be cut still can
             if worse < LESS * allowance_used(face, self.limits) and not wide:
@@ -112,26 +124,48 @@ class _Parting:
     def _faces(self, loops: Iterable[Loop], points: Floats) -> list[TrimmedFace]:
         """Of parts with one loop each, if all can be made."""
         try:
-            return [trimmed_face(self.model, [loop], points, self.limits, True) for loop in loops]
+            two = {i: trimmed_face(self.model, [loop], points, self.limits, True) for i, loop in enumerate(loops)}
         except ExportError:
             return []
+        return list(without_strays(self.model, two, dict.fromkeys(two, points), self.away, self.limits).values())
 
     def _seams(self, outline: HalvedOutline, points: Floats) -> list[tuple[tuple[int, int], Floats]]:
-        """Between which places seams may be, and their poles (4, 6) on the skins; those whose parts fit best first."""
+        """Between which places seams may be, and the poles (k, 4, 6) of their cubics on the skins; those whose parts
+        fit best first."""
+        points = points[:: 1 + len(points) // MANY]
         off = misfit(points, outline.line, DEGREE).reshape(-1, POINTS).max(axis=1)
         worst = np.argsort(-np.maximum(off, np.roll(off, 1)), kind="stable")[:AT_GAP]
-        pairs, share = list(outline.chords(worst)), np.linspace(0, 1, 4)[:, None]
-        ends = [(outline.poles[a, 0], outline.poles[b, 0]) for a, b in pairs]
-        straight = [ChainCurve(np.array([0.0, 1.0]), (a + share * (b - a))[None]) for a, b in ends]
-        seams = [curve.spans[0] for curve in on_skins(straight, self.away)]
+        pairs = list(outline.chords(worst))
+        seams = self._on_skins([(outline.poles[a, 0], outline.poles[b, 0]) for a, b in pairs])
         left = [
-            max(misfit(points, line, DEGREE).max() for line in (outline.part(a, b, P), outline.part(b, a, P[::-1])))
+            max(
+                misfit(points, line, DEGREE).max()
+                for line in (outline.part(a, b, P), outline.part(b, a, P[::-1, ::-1]))
+            )
             for (a, b), P in zip(pairs, seams, strict=True)
         ]
         return [(pairs[i], seams[i]) for i in np.argsort(left, kind="stable").tolist()]
 
-    def _with_seam(self, loop: Loop, a: int, b: int, poles: Floats) -> tuple[Loop, Loop]:
-        """Both parts of a loop, with a new edge from a place to a later one between them."""
+    def _on_skins(self, chords: Sequence[tuple[Floats, Floats]]) -> list[Floats]:
+        """Between both points (6,) of chords, the poles (k, 4, 6) of so many cubics that they are near to the skins, or
+        of as many as may be."""
+        found, todo, share = [np.zeros((0, 4, 6))] * len(chords), list(range(len(chords))), np.linspace(0, 1, 4)
+        for count in CUBICS:
+            if not todo:
+                break
+            breaks, places = (np.linspace(0, 1, k * count + 1) for k in (1, READ))
+            at = (breaks[:-1, None] + share / count)[..., None]
+            straight = [ChainCurve(breaks, a + at * (b - a)) for a, b in (chords[i] for i in todo)]
+            curves = on_skins(straight, self.away)
+            ways = self.away(np.concatenate([curve(places) for curve in curves])).reshape(len(curves), -1, 3)
+            for i, curve in zip(todo, curves, strict=True):
+                found[i] = curve.spans
+            strays = np.linalg.norm(ways, axis=2).max(axis=1) > STRAYS * self.limits.off
+            todo = [i for i, stray in zip(todo, strays, strict=True) if stray]
+        return found
+
+    def _with_seam(self, loop: Loop, a: int, b: int, cubics: Floats) -> tuple[Loop, Loop]:
+        """Both parts of a loop, with new edges in a row (k, 4, 6) from a place to a later one between them."""
         steps, at, model = list[tuple[int, bool]](), list[int](), self.model
         for i, step in enumerate(loop):
             at.append(len(steps))
@@ -140,10 +174,13 @@ class _Parting:
             steps += self.along([step])
             at.append(len(steps) - 1)
         start, end = (model.vertex(steps[at[place]], True) for place in (a, b))
-        model.edges.append(NetEdge(start, end, poles))
-        turned, count = [*steps[at[a] :], *steps[: at[a]]], at[b] - at[a]
-        seam = len(model.edges) - 1
-        return [*turned[:count], (seam, False)], [*turned[count:], (seam, True)]
+        first, inner = len(model.edges), range(len(model.vertices), len(model.vertices) + len(cubics) - 1)
+        model.vertices += [poles[3] for poles in cubics[:-1]]
+        nodes = [start, *inner, end]
+        model.edges += [NetEdge(*two, poles) for two, poles in zip(pairwise(nodes), cubics, strict=True)]
+        onwards, count = [*steps[at[a] :], *steps[: at[a]]], at[b] - at[a]
+        seam = [(first + i, True) for i in range(len(cubics))]
+        return [*onwards[:count], *turned(seam)], [*onwards[count:], *seam]
 
     def _halve(self, e: int) -> None:
         """Make an edge two, in whose middle a vertex is."""

@@ -105,7 +105,7 @@ def trimmed_face(
     lines = [loop_samples(model, loop) for loop in loops]
     edges = np.concatenate(lines)
     if part:
-        points = points[_surrounded(points, lines)]
+        points = points[surrounded(points, lines)]
     allowed = np.concatenate([points, edges])
     mean = middle_normal(allowed)
     if (_across(allowed) @ mean).min() < SEEN:
@@ -123,7 +123,7 @@ def trimmed_face(
     return TrimmedFace([loops[i] for i in order], outer, inner, (one, two), gap, off)
 
 
-def _surrounded(points: Floats, lines: list[Floats]) -> Bools:
+def surrounded(points: Floats, lines: list[Floats]) -> Bools:
     """(k,) which points (k, 6) closed lines (., 6) go around, on the side of the sheet where these are."""
     mean = middle_normal(np.concatenate(lines))
     plane = axes_of(mean)[:2].T
@@ -221,7 +221,7 @@ def _ways(model: NetModel, loop: Loop) -> Floats:
 def misfit(points: Floats, line: Floats, degree: int) -> Floats:
     """(k,) millimetres, the more of both skins: how far a closed line (k, 6) is off one surface of a degree near to it
     and to those points (j, 6) that it goes around; infinite where no plane sees both."""
-    points = points[_surrounded(points, [line])]
+    points = points[surrounded(points, [line])]
     allowed = np.concatenate([points, line])
     mean = middle_normal(allowed)
     axes = axes_of(mean)
