@@ -9,12 +9,12 @@ import numpy as np
 import pytest
 
 from dsfab.export.network import draft, use_check
-from dsfab.export.network.beyond import CLEAR, LongSeam, curves_beyond, with_long_seams
+from dsfab.export.network.beyond import CLEAR, GAP, OFF, ROUND, LongSeam, curves_beyond, with_long_seams
 from dsfab.export.network.corners import filled_corners
 from dsfab.export.network.curves import parts_of
 from dsfab.export.network.draft import member_draft
 from dsfab.export.network.following import NEARLY
-from dsfab.export.network.model import NetEdge, NetModel, NetPatch, NetWall
+from dsfab.export.network.model import NetEdge, NetModel, NetPatch, NetWall, turned
 from dsfab.export.network.ordering import in_order
 from dsfab.export.network.text import NetText
 from dsfab.export.network.trimmed import TrimmedFace
@@ -88,6 +88,15 @@ def stair(ahead: bool = True, wave: float = 0.0) -> NetModel:
     return dish(STEP, [4, 3, 0, 6, 5], [4, 3, 6, 5], ahead, wave)
 
 
+def mirrored(model: NetModel) -> NetModel:
+    """The same in a mirror, where outlines run the other way."""
+    flip = np.array([-1, 1, 1, -1, 1, 1])
+    walls = [NetWall(turned(wall.steps), wall.poles[::-1] * flip) for wall in model.walls]
+    patches = [NetPatch(turned(patch.loop), (patch.poles * flip).swapaxes(0, 1)) for patch in model.patches]
+    edges = [replace(edge, poles=edge.poles * flip) for edge in model.edges]
+    return replace(model, vertices=[v * flip for v in model.vertices], edges=edges, walls=walls, patches=patches)
+
+
 def over(P: np.ndarray, uv: np.ndarray, x: np.ndarray) -> np.ndarray:
     """(k, 6) points of a patch at shares of a line over it."""
     at = uv[0] + x[:, None] * (uv[1] - uv[0])
@@ -153,9 +162,27 @@ def test_a_seam_that_a_wall_goes_straight_on_as_ends_there_beside_a_wider_patch(
     assert model.edges[0].end == 0
     new, _, seams = with_long_seams(model, [])
     assert seams == {}
-    assert [patch.within for patch in new.patches] == [True, False]
-    np.testing.assert_array_equal(new.patches[1].poles, model.patches[1].poles)
+    assert [patch.within for patch in new.patches] == [True, True]
     assert new.patches[0].poles[3, :, 0] == pytest.approx(np.full(4, THICK / 100), rel=0.01)
+
+
+def test_the_patch_beyond_such_a_seam_goes_on_until_tangents_leave_the_gap_that_is_wanted():
+    model, _ = in_order(stair(ahead=False), [])
+    patch, (corner,) = with_long_seams(model, [])[0].patches[1], filled_corners(model)
+    far = ROUND * THICK * corner.half
+    went = patch.poles[0, 3, 1]
+    assert far / 2 < went < far
+    assert (far - went) ** 2 / 2000 == pytest.approx(GAP, rel=0.1)  # its height is -y^2 / 2000
+
+
+def test_such_a_seam_beside_a_trimmed_face_is_off_it_where_only_its_tolerance_counts():
+    model, _ = in_order(stair(ahead=False), [])
+    face = TrimmedFace([model.patches[1].loop], *np.zeros((2, 3, 3, 3)), (np.eye(3), np.eye(3)), 0.0, 0.0)
+    new, _, _ = with_long_seams(replace(model, patches=model.patches[:1]), [face])
+    off = new.edges[0].poles - model.edges[0].poles
+    assert np.linalg.norm(off[1, :3]) == pytest.approx(OFF)
+    np.testing.assert_array_equal(off[[0, 2, 3]], 0)
+    assert with_long_seams(model, [])[0].edges == model.edges
 
 
 def chevron() -> tuple[Surface, StripedSheet]:
@@ -188,7 +215,7 @@ def test_occt_rounds_more_corners_of_an_opening_whose_seams_go_on(tmp_path, monk
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("given", [notch, stair])
+@pytest.mark.parametrize("given", [notch, stair, lambda wave: mirrored(stair(wave=wave))])
 def test_occt_reads_seams_with_their_places_on_faces_and_rounds_the_corner(given, tmp_path):
     model, _ = in_order(given(wave=4.0), [])
     model, _, seams = with_long_seams(model, [])

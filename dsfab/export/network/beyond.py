@@ -10,15 +10,16 @@ wall \  .  / wall     and any line may be found. Of 13 such corners of a shell o
         | seam        places of these up to .1 um off o, puts an end of the seam's there, and drops what is beyond it.
 """
 
+from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from dsfab.arrays import Floats
-from dsfab.export.network.corners import filled_corners
+from dsfab.export.network.corners import FilledCorner, filled_corners
 from dsfab.export.network.curves import parts_of
 from dsfab.export.network.following import on_face, on_patch
-from dsfab.export.network.model import NetModel, NetPatch
+from dsfab.export.network.model import NetEdge, NetModel, NetPatch
 from dsfab.export.network.trimmed import TrimmedFace
 
 CLEAR = 1 / 6
@@ -33,6 +34,19 @@ MARGIN = 0.1
 WIDE = 1 / 100
 """Of the thickness, by which a patch goes on beside a seam that a wall's edge goes straight on as: OCCT makes the seam
 longer along that edge, nearly, and finds no places on the patch for what is beyond."""
+
+ROUND = 1 / 8
+"""Of the thickness, radius of a fillet that the patch beyond such a seam goes on for. OCCT lengthens the patch itself,
+along tangents. The gap between it and where the fillet ends becomes the tolerance of what the seam is longer by; at one
+of more than 1e-4 mm this runs the wrong way, and the solid is not valid."""
+
+GAP = 3e-5
+"""Millimetres of that gap. With less the tolerance is ten times the seam's, 1e-6, and along the wall's edge, which has
+another parameter, the longer seam was off the other patch by up to 2e-6."""
+
+OFF = 1e-5
+"""Millimetres that a pole of such a seam is off where a trimmed face is beyond, which is wide enough: there the longer
+seam was off by up to 1.4e-5, and its tolerance is then 4e-5."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,21 +63,24 @@ class LongSeam:
 
 def curves_beyond(model: NetModel) -> dict[int, Floats]:
     """By edge the poles (4, 6) of seams that go on: each of them the only one at a corner that is filled."""
-    shares = _shares(model)
+    bent = [corner for corner in filled_corners(model) if corner.straight is None]
+    return {e: poles for e, (_, poles) in _longer(model, bent).items()}
+
+
+def _longer(model: NetModel, corners: Iterable[FilledCorner]) -> dict[int, tuple[Floats, Floats]]:
+    """By edge the shares (2,) of its own parameter by which a seam goes on before its start and after its end, and the
+    poles (4, 6) of its curves then."""
+    shares = dict[int, Floats]()
+    for corner in corners:
+        share = shares.setdefault(corner.seam, np.zeros(2))
+        far = _share if corner.straight is None else _share_to_gap
+        share[corner.end] = far(model.edges[corner.seam].poles, corner.end, corner.half)
+    shares = {e: share for e, share in shares.items() if 0 < share.max() <= MOST}
     if not shares:
         return {}
     P, share = np.stack([model.edges[e].poles for e in shares]), np.stack(list(shares.values()))
-    return dict(zip(shares, parts_of(P, -share[:, 0], 1 + share[:, 1]), strict=True))
-
-
-def _shares(model: NetModel) -> dict[int, Floats]:
-    """By edge the shares (2,) of its own parameter by which a seam goes on before its start and after its end."""
-    found = dict[int, Floats]()
-    for corner in filled_corners(model):
-        if corner.straight is None:
-            share = found.setdefault(corner.seam, np.zeros(2))
-            share[corner.end] = _share(model.edges[corner.seam].poles, corner.end, corner.half)
-    return {e: share for e, share in found.items() if share.max() <= MOST}
+    parts = parts_of(P, -share[:, 0], 1 + share[:, 1])
+    return {e: (before, part) for e, before, part in zip(shares, share, parts, strict=True)}
 
 
 def _share(poles: Floats, end: int, half: float) -> float:
@@ -74,16 +91,33 @@ def _share(poles: Floats, end: int, half: float) -> float:
     return radius * half / max(3 * slow, 1e-300)
 
 
+def _share_to_gap(poles: Floats, end: int, half: float) -> float:
+    """The same, up to where OCCT may go on along tangents: beside a fillet of `ROUND` it is off by `GAP`."""
+    ahead = poles[::-1] if end else poles
+    across = poles[-end, :3] - poles[-end, 3:]
+    thick = float(np.linalg.norm(across))
+    found = list[float]()
+    for P in np.split(ahead, 2, axis=1):
+        speed = 3 * float(np.linalg.norm(P[1] - P[0]))
+        bend = 6 * abs(float((P[2] - 2 * P[1] + P[0]) @ across)) / max(thick * speed**2, 1e-300)
+        found.append((ROUND * thick * half - np.sqrt(2 * GAP / max(bend, 1e-300))) / max(speed, 1e-300))
+    return max(0.0, *found) / (1 + MARGIN)
+
+
 def with_long_seams(
     model: NetModel, faces: list[TrimmedFace]
 ) -> tuple[NetModel, list[TrimmedFace], dict[int, LongSeam]]:
     """The same solid, on surfaces that go on as its seams do, and by edge these seams and what is beside their ends; a
     seam that one of its faces does not follow stays as it is."""
-    seams = _on_both(model, faces)
-    boxes = {i: _wide(model.patches[i]) for i in _beside_straight(model)}
-    for i in {i for seam in seams.values() for i in seam.on}:
-        found = [uv for seam in seams.values() for k, uv in seam.on.items() if k == i]
-        boxes[i] = _box(np.concatenate([*found, *([boxes[i]] if i in boxes else [])], axis=1))
+    corners = filled_corners(model)
+    loops = _edges_around(model, faces, corners)
+    seams = _on_both(model, faces, corners, loops)
+    boxes, needed = _beside_straight(model, faces, corners, loops)
+    for seam in seams.values():
+        for i, uv in seam.on.items():
+            needed.setdefault(i, []).append(uv)
+    for i, some in needed.items():
+        boxes[i] = _box(np.concatenate([*some, *([boxes[i]] if i in boxes else [])], axis=1))
     patches, faces = list(model.patches), list(faces)
     for i, box in boxes.items():
         if i < len(patches):
@@ -96,15 +130,47 @@ def with_long_seams(
         e: replace(seam, on={i: (uv - boxes[i][:, :1]) / np.diff(boxes[i], axis=1) for i, uv in seam.on.items()})
         for e, seam in seams.items()
     }
-    return replace(model, patches=patches), faces, moved
+    return replace(model, edges=_with_tolerance(model, corners, loops), patches=patches), faces, moved
 
 
-def _beside_straight(model: NetModel) -> set[int]:
-    """The patches beside both a seam and the wall's edge that it goes straight on from, at a corner that is filled."""
-    pairs = [{corner.seam, corner.straight} for corner in filled_corners(model) if corner.straight is not None]
-    edges = {e for pair in pairs for e in pair}
-    loops = {i: {e for e, _ in patch.loop} for i, patch in enumerate(model.patches)}
-    return {i for i, mine in loops.items() if mine & edges and any(pair <= mine for pair in pairs)}
+def _with_tolerance(model: NetModel, corners: list[FilledCorner], loops: dict[int, set[int]]) -> list[NetEdge]:
+    """The edges, of which seams that go straight on from a wall's edge, and have a trimmed face beyond, are off it."""
+    edges = list(model.edges)
+    for corner in corners:
+        trimmed = [mine for i, mine in loops.items() if i >= len(model.patches) and corner.seam in mine]
+        if corner.straight is not None and any(corner.straight not in mine for mine in trimmed):
+            poles = edges[corner.seam].poles.copy()
+            across = poles[0, :3] - poles[0, 3:]
+            poles[2 - corner.end] += OFF * np.tile(across / np.linalg.norm(across), 2)
+            edges[corner.seam] = replace(edges[corner.seam], poles=poles)
+    return edges
+
+
+def _edges_around(model: NetModel, faces: list[TrimmedFace], corners: list[FilledCorner]) -> dict[int, set[int]]:
+    """By face, patches first and then trimmed ones, the edges at corners around it, where there are some."""
+    some = {e for corner in corners for e in (corner.seam, *corner.beside)}
+    loops = [patch.loop for patch in model.patches] + [[step for loop in face.loops for step in loop] for face in faces]
+    found = {i: some.intersection([e for e, _ in loop]) for i, loop in enumerate(loops)}
+    return {i: mine for i, mine in found.items() if mine}
+
+
+def _beside_straight(
+    model: NetModel, faces: list[TrimmedFace], corners: list[FilledCorner], loops: dict[int, set[int]]
+) -> tuple[dict[int, Floats], dict[int, list[Floats]]]:
+    """By patch what is needed where a seam goes straight on from a wall's edge, at a corner that is filled: beside both
+    a box, as `_box`, and beyond the seam the places (2, 2, 2) of that as which it goes on."""
+    straight = [corner for corner in corners if corner.straight is not None]
+    longer, boxes, needed = _longer(model, straight), dict[int, Floats](), dict[int, list[Floats]]()
+    for corner in straight:
+        for i in (i for i, mine in loops.items() if corner.seam in mine):
+            if corner.straight in loops[i]:
+                if i < len(model.patches):
+                    boxes[i] = _wide(model.patches[i])
+            elif corner.seam in longer and i < len(model.patches):
+                uv = _places(model, faces, i, corner.seam, *longer[corner.seam])
+                if uv is not None:
+                    needed.setdefault(i, []).append(uv)
+    return boxes, needed
 
 
 def _wide(patch: NetPatch) -> Floats:
@@ -116,25 +182,34 @@ def _wide(patch: NetPatch) -> Floats:
     return np.tile(np.stack([-more, 1 + more]), (2, 1, 1))
 
 
-def _on_both(model: NetModel, faces: list[TrimmedFace]) -> dict[int, LongSeam]:
+def _on_both(
+    model: NetModel, faces: list[TrimmedFace], corners: list[FilledCorner], loops: dict[int, set[int]]
+) -> dict[int, LongSeam]:
     """The seams that go on, over both of the faces beside them, and the walls' edges beside where they do, over one."""
-    longer, shares, count = curves_beyond(model), _shares(model), len(model.patches)
-    corners = [corner for corner in filled_corners(model) if corner.straight is None and corner.seam in longer]
-    mine = {e for corner in corners for e in (corner.seam, *corner.beside)}
-    curves = {e: longer.get(e, model.edges[e].poles) for e in mine}
-    found = {e: LongSeam(poles, {}) for e, poles in curves.items()}
-    loops = [patch.loop for patch in model.patches] + [[step for loop in face.loops for step in loop] for face in faces]
-    for i, loop in enumerate(loops):
-        for e in {e for e, _ in loop} & mine:
-            if i < count:
-                uv = on_patch(model.patches[i], model.edges[e].poles, shares.get(e, np.zeros(2)), curves[e])
-            else:
-                uv = on_face(faces[i - count], curves[e])
+    bent = [corner for corner in corners if corner.straight is None]
+    longer = _longer(model, bent)
+    bent = [corner for corner in bent if corner.seam in longer]
+    mine = {e for corner in bent for e in (corner.seam, *corner.beside)}
+    curves = {e: longer.get(e, (np.zeros(2), model.edges[e].poles)) for e in mine}
+    found = {e: LongSeam(poles, {}) for e, (_, poles) in curves.items()}
+    for i, around in loops.items():
+        for e in around & mine:
+            uv = _places(model, faces, i, e, *curves[e])
             if uv is not None:
                 found[e].on[i] = uv
-    sound = [corner for corner in corners if len(found[corner.seam].on) == 2]
+    sound = [corner for corner in bent if len(found[corner.seam].on) == 2]
     kept = {e for corner in sound for e in (corner.seam, *corner.beside)}
     return {e: seam for e, seam in found.items() if e in kept and seam.on}
+
+
+def _places(model: NetModel, faces: list[TrimmedFace], i: int, e: int, share: Floats, poles: Floats) -> Floats | None:
+    """(2, k, 2) where on a face, if there, an edge's curves with poles (4, 6) are that go on by a share."""
+    count = len(model.patches)
+    return (
+        on_patch(model.patches[i], model.edges[e].poles, share, poles)
+        if i < count
+        else on_face(faces[i - count], poles)
+    )
 
 
 def _box(uv: Floats) -> Floats:
