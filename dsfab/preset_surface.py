@@ -167,7 +167,8 @@ class FileSurface(OwnSurface):
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
     """Metres, with z up; the point of the file that is the design's origin, where it has a survey's coordinates."""
     mend: bool = False
-    """Mend small faults: weld vertices that all but touch, drop crumbs and faces without area, close pinholes."""
+    """Mend small faults: weld vertices that all but touch, drop crumbs and faces without area, close pinholes, and make
+    edges even that are ragged."""
     repair: bool = False
     """Make a raw scan a sheet: as `mend`, and edges of more than two faces split, pieces under a twentieth of the
     largest dropped, holes with an outline under 15 % of the largest side filled, faces turned to the same side."""

@@ -112,11 +112,27 @@ def test_sheets_in_place_of_the_solid(sheet, share, capsys, tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("formats", "words"),
+    [
+        ("stl,pdf", "'pdf' names no format; `dsfab compare` and `dsfab report` write reports as PDF"),
+        ("steep", "'steep' names no format; did you mean step? use one of"),
+        ("stl,calculix", "'calculix' is a check and no file of a build; dsfab export --to calculix writes it"),
+    ],
+)
+def test_a_build_tells_wrong_formats_once_as_an_export_does(formats, words, capsys):
+    told = refused(capsys, "build", "dome", "-f", formats)
+    assert words in told
+    assert told.count("members.json") <= 1
+
+
+@pytest.mark.parametrize(
     ("arguments", "words"),
     [
         (["dome"], "nothing says what to write; add --to calculix, stl"),
         (["dome", "--to", "calculx"], "'calculx' names no format; did you mean calculix?"),
-        (["dome", "--to", "dwg"], "'dwg' names no format; use one of calculix, stl"),
+        (["dome", "--to", "xyz"], "'xyz' names no format; use one of calculix, stl"),
+        (["dome", "--to", "dwg"], "'dwg' names no format; what reads DWG reads dxf, too"),
+        (["dome", "--to", "pdf"], "'pdf' names no format; `dsfab compare` and `dsfab report` write reports as PDF"),
         (["dome", "-o", "part.dwg"], "'dwg' names no format"),
         (["dome", "--to", "calculix", "-o", "dome.stl"], "-o dome.stl does not end in .inp; --to calculix"),
         (["dome", "--to", "3mf", "--sheet", "cut"], "a .3mf file holds solids only; leave out --sheet, or write stl"),

@@ -87,6 +87,7 @@ def test_a_sheet_alone_has_no_beam_model_and_people_say_opensees(tmp_path, capsy
     assert format_suffix("opensees") == format_suffix("tcl") == ".tcl"
     assert format_suffix("beams.inp") == ".beams.inp"
     assert Files(format_="opensees").overrides() == ('export.formats=["tcl"]',)
+    assert Files(format_="STP, step, saf").overrides() == ('export.formats=["step", "saf.xlsx"]',)
     assert main(["export", "barrel_vault", "--to", "opensee"]) != 0
     assert "did you mean opensees?" in capsys.readouterr().err
 

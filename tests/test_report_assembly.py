@@ -5,6 +5,7 @@ import json
 import re
 from dataclasses import replace
 from itertools import combinations
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -16,7 +17,7 @@ from dsfab.preset_file import load_preset, overridden
 from dsfab.render import PAPER
 from dsfab.report.assembly import assembly_page, assembly_pdf, assembly_steps
 from dsfab.report.assembly.axonometry import Axonometry, MemberFaces, member_faces, painted
-from dsfab.report.assembly.bars import bar_steps
+from dsfab.report.assembly.bars import _bar_row, bar_steps
 from dsfab.report.assembly.book import book_pages
 from dsfab.report.assembly.paper import HIGH, WIDE, Fitted, Paper, PaperBox, usual_scale
 from dsfab.report.assembly.refolding import refolded_pages, strip_quads
@@ -141,6 +142,12 @@ def test_pages_of_bars_name_every_bar_and_every_plate_inside_of_the_page(barred,
     assert sorted(steps) == sorted(bars)
     heights = {bar.bay.id: bar.points.mean(axis=0)[2] for bar in barred.bars.found.bars}
     assert (np.diff([heights[name] for name in steps]) > -2e-3).all()
+
+
+def test_a_twist_of_next_to_nothing_has_no_sign():
+    page = SimpleNamespace(words=[], text=lambda at, words, *_, **__: page.words.append(words))
+    _bar_row(page, (0.0, 0.0), ("A1.1", "N1", "N2", 700.0, 600.0, 60.0, -0.02, 3.0, 180.04, -2.0, -0.0449, 7.0, ""))
+    assert page.words == ["A1.1", "N1", "N2", "600.0", "0.0°", "3.0°", "180.0°", "-2.0°", "0.0°", "7.0"]
 
 
 def test_bodies_of_bars_are_closed_and_as_large_as_their_drawings(barred):

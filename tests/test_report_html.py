@@ -1,9 +1,13 @@
 """The kit of all pages: one frame, one style, and colours that can be read."""
 
+from types import SimpleNamespace
+
+import numpy as np
 import pytest
 
-from dsfab.report.compliance.document import Document, ReportSection, Table
+from dsfab.report.compliance.document import Document, Numbers, ReportSection, Table
 from dsfab.report.compliance.html import page
+from dsfab.report.compliance.tables import reactions_table
 from dsfab.report.html import COLOURS, html_page, image, style, why
 from tests.browser import browser, opened
 
@@ -60,3 +64,31 @@ def test_long_heads_of_a_table_do_not_make_it_wider_than_a_telephone(tmp_path):
             "[t.scrollWidth > t.clientWidth, t.querySelector('caption').getBoundingClientRect().right < innerWidth])"
         )
     assert found == [[False, True], [True, True]]
+
+
+@pytest.mark.skipif(browser() is None, reason="no Chromium is installed")
+def test_heads_are_broken_before_columns_are_cut_off_on_a_sheet_of_paper(tmp_path):
+    numbers = {"Mass": "62.3 t", "Kept": "100.0 %", "Compliance, J": "77.9 J ± 50 %", "Over whole sheet": "0.756"}
+    numbers |= {"Over design": "0.581", "Moves": "0.478 mm", "99 % stress": "11.8 MPa", "Level": "quick"}
+    heads, cells = ["Structure", *numbers], ["Thinner", *numbers.values()]
+    table = Table("Others of the same mass.", heads, [cells])
+    path = tmp_path / "report.html"
+    path.write_text(page(Document("Report", "Leaf", [], [ReportSection("Others", [table])], "")), encoding="utf-8")
+    with opened(tmp_path, (1280, 900)) as tab:
+        tab.open(path.as_uri(), "document.readyState === 'complete'")
+        assert tab.run("[...document.querySelectorAll('.table')].every((t) => t.scrollWidth <= t.clientWidth)")
+
+
+def test_reactions_that_are_dust_beside_the_loads_are_nothing():
+    """Of a canopy whose supports carry 346 kN, all together were said to push by 0.0002756 kN."""
+    case = SimpleNamespace(reactions=[[133e3, 2.2, 346e3], [-133e3, -2.0, 0]], imbalance=2e-6, residual=7e-9)
+    supports = [SimpleNamespace(name="foot 1"), SimpleNamespace(name="")]
+    found = SimpleNamespace(
+        judged=SimpleNamespace(cases={"load": case}),
+        fields={"load": SimpleNamespace(load=SimpleNamespace(force=np.array([[0, 0, -346e3]])))},
+        cases=["load"],
+        task=SimpleNamespace(preset=SimpleNamespace(surface=SimpleNamespace(support=supports))),
+    )
+    rows = reactions_table(found, "load", Numbers()).rows
+    assert [row[1:4] for row in rows[:3]] == [("133.0", "0", "346.0"), ("-133.0", "0", "0"), ("0", "0", "346.0")]
+    assert rows[3] == ("Loads", "0", "0", "-346.0", "346.0")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from dsfab.app.export import SHORT
+from dsfab.app.export import CALCULIX, SAME, SUFFIX, format_suffix
 from dsfab.app.options import UNCHANGED, Quiet, Source
 from dsfab.app.step_options import NO_FLAGS, StepFlags, estimate_step
 from dsfab.app.terminal import Reporter, out
@@ -40,12 +40,12 @@ class Files:
     ] = False
 
     def overrides(self) -> tuple[str, ...]:
-        """The formats and what is accepted as KEY=VALUE of the preset, which checks them."""
+        """The formats and what is accepted as KEY=VALUE of the preset. Raises ExportError for what is no format."""
         accepted = ("fabrication.accept=true",) * self.accept
         if self.format_ is None:
             return accepted
         formats = [word.strip().lower() for word in self.format_.split(",") if word.strip()]
-        formats = [SHORT.get(word, f".{word}")[1:] for word in formats]
+        formats = list(dict.fromkeys(_format(word) for word in formats))
         return (*accepted, f"export.formats={json.dumps(formats)}")
 
 
@@ -128,6 +128,14 @@ def build(
         asked = files.format_ is not None or not (proposal or _may_be_left_out(design.preset.export))
         _refuse(saved.refused, design.preset, None if asked else folder, reporter)
     return 0
+
+
+def _format(word: str) -> str:
+    """The format of `export.formats` that a word of --format means. Raises ExportError where there is none."""
+    suffix = format_suffix(word)
+    if suffix == SUFFIX:
+        raise ExportError(f"{word!r} is a check and no file of a build; dsfab export --to {CALCULIX} writes it")
+    return SAME.get(suffix, suffix)[1:]
 
 
 def _read(name: str, source: Source, quiet: bool) -> "tuple[Proposal | None, Preset]":

@@ -23,9 +23,17 @@ if TYPE_CHECKING:
 
 CALCULIX = "calculix"
 SUFFIX = ".inp"
-SAME_AS_STEP = ".stp"
+SAME = {".stp": ".step"}
+"""Two suffixes of one format."""
 SHORT = {"saf": ".saf.xlsx", "opensees": ".tcl"}
 """Suffixes by the words that people know."""
+ELSEWHERE = {
+    "pdf": "`dsfab compare` and `dsfab report` write reports as PDF",
+    "html": "`dsfab compare` and `dsfab report` write reports as HTML",
+    "png": "`dsfab build` and `dsfab preview` draw pictures",
+    "dwg": "what reads DWG reads dxf, too",
+}
+"""What people ask for that is no format here, and where it is had."""
 GROUPS = {
     "mesh": "the solid",
     "both": "the solid",
@@ -123,7 +131,7 @@ def offered_formats() -> list[dict[str, str]]:
 
     offered = []
     for suffix, form in FORMATS.items():
-        if suffix == SAME_AS_STEP:
+        if suffix in SAME:
             continue
         try:
             form.ready()
@@ -164,6 +172,8 @@ def format_suffix(word: str) -> str:
     known = _words()
     suffix = SUFFIX if word == SUFFIX[1:] else known.get(word)
     if suffix is None:
+        if word in ELSEWHERE:
+            raise ExportError(f"{word!r} names no format; {ELSEWHERE[word]}")
         near = difflib.get_close_matches(word, known, n=1)
         hint = f"did you mean {near[0]}? " if near else ""
         raise ExportError(f"{word!r} names no format; {hint}use one of {', '.join(known)}")

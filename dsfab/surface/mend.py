@@ -1,4 +1,4 @@
-"""Small faults of meshes as programs leave them, mended: crumbs, pinholes, needles without area, faces twice."""
+"""Small faults of meshes as programs leave them, mended: crumbs, pinholes, needles without area, faces twice, teeth."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -10,8 +10,10 @@ from dsfab.arrays import Bools, Floats, Ints, area_vectors, closed_length, compl
 from dsfab.surface.crossings import crossings
 from dsfab.surface.doubled import single_sheets
 from dsfab.surface.places import FAR, in_reach, merged
+from dsfab.surface.ragged import even_edges
 from dsfab.surface.stitching import joined_at_points, stitched
 from dsfab.surface.topology import boundary_loops, duplicate_faces, edge_table, flips_to_orient, pieces
+from dsfab.wording import length
 
 WELD = 5e-5
 """Share of the largest side within which vertices become one."""
@@ -64,13 +66,13 @@ def mended(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
     with an earlier face's corners go, and so do the later ones of three and more on an edge, pieces under `CRUMB` of
     the area, and pinholes with outlines under `PINHOLE` of the side. Seams of patches that were divided apart are
     stitched, and parts that touch in a point are joined there: see `dsfab.surface.stitching`. Copies of a sheet go, and
-    a slab becomes the sheet in its middle: see `dsfab.surface.doubled`. What is left is as it was; vertices without a
-    face go.
+    a slab becomes the sheet in its middle: see `dsfab.surface.doubled`. Edges along which faces were deleted lose their
+    teeth: see `dsfab.surface.ragged`. What is left is as it was; vertices without a face go.
     """
     mesh = single_sheet(sound_faces(V, F), metres)
     mesh = _without(stitched_mesh(_without(mesh, _TOO_MANY)), _TOO_SMALL)
     mesh = _joined(mesh) if len(mesh.F) else mesh
-    return _compact(_without_pinholes(mesh) if len(mesh.F) else mesh)
+    return _compact(_without_teeth(_without_pinholes(mesh), metres) if len(mesh.F) else mesh)
 
 
 def sound_faces(V: Floats, F: Ints) -> MendedMesh:
@@ -196,3 +198,10 @@ def _without_pinholes(mesh: MendedMesh) -> MendedMesh:
     if not fans:
         return mesh
     return MendedMesh(V, np.concatenate([F, *fans]), (*mesh.repairs, f"{counted(len(fans), 'pinhole')} closed"))
+
+
+def _without_teeth(mesh: MendedMesh, metres: float) -> MendedMesh:
+    """The mesh with its ragged edges made even; `metres` of its unit, for the words."""
+    even = even_edges(mesh.V, mesh.F)
+    words = f"ragged edges made even, {counted(even.moved, 'vertex')} by up to {length(metres * even.most)}"
+    return MendedMesh(even.V, even.F, (*mesh.repairs, words)) if even.moved else mesh

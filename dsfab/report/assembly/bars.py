@@ -94,7 +94,7 @@ def _bar_page(rows: Sequence[Sequence[str | int | float]]) -> Callable[[Paper], 
 def _bar_row(paper: Paper, at: tuple[float, float], row: Sequence[str | int | float]) -> None:
     name, one, two, _, long, _, *angles, bow, _ = row
     paper.text(at, str(name), 6.5, bold=True)
-    shown = [str(one), str(two), f"{long:,.1f}", *(f"{angle:.1f}°" for angle in angles), f"{bow:.1f}"]
+    shown = [str(one), str(two), f"{long:,.1f}", *(f"{angle:z.1f}°" for angle in angles), f"{bow:.1f}"]
     for place, words in zip(PLACES[1:], shown, strict=True):
         paper.text((at[0] + place, at[1]), words, 6.5, side="left" if place < 50 else "right")
 

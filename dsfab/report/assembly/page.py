@@ -101,8 +101,8 @@ def _bar_words(plan: WorkshopPlan) -> dict[str, str]:
     for row in bar_table(plan).rows:
         name, one, two, _, long, wide, _, dip, _, other, twist, bow, _ = row
         found[str(name)] = (
-            f"{long:,.1f} x {wide:.1f} mm, from {one} ({dip:.1f} degrees below its plate) to {two} ({other:.1f}); "
-            f"turned by {twist:.1f} degrees; {bow:.1f} mm from the curved axis"
+            f"{long:,.1f} x {wide:.1f} mm, from {one} ({dip:z.1f} degrees below its plate) to {two} ({other:z.1f}); "
+            f"turned by {twist:z.1f} degrees; {bow:.1f} mm from the curved axis"
         )
     bars = plan.bars.found.bars
     for joint in plan.bars.found.joints:

@@ -132,7 +132,8 @@ table { width: 100%; font-size: 8.5pt; }
 caption, figcaption { text-align: left; font-size: 8.5pt; font-weight: 400; padding: 0 0 1.5mm; }
 figcaption { padding: 1.5mm 0 0; } thead { display: table-header-group; }
 th, td { padding: .9mm 1.6mm; vertical-align: top; }
-th { border-top: 1px solid var(--text); border-bottom: 1px solid var(--text); vertical-align: bottom; }
+th { border-top: 1px solid var(--text); border-bottom: 1px solid var(--text); vertical-align: bottom;
+  white-space: normal; }
 .left { text-align: left; white-space: normal; } .strong td { background: var(--tint); font-weight: 600; }
 tbody tr:last-child td { border-bottom: 1px solid var(--text); }
 figure { margin: 3mm 0 4.5mm; }
@@ -153,7 +154,7 @@ footer { border-top: 1px solid var(--hair); margin-top: 8mm; padding-top: 2mm; c
   .banner, .strong td, pre { print-color-adjust: exact; -webkit-print-color-adjust: exact; }
   .page { break-before: page; } .page h2 { margin-top: 0; } footer { display: none; } .table { overflow: visible; } }
 @media screen and (max-width: 60rem) { body { padding: 1.2rem; margin: 0; } dl { grid-template-columns: 1fr 1fr; }
-  .across { grid-template-columns: 1fr; } th { white-space: normal; } th, td { padding: .9mm 1mm; }
+  .across { grid-template-columns: 1fr; } th, td { padding: .9mm 1mm; }
   caption { max-width: calc(100vw - 2.4rem); } }
 """
 """What is its own: an A4 sheet, on a screen and on paper; RUNNING and FOOTER stand at the edges of printed pages, which

@@ -21,6 +21,8 @@ GB = 1e9
 OFF_CORNERS = "further than a rib's width from corners"
 """Where a stress is the largest that is a number."""
 
+DUST = 5e-5
+"""Share of the largest force under which one is nothing."""
 MORE = 1e-6
 """Share by which the loads of the uncut sheet have to be larger to be told beside those of the cut one."""
 
@@ -316,10 +318,10 @@ def reactions_table(found: Findings, name: str, number: Numbers) -> Table:
     loads = found.fields[name].load.force.sum(axis=0)
     held = np.sum(case.reactions, axis=0)
     factor, unit = unit_for(float(np.abs(loads).max()), "N")
+    dust = DUST * max(1.0, float(np.abs([*case.reactions, loads]).max()) / factor)
 
     def line(text: str, force: Any) -> tuple[str, ...]:
-        size = float(np.linalg.norm(force)) / factor
-        return (text, *(_small(x / factor) for x in force), digits_of(size, 4) if size > 1e-4 else "0")
+        return (text, *(_small(float(x) / factor, dust) for x in (*force, np.linalg.norm(force))))
 
     supports = found.task.preset.surface.support
     names = [escaped(one.name) or f"Support {k}" for k, one in enumerate(supports, start=1)]
@@ -407,6 +409,6 @@ def _thousands(count: int) -> str:
     return f"{count:,}".replace(",", " ")
 
 
-def _small(value: float) -> str:
-    """Four digits, and 0 for what is dust."""
-    return "0" if abs(value) < 5e-5 else digits_of(value, 4)
+def _small(value: float, dust: float = DUST) -> str:
+    """Four digits, and 0 for what is less than `dust`."""
+    return "0" if abs(value) < dust else digits_of(value, 4)
