@@ -28,7 +28,7 @@ from dsfab.export.network.heights import _powers
 from dsfab.export.network.joining import joined_outlines, without_lenses
 from dsfab.export.network.lifting import Lifting
 from dsfab.export.network.lines import ChainLine, NetLines, with_ends_on_lines
-from dsfab.export.network.model import NetEdge, NetModel, NetPatch
+from dsfab.export.network.model import NetEdge, NetModel, NetPatch, _beyond_mesh
 from dsfab.export.network.patches import coons, least_jacobian, pulled
 from dsfab.export.network.quads import quads_of
 from dsfab.export.network.stations import Stations, paired
@@ -45,7 +45,7 @@ from dsfab.export.splines import Spline, bernstein
 from dsfab.limits import DEFLECTION
 from dsfab.slicing import Sheet
 from dsfab.study.file_check import read_shipped
-from dsfab.surface import SHAPES, Surface
+from dsfab.surface import SHAPES, Surface, nearest
 from dsfab.surface.neighbours import on_boundary
 from dsfab.thickening import offsets, thicken
 
@@ -388,6 +388,62 @@ def test_its_faces_are_curved_to_a_check_of_the_file(tmp_path):
     path = tmp_path / "strip.step"
     path.write_text(member_draft(part, SmoothPlan(part)).text, encoding="ascii")
     assert read_shipped(path, deflection=1e-3).deflection > 0
+
+
+def test_some_cubics_of_a_line_are_halved_and_nothing_moves():
+    lines, curve = two_chains_of_a_line(0.4, 3)
+    line = replace(lines.lines[0], curve=curve)
+    halved, x = line.halved(np.array([False, True])).curve, np.linspace(0, 1, 23)
+    np.testing.assert_allclose(halved.breaks, [0, 0.4, 0.7, 1])
+    np.testing.assert_allclose(halved(x), curve(x), atol=1e-12)
+    np.testing.assert_array_equal(halved.spans[0], curve.spans[0])
+
+
+@pytest.mark.parametrize(("wave", "long", "spans"), [(3.0, 400.0, 2), (0.2, 400.0, 1), (3.0, 30.0, 1)])
+def test_cubics_that_leave_the_skins_between_their_places_are_halved(wave, long, spans):
+    """Over skins that wave by 3 mm; not what waves by less than is allowed, or is shorter than the sheet is thick."""
+
+    def away(Q: np.ndarray) -> np.ndarray:
+        way = np.zeros_like(Q)
+        z = wave * np.sin(4 * np.pi * Q[:, 0] / long)
+        way[:, 2], way[:, 5] = z + 20 - Q[:, 2], z - 20 - Q[:, 5]
+        return way
+
+    box, share = np.array([[-np.inf] * 3, [np.inf] * 3]), np.linspace(0, long, 4)
+    poles = np.stack([share, 0 * share, 0 * share + 20, share, 0 * share, 0 * share - 20], axis=1)
+    line = ChainLine([(0, True)], ChainCurve(np.array([0.0, 1]), poles[None]), np.array([0.0, 1]))
+    assert len(line_fits.LineFits(1.0, box, box, away, True)._halved([line])[0].curve.spans) == spans
+
+
+@pytest.mark.parametrize("near", [True, False])
+def test_patches_are_asked_how_far_off_the_mesh_they_are(near):
+    """Though it is on the skins in its middle: at a corner it is 1 mm farther than it may be, or nearer."""
+    patch = np.zeros((1, 1, 4, 4, 6))
+    x = np.linspace(0, 30, 4)
+    patch[0, 0, ..., [0, 3]], patch[0, 0, ..., [1, 4]] = np.broadcast_to(x[:, None], (4, 4)), np.broadcast_to(x, (4, 4))
+    asked_at = list[int]()
+
+    def beyond(points: np.ndarray) -> np.ndarray:
+        asked_at.append(len(points))
+        return np.where(points[:, :2].sum(axis=1) < 1, -1.0 if near else 1.0, -1.0)
+
+    limits = replace(asked(0.01, 1.0), beyond_mesh=beyond)
+    assert _beyond_mesh([patch, patch], limits).tolist() == [-1.0 if near else 1.0] * 2
+    assert _beyond_mesh([patch], asked(0.01, 1.0)).tolist() == [-np.inf]
+    assert _beyond_mesh([], limits).shape == (0,)
+    assert asked_at == [2 * 98]
+
+
+def test_a_gate_says_how_much_farther_points_are_from_the_mesh_than_they_may_be():
+    """What is near is nearer than it may be by less than it seems: its chord error is not asked for."""
+    surface = cylinder_strip(columns=8)
+    part, _, _ = draft_of(surface, striped(surface))
+    plan, up = SmoothPlan(part), 1000 * surface.V[surface.F[:5]].mean(axis=1)
+    points = np.concatenate([up + [0, 0, 100.0], part.V[:5]])
+    away = nearest(points, part.V, part.F).distance
+    np.testing.assert_allclose(plan.gate.beyond(points)[:5], (away - plan.limits.allowed(points))[:5])
+    np.testing.assert_allclose(plan.gate.beyond(points)[5:], -plan.limits.distance)
+    assert plan.limits.allowed(points).min() > 1.5 * plan.limits.distance
 
 
 def test_a_strip_is_untrimmed_and_uses_each_edge_twice():

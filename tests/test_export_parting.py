@@ -12,6 +12,7 @@ from dsfab.export.network.model import NetModel, NetPatch, NetWall
 from dsfab.export.network.parting import allowance_used, parted
 from dsfab.export.network.trimmed import SPLIT, FaceLimits, trimmed_face
 from dsfab.export.splines import bernstein
+from dsfab.limits import DEFLECTION
 from tests.test_export_network import flat_model
 
 LIMITS = FaceLimits(0.01, 1.0, np.array([[-np.inf] * 3, [np.inf] * 3]))
@@ -109,12 +110,75 @@ def test_a_region_whose_inside_strays_is_divided_though_it_meets_its_edges(monke
     assert max(part.off for part in after) < 1e-3
 
 
+def folded_mesh(points: np.ndarray) -> np.ndarray:
+    """(k,) how much more than .05 mm points (k, 3) of both skins are off the sheet of a model with a fold."""
+    rise = np.maximum(points[:, 0] - 300, 0) / 10
+    return np.abs(np.abs(points[:, 2] - rise) - 20) - 0.05
+
+
+@pytest.mark.parametrize(("mesh", "parts"), [(None, 1), (folded_mesh, 2)])
+def test_a_region_that_strays_from_the_mesh_where_nothing_holds_it_is_divided_where_that_is_asked(
+    monkeypatch, mesh, parts
+):
+    monkeypatch.setattr(parting, "SPLIT", 1e3)
+    model, loop = folded_model(HALVES, 1)
+    limits, nothing = replace(LIMITS, beyond_mesh=mesh), np.zeros((0, 6))
+    face = trimmed_face(model, [loop], nothing, limits)
+    after = parted(model, {7: face}, lambda some: {7: nothing}, np.zeros_like, limits)
+    assert len(after) == parts
+    assert face.astray == -np.inf if mesh is None else face.astray > 0.5 > max(part.astray for part in after) + 0.5
+
+
+@pytest.mark.parametrize(
+    ("mesh", "tried"), [(None, 1), (lambda points: np.ones(len(points)), sum(range(1, parting.TIMES + 1)))]
+)
+def test_more_seams_are_tried_where_the_usual_ones_do_not_help_and_the_mesh_counts(monkeypatch, mesh, tried):
+    model, loop = folded_model(HALVES, 1)
+    limits, nothing, times = replace(LIMITS, beyond_mesh=mesh), np.zeros((0, 6)), list[int]()
+    work = parting._Parting(model, np.zeros_like, limits)
+    monkeypatch.setattr(work, "_two", lambda *given: times.append(work.times) or [])
+    face = replace(trimmed_face(model, [loop], nothing, limits), gap=9 * SPLIT)
+    assert len(work.parts(face, nothing)) == 1
+    assert sum(times) == tried
+
+
+@pytest.mark.parametrize(("times", "gap"), [(1, 0.8), (2, 0.3)])
+def test_of_many_seams_the_best_is_taken_and_else_the_first_that_helps(monkeypatch, times, gap):
+    model, loop = folded_model(HALVES, 1)
+    edges, work, nothing = len(model.edges), parting._Parting(model, np.zeros_like, LIMITS), np.zeros((0, 6))
+    work.times, face = times, replace(trimmed_face(model, [loop], nothing, LIMITS), gap=9 * SPLIT)
+    shares = {1: 0.8, 2: 0.3, 3: 0.5}
+    seams = [((0, 2 * k), np.full((1, 4, 6), k)) for k in shares]
+    monkeypatch.setattr(work, "_seams", lambda *given: seams)
+    by_seam = lambda *given: [replace(face, gap=shares[int(model.edges[-1].poles[0, 0])] * SPLIT)] * 2  # noqa: E731
+    monkeypatch.setattr(work, "_faces", by_seam)
+    assert [part.gap / SPLIT for part in work._two(face, nothing)] == pytest.approx([gap, gap])
+    assert len(model.edges) == edges + 1, "those of no other seam are left"
+
+
+def test_seams_keep_to_the_mesh_where_that_is_asked():
+    """Of a region whose seams in the middle do not, as beside a crease, others are taken."""
+
+    def off_mesh(points: np.ndarray) -> np.ndarray:
+        return np.where((np.abs(points[:, 0] - 300) < 60) & (np.abs(points[:, 1] - 100) < 20), 1.0, -1.0)
+
+    model, loop = folded_model(HALVES, 1)
+    outline, nothing, through = HalvedOutline.of(model, loop), np.zeros((0, 6)), list[bool]()
+    for mesh in (None, off_mesh):
+        seams = parting._Parting(model, np.zeros_like, replace(LIMITS, beyond_mesh=mesh))._seams(outline, nothing)
+        points = [(bernstein(np.linspace(0, 1, 99)) @ poles).reshape(-1, 3) for _, poles in seams]
+        through.append(any((off_mesh(P) > 0).any() for P in points))
+        assert seams
+    assert through == [True, False]
+
+
 def test_a_face_is_asked_for_its_gap_its_inside_and_its_poles():
     model, loop = folded_model(HALVES, 0)
     face = trimmed_face(model, [loop], np.zeros((0, 6)), LIMITS)
     assert allowance_used(face, LIMITS) < 1
     assert allowance_used(replace(face, gap=2 * SPLIT), LIMITS) == 2
     assert allowance_used(replace(face, off=3.0), LIMITS) == 3 / parting.OFF
+    assert allowance_used(replace(face, astray=3.0), LIMITS) == 4 + DEFLECTION
     box = np.array([[0.0, 0, -100], [600, 200, 100]]) + np.array([[-2.0], [2.0]])
     diagonal = np.linalg.norm(box[1] - box[0])
     out = face.inner + np.array([30.0, 0, 0])

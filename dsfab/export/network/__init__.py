@@ -16,7 +16,7 @@ line_fits   : chains in a row that become one curve; lines : these, divided wher
 arcs        : round corners of openings as arcs that go on as the walls do.
 stations    : where opposite sides of a region are divided.
 patches     : their patches; trimmed : the surfaces of all other regions; heights : what these are;
-              domains : over what; interior : near to which points.
+              domains : over what; interior : near to which points; straying : how far off the mesh.
 strays      : those that leave the skins where none of these points are, made anew.
 parting     : trimmed regions whose surface does not meet their edges, divided; chords : where.
 model       : edges, walls and faces of one solid; text : their entities.

@@ -62,9 +62,10 @@ class HalvedOutline:
         back = bernstein(1 - np.arange(2 * POINTS) / (2 * POINTS)) @ seam[::-1]
         return np.concatenate([turned, back.reshape(-1, 6)])
 
-    def chords(self, worst: Ints) -> Iterator[tuple[int, int]]:
+    def chords(self, worst: Ints, times: int = 1) -> Iterator[tuple[int, int]]:
         """Pairs of places, ascending, between which a chord is inside and clear: those that are short for the smaller
-        area that they cut off first, once of those from the worst places (k,), and once of all others."""
+        area that they cut off first, once of those from the worst places (k,), and once of all others; so many times
+        `TRIED`."""
         axes = axes_of(middle_normal(self.line))
         line, at = self.line[:, :3] @ axes[:2].T, self.poles[:, 0, :3] @ axes[:2].T
         i, j = np.triu_indices(len(at), 1)
@@ -78,7 +79,7 @@ class HalvedOutline:
         near = np.isin(i[order], worst) | np.isin(j[order], worst)
         for some in (order[near], order[~near]):
             clear = (k for k in some.tolist() if _is_clear(at[i[k]], at[j[k]], line))
-            yield from ((int(i[k]), int(j[k])) for k in islice(clear, TRIED // 2))
+            yield from ((int(i[k]), int(j[k])) for k in islice(clear, times * TRIED // 2))
 
 
 def _cross(a: Floats, b: Floats) -> Floats:

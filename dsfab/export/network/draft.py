@@ -30,9 +30,10 @@ from dsfab.export.network.quads import REACH, Quad, quads_of
 from dsfab.export.network.sampling import with_sampled_peaks
 from dsfab.export.network.seams import with_steep_ends
 from dsfab.export.network.straightening import straightened
+from dsfab.export.network.straying import FaceLimits
 from dsfab.export.network.strays import without_strays
 from dsfab.export.network.text import NetText
-from dsfab.export.network.trimmed import SPLIT, FaceLimits, TrimmedFace, trimmed_face
+from dsfab.export.network.trimmed import SPLIT, TrimmedFace, trimmed_face
 from dsfab.export.part import Part
 from dsfab.export.plate_text import Entities
 from dsfab.export.smooth.edges import FLAT
@@ -103,7 +104,8 @@ def member_draft(part: Part, plan: SmoothPlan, fine: bool = False) -> MemberDraf
     """The file of a part before it is checked; raises ExportError where it cannot be made, and ManyFacesError
     where nobody asked for so large a one.
 
-    fine : whether trimmed faces are near to many points of long triangles, see `interior`.
+    fine : whether faces are asked how far they are off the mesh, borders follow the skins closely, and trimmed ones
+    are near to many points of long triangles, see `interior`.
     """
     with one_blas_thread():  # thousands of small systems
         return _draft(part, plan, fine)
@@ -177,7 +179,7 @@ def _net(sheet: StripedSheet, lifting: Lifting, plan: SmoothPlan) -> ChainNet:
 
 def _solid(part: Part, net: ChainNet, interior: Interior, plan: SmoothPlan) -> tuple[NetModel, list[TrimmedFace]]:
     """The model of a piece, and its faces without four sides."""
-    fits = _Fits(interior.lifting, plan)
+    fits = _Fits(interior, plan)
     lines, model = fits.model(net)
     _require_few(part, int(FEWER_FACES * model.faces))
     known = dict[int, bytes]()
@@ -266,12 +268,13 @@ class _Fits:
     """The lines of nets, and their models; chains with the points that they had are not sampled anew, nor are trimmed
     faces with the outlines that they had (by region and poles)."""
 
-    def __init__(self, lifting: Lifting, plan: SmoothPlan) -> None:
-        self.lifting, self.limits, self.reach = lifting, plan.limits, REACH * plan.limits.thickness
+    def __init__(self, interior: Interior, plan: SmoothPlan) -> None:
+        self.lifting, self.limits, self.reach = interior.lifting, plan.limits, REACH * plan.limits.thickness
         skins = np.stack([plan.limits.V.min(axis=0), plan.limits.V.max(axis=0)])
         box = _wide_box(skins)
-        self.fits = LineFits(plan.limits.distance, box, skins, lifting.away)
-        self.wanted = FaceLimits(_narrow(plan.limits.thickness), plan.limits.distance, box)
+        self.fits = LineFits(plan.limits.distance, box, skins, self.lifting.away, interior.fine)
+        beyond_mesh = plan.gate.beyond if interior.fine else None
+        self.wanted = FaceLimits(_narrow(plan.limits.thickness), plan.limits.distance, box, beyond_mesh)
         self.points, self.chains = dict[int, Ints](), dict[int, SampledChain]()
         self.faces = dict[tuple[int, bytes], TrimmedFace]()
         self.quads = dict[int, tuple[list[Loop], list[SampledChain], Quad | None]]()
@@ -286,7 +289,7 @@ class _Fits:
         chains = {k: self.chains[k] for k in net.chains}
         quads, others = self._quads(net, chains)
         lines = self.fits.lines(net, chains, quads, self.reach)
-        return lines, net_model(lines, chains, quads, others, self.lifting.away, self.patched, self.limits.distance)
+        return lines, net_model(lines, chains, quads, others, self.lifting.away, self.wanted, self.patched)
 
     def _quads(self, net: ChainNet, chains: dict[int, SampledChain]) -> tuple[list[Quad], list[int]]:
         """As `quads_of`; regions with the chains that they had are as they were."""

@@ -10,7 +10,7 @@ from functools import cached_property
 
 import igl
 import numpy as np
-from scipy.sparse import csr_array
+from scipy.sparse import csr_array, vstack
 
 from dsfab.arrays import Floats
 from dsfab.export.network.sides import Sides
@@ -39,8 +39,19 @@ class Lifting:
         """(k, 6) millimetres on the outer and on the inner skin, over points with barycentric weights (k, n)."""
         if not len(self.sides.creases):
             return self._points(weights)
-        one, two = self.sides.rows(weights)
+        one, two = self.sides.rows(self._in_faces(weights))
         return np.asarray((self._points(one) + self._points(two)) / 2)
+
+    def _in_faces(self, weights: csr_array) -> csr_array:
+        """The weights (k, n), those of points between two faces beside a crease as of the nearest places: nothing says
+        on which side they are, and seen from none they were 1.4 mm off the others of their chain."""
+        between = self.sides.between_faces(weights)
+        if not len(between):
+            return weights
+        nearest = self.weights_at(np.asarray(weights[between] @ self.skins.points))
+        row = np.arange(weights.shape[0])
+        row[between] = len(row) + np.arange(len(between))
+        return csr_array(vstack([weights, nearest], format="csr")[row])
 
     def _points(self, weights: csr_array) -> Floats:
         """The same, over weights (k, s) on the columns of `sides`."""

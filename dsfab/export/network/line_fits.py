@@ -28,6 +28,7 @@ from dsfab.export.network.lines import (
 from dsfab.export.network.parabolas import with_parabolas
 from dsfab.export.network.quads import Quad
 from dsfab.export.smooth.edges import FLAT, OF_LOOP
+from dsfab.export.splines import bernstein
 
 APART = 0.1
 """Share of a span by which the ends of chains in a line are away from its breaks, at least."""
@@ -39,17 +40,23 @@ OF_CHORD = 1 / 8
 """Share of the mesh's own chord error that is added to the tolerance, a quarter of what walls of smooth solids get: the
 skins of a coarse mesh wave, onto which curves are brought afterwards. With half, a torus was 3.8 mm off of 3.4."""
 
+BETWEEN = np.linspace(0, 1, 9)[1:-1]
+"""Shares of a cubic where it is asked how far it is off the skins; one shorter than the sheet is thick stays whole."""
+
 
 class LineFits:
     """The lines of nets; those whose chains have the points that they had are not fitted anew.
 
     distance : that a solid may be off the mesh, millimetres.    box : (2, 3) where poles should be, millimetres.
     skins : (2, 3) around the skins; parabolas are only taken where their poles, farther out, are in there too.
-    away : the ways (k, 6) to both skins from points near them.
+    away : the ways (k, 6) to both skins from points near them.    closely : whether cubics that stray from these are
+    divided.
     """
 
-    def __init__(self, distance: float, box: Floats, skins: Floats, away: Callable[[Floats], Floats]) -> None:
-        self.distance, self.box, self.skins, self.away = distance, box, skins, away
+    def __init__(
+        self, distance: float, box: Floats, skins: Floats, away: Callable[[Floats], Floats], closely: bool = False
+    ) -> None:
+        self.distance, self.box, self.skins, self.away, self.closely = distance, box, skins, away, closely
         self.within = dict[int, float]()
         self.known = dict[tuple[tuple[int, bool], ...], tuple[list[Ints], ChainLine]]()
         self.pulled = dict[int, tuple[ChainLine, ChainLine]]()
@@ -108,10 +115,27 @@ class LineFits:
     def _on_skins(self, lines: list[ChainLine]) -> list[ChainLine]:
         new = [line for line in lines if id(line) not in self.pulled]
         fine = [line.with_poles_in(self.box) for line in new]
+        if self.closely:
+            fine = self._halved(fine)
         curves = with_parabolas(on_skins([line.curve for line in fine], self.away), self.distance, self.skins)
         for line, one, curve in zip(new, fine, curves, strict=True):
             self.pulled[id(line)] = line, replace(one, curve=curve)
         return [self.pulled[id(line)][1] for line in lines]
+
+    def _halved(self, lines: list[ChainLine]) -> list[ChainLine]:
+        """The lines with those cubics in two that would leave the skins between the places where they are brought onto
+        these: a mesh point was 1.5 mm off a patch of which 1.49 were allowed, and the skin .8 off that point."""
+        curves = on_skins([line.curve for line in lines], self.away)
+        if not curves:
+            return lines
+        spans = np.concatenate([curve.spans for curve in curves])
+        off = self.away((bernstein(BETWEEN) @ spans).reshape(-1, 6)).reshape(len(spans), -1, 3)
+        long = np.linalg.norm(spans[:, 3, :3] - spans[:, 0, :3], axis=1) > np.linalg.norm(
+            spans[:, 0, :3] - spans[:, 0, 3:], axis=1
+        )
+        far = long & (np.linalg.norm(off, axis=2).max(axis=1) > FLAT * self.distance)
+        each = np.split(far, np.cumsum([len(curve.spans) for curve in curves])[:-1])
+        return [line.halved(some) if some.any() else line for line, some in zip(lines, each, strict=True)]
 
 
 def _tolerances(net: ChainNet, chains: Mapping[int, SampledChain], distance: float) -> dict[int, float]:

@@ -4,7 +4,7 @@
 ------T-------             line, a curve fitted to both. T lies on it, and the third chain is moved to end there.
 """
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
@@ -13,7 +13,7 @@ import numpy as np
 from scipy.sparse import csc_array, lil_array
 from scipy.sparse.linalg import spsolve
 
-from dsfab.arrays import Floats, Ints
+from dsfab.arrays import Bools, Floats, Ints
 from dsfab.errors import ExportError
 from dsfab.export.network.curves import ChainCurve, parts_of
 from dsfab.export.network.graph import VOID, ChainNet, Loop
@@ -56,13 +56,23 @@ class ChainLine:
         return found
 
     def with_poles_in(self, box: Floats) -> "ChainLine":
-        """Its cubics divided until all poles are in a box (2, 3), since CAD programs draw boxes around poles, or until
-        they are short. One is divided at its middle, or at the end of a chain near it, where a wall ends as well."""
+        """Its cubics divided until all poles are in a box (2, 3), since CAD programs draw boxes around poles."""
+        return self._divided(lambda a, b, P: _within(P, box))
+
+    def halved(self, spans: Bools) -> "ChainLine":
+        """Some of its cubics (k,) in two."""
+        ends = pairwise(self.curve.breaks.tolist())
+        some = {both for both, is_one in zip(ends, spans.tolist(), strict=True) if is_one}
+        return self._divided(lambda a, b, P: (float(a), float(b)) not in some)
+
+    def _divided(self, whole: Callable[[float, float, Floats], bool]) -> "ChainLine":
+        """Its cubics divided until they may stay whole, or are short. One is divided at its middle, or at the end of a
+        chain near it, where a wall ends as well."""
         todo = list(zip(self.curve.breaks[:-1], self.curve.breaks[1:], self.curve.spans, strict=True))[::-1]
         breaks, spans = [0.0], list[Floats]()
         while todo:
             a, b, P = todo.pop()
-            if _within(P, box) or b - a < SHORTEST:
+            if whole(a, b, P) or b - a < SHORTEST:
                 breaks.append(b)
                 spans.append(P)
                 continue

@@ -15,6 +15,7 @@ from dsfab.export.network.parabolas import lowered_patches
 from dsfab.export.network.patches import coons, least_jacobian, pulled
 from dsfab.export.network.quads import Quad
 from dsfab.export.network.stations import Grid, Stations
+from dsfab.export.network.straying import FaceLimits
 from dsfab.export.splines import bernstein
 
 FOLDED = 0.1
@@ -25,6 +26,9 @@ MOST_CELLS = 2
 
 COMPACT = 10.0
 """Outline of a compact region over its mean width, at most: 8 of a square, 9 of two, 10.7 of three in a row."""
+
+ASKED = np.linspace(0, 1, 7)
+"""Where a patch is asked how far it is off the mesh, in both directions."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,13 +107,13 @@ def net_model(
     quads: Iterable[Quad],
     others: Iterable[int],
     away: Callable[[Floats], Floats],
+    limits: FaceLimits,
     patched: Collection[int] = (),
-    near: float = np.inf,
 ) -> NetModel:
     """The model of a net of quads and other regions.
 
     away : the ways (k, 6) to both skins from points there.    patched : quads that are divided into patches, whatever
-    their number.    near : what these may be off the skins in their middles, millimetres; others are trimmed.
+    their number.    limits : of these, with `off` what they may be off the skins in their middles; others are trimmed.
     """
     stations, some = Stations(lines, chains), list(quads)
     compact = frozenset(
@@ -119,7 +123,7 @@ def net_model(
     )
     rest = [quad for quad in some if quad.region not in compact]
     model = NetModel(compact=compact, seam=len(lines.twins) > 0)
-    return _Assembly(stations, rest, [*others, *sorted(compact)], away, near, model).model
+    return _Assembly(stations, rest, [*others, *sorted(compact)], away, limits, model).model
 
 
 class _Assembly:
@@ -129,7 +133,7 @@ class _Assembly:
         quads: list[Quad],
         others: list[int],
         away: Callable[[Floats], Floats],
-        near: float,
+        limits: FaceLimits,
         model: NetModel,
     ) -> None:
         self.lines = lines = stations.lines
@@ -144,9 +148,10 @@ class _Assembly:
         for i, (some, P) in enumerate(zip(stops, each, strict=True)):
             self._line(i, some, P)
         self._walls()
-        patches = [lowered_patches(P, near) for P in self._patches(grids, away)]
-        for quad, grid, P, off in zip(quads, grids, patches, _strays(patches, away), strict=True):
-            if off > near or least_jacobian(np.concatenate([P[..., :3], P[..., 3:]])) < FOLDED:
+        patches = [lowered_patches(P, limits.off) for P in self._patches(grids, away)]
+        far = (_strays(patches, away) > limits.off) | (_beyond_mesh(patches, limits) > 0)
+        for quad, grid, P, is_far in zip(quads, grids, patches, far, strict=True):
+            if is_far or least_jacobian(np.concatenate([P[..., :3], P[..., 3:]])) < FOLDED:
                 others.append(quad.region)
             else:
                 self._add(P, grid)
@@ -252,6 +257,17 @@ def _strays(patches: Sequence[Floats], away: Callable[[Floats], Floats]) -> Floa
     middles = [np.einsum("a,b,uvabi->uvi", half, half, P).reshape(-1, 6) for P in patches]
     off = np.linalg.norm(away(np.concatenate(middles)).reshape(-1, 2, 3), axis=2).max(axis=1)
     return np.array([some.max() for some in np.split(off, np.cumsum([len(some) for some in middles])[:-1])])
+
+
+def _beyond_mesh(patches: Sequence[Floats], limits: FaceLimits) -> Floats:
+    """(k,) how much farther patches (ku, kv, 4, 4, 6) of regions are from the mesh than they may be, if that is asked:
+    beside a crease one was on the skins in its middle, and 1.4 mm off where 1.1 are allowed."""
+    if not patches or limits.beyond_mesh is None:
+        return np.full(len(patches), -np.inf)
+    poles, ends = [P.reshape(-1, 4, 4, 6) for P in patches], np.cumsum([P.shape[0] * P.shape[1] for P in patches])
+    points = np.einsum("xa,yb,kabi->kxyi", bernstein(ASKED), bernstein(ASKED), np.concatenate(poles))
+    beyond = limits.beyond_mesh(points.reshape(-1, 3)).reshape(len(points), -1).max(axis=1)
+    return np.array([some.max() for some in np.split(beyond, ends[:-1])])
 
 
 def _compact(quad: Quad, chains: Mapping[int, SampledChain]) -> bool:

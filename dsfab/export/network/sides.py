@@ -62,14 +62,9 @@ class Sides:
 
     def rows(self, weights: csr_array) -> tuple[csr_array, csr_array]:
         """Barycentric weights (k, n) on columns (k, s), twice: seen from both sides of a crease that a point is on."""
-        split = np.zeros(self.surface.n, dtype=bool)
-        split[self.vertex[self.surface.n :]] = True
         weights = csr_array(weights)
-        row = np.repeat(np.arange(weights.shape[0]), np.diff(weights.indptr))
-        real = np.abs(weights.data) > NOTHING
-        special = np.unique(row[split[weights.indices] & real])
+        row, mine = self._beside_creases(weights)
         columns = np.tile(weights.indices, (2, 1)).astype(np.int64)
-        mine = np.isin(row, special) & real
         faces = self._faces(weights.indices[mine].astype(np.int64), row[mine], len(weights.indptr) - 1)
         for i in range(2):
             face = faces[row, i]
@@ -80,6 +75,23 @@ class Sides:
         shape = (weights.shape[0], len(self.vertex))
         one, two = (csr_array((weights.data, c, weights.indptr), shape=shape) for c in columns)
         return one, two
+
+    def between_faces(self, weights: csr_array) -> Ints:
+        """(j,) which points beside creases, with weights (k, n), are in no face: half way between points of two."""
+        weights = csr_array(weights)
+        row, mine = self._beside_creases(weights)
+        faces = self._faces(weights.indices[mine].astype(np.int64), row[mine], weights.shape[0])
+        special = np.unique(row[mine])
+        return np.asarray(special[faces[special, 0] < 0])
+
+    def _beside_creases(self, weights: csr_array) -> tuple[Ints, Bools]:
+        """The row of each weight, and whether it counts and is of a row with vertices on creases."""
+        split = np.zeros(self.surface.n, dtype=bool)
+        split[self.vertex[self.surface.n :]] = True
+        row = np.repeat(np.arange(weights.shape[0]), np.diff(weights.indptr))
+        real = np.abs(weights.data) > NOTHING
+        special = np.unique(row[split[weights.indices] & real])
+        return row, np.isin(row, special) & real
 
     def _faces(self, vertices: Ints, row: Ints, count: int) -> Ints:
         """(count, 2) faces that the vertices of rows are of, the same twice but on edges; -1 where there is none."""

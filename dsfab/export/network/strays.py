@@ -12,7 +12,8 @@ from dsfab.arrays import Floats
 from dsfab.errors import ExportError
 from dsfab.export.network.heights import height_rows
 from dsfab.export.network.model import NetModel
-from dsfab.export.network.trimmed import FaceLimits, TrimmedFace, loop_samples, surrounded, trimmed_face
+from dsfab.export.network.straying import FaceLimits
+from dsfab.export.network.trimmed import TrimmedFace, loop_samples, surrounded, trimmed_face
 
 PLACES = np.stack(np.meshgrid(*[np.arange(0.5, 12) / 12] * 2, indexing="ij"), axis=2).reshape(-1, 2)
 """(k, 2) where surfaces are asked, over their squares."""

@@ -11,6 +11,7 @@ from dsfab.export.network.domains import FaceDomain, beyond
 from dsfab.export.network.graph import Loop
 from dsfab.export.network.heights import differences, height_rows, places, raised
 from dsfab.export.network.model import NetModel
+from dsfab.export.network.straying import FaceLimits, enclosed, farthest
 from dsfab.export.splines import bernstein
 
 SPLIT = 0.045
@@ -60,25 +61,13 @@ SEEN = 0.35
 
 
 @dataclass(frozen=True, eq=False)
-class FaceLimits:
-    """What trimmed faces are asked for, millimetres.
-
-    gap : between them and their edges.    off : what points inside may be off, if it is wider but such that edges can
-    be split.    box : (2, 3) where poles should be.
-    """
-
-    gap: float
-    off: float
-    box: Floats
-
-
-@dataclass(frozen=True, eq=False)
 class TrimmedFace:
     """A region's faces: loops of edges, the outer one first; poles (p + 1, p + 1, 3) of both surfaces, millimetres, and
     axes (3, 3) of these: their planes' and their heights'.
 
     gap : widest between them and the edges.    off : largest distance from points inside, along the mean normal.
     exact : whether they run through some of their edges, or so near to them that all digits of poles count.
+    astray : how much farther they are from the mesh than they may be; none where that is not asked.
     """
 
     loops: list[Loop]
@@ -88,6 +77,7 @@ class TrimmedFace:
     gap: float
     off: float
     exact: bool = False
+    astray: float = -np.inf
 
     def gaps(self, points: Floats) -> Floats:
         """(k, 2) heights of both surfaces over points (k, 6) of edges, millimetres."""
@@ -120,21 +110,15 @@ def trimmed_face(
     surfaces = [_surface(points[s], edges[s], ways[s], axes, limits) for s in skins]
     (outer, one, *both), (inner, two, *other) = surfaces
     gap, off = np.maximum(both, other).tolist()
-    return TrimmedFace([loops[i] for i in order], outer, inner, (one, two), gap, off)
+    astray = farthest(((outer, one), (inner, two)), [np.split(x, 2, axis=1) for x in lines], limits.beyond_mesh)
+    return TrimmedFace([loops[i] for i in order], outer, inner, (one, two), gap, off, astray=astray)
 
 
 def surrounded(points: Floats, lines: list[Floats]) -> Bools:
     """(k,) which points (k, 6) closed lines (., 6) go around, on the side of the sheet where these are."""
     mean = middle_normal(np.concatenate(lines))
     plane = axes_of(mean)[:2].T
-    x, y = (points[:, :3] @ plane).T[..., None]
-    found = np.zeros(len(points), dtype=bool)
-    for line in lines:
-        a = line[:, :3] @ plane
-        (ax, ay), (bx, by) = a.T, np.roll(a, -1, axis=0).T
-        slope = (bx - ax) / np.where(by != ay, by - ay, 1.0)
-        crossed = ((ay > y) != (by > y)) & (x < ax + (y - ay) * slope)
-        found ^= crossed.sum(axis=1) % 2 == 1
+    found = enclosed(points[:, :3] @ plane, [line[:, :3] @ plane for line in lines])
     return np.asarray(found & (_across(points) @ mean > SEEN))
 
 

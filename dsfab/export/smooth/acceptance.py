@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 from functools import cached_property
 from typing import NamedTuple
 
+import igl
 import numpy as np
 from scipy.spatial import cKDTree
 
@@ -27,6 +28,9 @@ from dsfab.surface.neighbours import corners_of
 
 GAP = 1 / 20
 """Widest gap between a skin and the edges on it, as a share of the thickness."""
+
+NEAR = 1 / 2
+"""Share of the distance that is allowed under which points are near, whatever else is allowed there."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -69,6 +73,17 @@ class Solids:
     @cached_property
     def _tree(self) -> cKDTree:
         return cKDTree(self.part.V)
+
+    def away(self, points: Floats) -> Floats:
+        """(k,) distances of points (k, 3) from all triangles."""
+        P, V, F = (np.ascontiguousarray(x) for x in (points, self.part.V, self.part.F))
+        return np.asarray(np.sqrt(self._triangles.squared_distance(V, F, P)[0]))
+
+    @cached_property
+    def _triangles(self) -> igl.AABB:
+        tree = igl.AABB()
+        tree.init(np.ascontiguousarray(self.part.V), np.ascontiguousarray(self.part.F))
+        return tree
 
     def at(self, points: Floats) -> Ints:
         """(k,) the solids of the vertices nearest to points."""
@@ -184,6 +199,14 @@ class Gate:
         """Of the triangles V (n, 3), F (m, 3) of all solids from those of the part, and back."""
         part = self.solids.part
         return self._farthest(V, F, part.V, part.F), self._farthest(part.V, part.F, V, F)
+
+    def beyond(self, points: Floats) -> Floats:
+        """(k,) how much farther points (k, 3) are from the mesh than they may be, less than 0 where they are nearer."""
+        away = self.solids.away(points)
+        far = away > NEAR * self.limits.distance  # the others need not be asked
+        away[far] -= self.limits.allowed(points[far])
+        away[~far] -= self.limits.distance
+        return away
 
     def _farthest(self, V: Floats, F: Ints, V2: Floats, F2: Ints) -> Away:
         """Of the vertices and the middles of triangles, from the other triangles."""
