@@ -13,8 +13,9 @@ from dsfab.surface.topology import EdgeTable, boundary_loops, edge_table
 
 TURN = float(np.radians(35))
 """In the surface; edges that are divided finely enough turn by less at each vertex, but for corners that are meant."""
-STEPS = 8
-"""Fewer turns to and fro in a row may be meant: a door in a wall has four corners."""
+STEPS = 12
+"""Fewer turns to and fro in a row may be meant: a door in a wall has four corners, and an opening of fifteen edges, as
+of a roof of 5 m, may be drawn so. (Made even, that one had no STEP by members.)"""
 APART = 3
 """Edges from one turn to the next, at most: teeth of more are not those of the mesh."""
 TO_AND_FRO = 3.0
