@@ -17,7 +17,7 @@ from dsfab.errors import ExportError
 from dsfab.export import StepOptions, sampled_use, write
 from dsfab.export.ladder import prepare
 from dsfab.export.network import draft, line_fits, straightening, use_check
-from dsfab.export.network.build import _asked_as_a_solid, _Drawn
+from dsfab.export.network.build import _asked_as_a_solid, _Drawn, _RoughError
 from dsfab.export.network.crossings import without_crossings
 from dsfab.export.network.curves import ChainCurve, SampledChain, curves_through, on_skins, parts_of
 from dsfab.export.network.dividing import _narrow, divided
@@ -875,6 +875,8 @@ def test_members_of_which_occt_draws_no_solid_are_refused(here):
         _asked_as_a_solid(part, made_of, made, found, [_Drawn.of(turned, made_of.gate)])
     with pytest.raises(ExportError, match="no triangles of a face"):
         _asked_as_a_solid(part, made_of, made, found, [])
+    with pytest.raises(_RoughError, match="OCCT finds the solid by members invalid"):  # one more is made, then
+        _asked_as_a_solid(part, made_of, made, [replace(found[0], valid=False)], [_Drawn.of(mesh, made_of.gate)])
 
 
 @pytest.mark.slow

@@ -156,6 +156,17 @@ def test_of_many_seams_the_best_is_taken_and_else_the_first_that_helps(monkeypat
     assert len(model.edges) == edges + 1, "those of no other seam are left"
 
 
+def test_an_edge_that_a_neighbour_halved_is_not_halved_again(monkeypatch):
+    """A cow's nostril had two faces beside a seam, each with halves of its own of it, and OCCT read an open shell."""
+    model, loop = folded_model(HALVES, 1)
+    work, nothing, seen = parting._Parting(model, np.zeros_like, LIMITS), np.zeros((0, 6)), list[HalvedOutline]()
+    face = trimmed_face(model, [loop], nothing, LIMITS)
+    work._halve(1)
+    monkeypatch.setattr(work, "_seams", lambda outline, points: seen.append(outline) or [])
+    assert work._two(face, nothing) == []
+    assert len(seen[0].poles) == 2 * (len(loop) + 1)
+
+
 def test_seams_keep_to_the_mesh_where_that_is_asked():
     """Of a region whose seams in the middle do not, as beside a crease, others are taken."""
 

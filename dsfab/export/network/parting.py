@@ -133,7 +133,7 @@ class _Parting:
 
     def _two(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
         """Two faces instead of one, if neither is as bad: by the first seam that does it, or the best of many."""
-        loop, model = face.loops[0], self.model
+        loop, model = self.along(face.loops[0]), self.model  # a seam that it has may have become two since
         best: tuple[int, int, Floats] | None = None
         least = LESS * allowance_used(face, self.limits)
         for ends, cubics in self._seams(HalvedOutline.of(model, loop), points)[: self.times * FULL]:
