@@ -71,7 +71,7 @@ class NotByMembersError(ExportError):
 
 
 class _RoughError(ExportError):
-    """A file is too far off the mesh, or OCCT finds it invalid: a finer one may be neither."""
+    """A file is too far off the mesh, invalid to OCCT, or no solid as that draws it: a finer one may be none of it."""
 
 
 _MADE: WeakKeyDictionary[Part, MemberFile] = WeakKeyDictionary()
@@ -91,8 +91,8 @@ def member_file(part: Part) -> MemberFile:
 
 
 def _accepted(part: Part) -> MemberFile:
-    """The file of a part that is taken: where it is too far off the mesh or invalid, for one of a cow's first faces was
-    .07 mm off its edges, one whose faces keep nearer to it."""
+    """The file of a part that is taken: where it is too far off the mesh, or not sound, for one of a cow's first faces
+    was .07 mm off its edges and not drawn, one whose faces keep nearer to it."""
     plan = member_plan(part)
     try:
         return _tried(part, plan, False)
@@ -157,7 +157,7 @@ def _asked_as_a_solid(
     )
     box = box_fault(part, _box(found), plan.limits, WIDE_BOX)
     _require((not box, f"by members {box}"))
-    _require((bool(drawn), "OCCT makes no triangles of a face by members"))
+    _require((bool(drawn), "OCCT makes no triangles of a face by members"), error=_RoughError)
     gate, (there, back) = plan.gate, (drawn[0].there, drawn[0].back)
     volume, wanted = sum(one.volume for one in found), float(gate.volumes.sum())
     rounder = float((gate.rounder * gate.volumes).sum()) / wanted
@@ -170,7 +170,7 @@ def _asked_as_a_solid(
             f"its volume by members is off by {volume / wanted - 1:.1%}",
         ),
     )
-    _require((not drawn[0].fault, drawn[0].fault))
+    _require((not drawn[0].fault, drawn[0].fault), error=_RoughError)
     return there.most, back.most, drawn[0].shape
 
 
