@@ -249,8 +249,12 @@ def test_a_seam_over_skins_that_wave_is_several_cubics(height, cubics):
     model.vertices = [edge.poles[0] for edge in model.edges]
     away, edges = to_waves(height), len(model.edges)
     work = parting._Parting(model, away, LIMITS)
-    (seam,) = work._on_skins([(model.vertices[0], model.vertices[2] + np.array([0, 90.0, 0, 0, 90, 0]))])
+    chord = (model.vertices[0], model.vertices[2] + np.array([0, 90.0, 0, 0, 90, 0]))
+    (seam,) = work._on_skins([chord])
     assert seam.shape == (cubics, 4, 6)
+    work.limits = replace(LIMITS, beyond_mesh=lambda points: np.ones(len(points)))  # which refuses those too far off
+    assert [one.shape for one in work._on_skins([chord])] == [(1, 4, 6)]
+    work.limits = LIMITS
     off = np.abs(away((bernstein(np.linspace(0, 1, 9)) @ seam).reshape(-1, 6))).max()
     assert off < parting.STRAYS * LIMITS.off
     loops = work._with_seam(loop, 4, 10, seam)

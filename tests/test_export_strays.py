@@ -1,6 +1,7 @@
 """STEP by members: trimmed faces that stray from the skins where none of their points are."""
 
 from collections.abc import Callable
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -49,6 +50,13 @@ def test_skins_that_stand_upright_beside_a_face_are_no_part_of_it():
 
     (found,) = without_strays(model, {7: face}, {7: none}, upright, limits).values()
     np.testing.assert_allclose(found.outer, face.outer, atol=1e-9)
+
+
+def test_faces_that_are_asked_how_far_off_the_mesh_they_are_stay():
+    model, loop = flat_model(SQUARE)
+    limits, none = replace(asked(0.01, 1.0), beyond_mesh=lambda points: np.ones(len(points))), np.zeros((0, 6))
+    face = trimmed_face(model, [loop], none, limits)
+    assert without_strays(model, {7: face}, {7: none}, to_bump(9), limits) == {7: face}
 
 
 def test_nothing_is_asked_where_no_face_is():

@@ -29,11 +29,12 @@ def without_strays(
     away: Callable[[Floats], Floats],
     limits: FaceLimits,
 ) -> dict[int, TrimmedFace]:
-    """The faces, those made anew with more points that are too far off the skins between these.
+    """The faces, those made anew with more points that are too far off the skins between these; as they are where they
+    are asked how far off the mesh they are, which divides them.
 
     points : (k, 6) that each was made with.    away : see `net_model`.
     """
-    found, todo, known = dict(faces), list(faces), dict(points)
+    found, todo, known = dict(faces), [] if limits.beyond_mesh else list(faces), dict(points)
     for _ in range(ROUNDS):
         if not todo:
             break
