@@ -145,7 +145,8 @@ def test_the_finished_structure_is_drawn_by_the_same_process(drawn_apart, tmp_pa
         assert path.exists() == sketched
         assert first.structure("anything", path)
         assert path.read_text() == str(int(sketched))
-        assert not first.structure("anything", tmp_path / "b.png")  # it has ended
+        first._process.wait()  # it has ended, and nothing reads what it is asked
+        assert not first.structure("anything", tmp_path / "b.png")
         assert first.finish() is None
     assert list(tmp_path.iterdir()) == [path]
 

@@ -37,7 +37,7 @@ COMMANDS = {
     "cannot keep": "build dome --set pattern.width.solid_fraction=0.01",
     "cannot write": "build dome -o empty.obj",
     "Unknown option": "build dome --to step",
-    "should be 'stl'": "build dome --format dwg",
+    "names no format": "build dome --format dwg",
     "is no scale": "workshop dome --model 1-50",
     "fits on the stock": "workshop dome --set workshop.stock=[0.2,0.1]",
 }

@@ -57,7 +57,7 @@ class FirstPicture:
 
     def __exit__(self, *_: object) -> None:
         self._end()
-        with self._process:  # its pipes are closed
+        with suppress(BrokenPipeError), self._process:  # its pipes are closed, of which one may hold what nobody read
             pass
 
     @contextmanager
@@ -129,7 +129,7 @@ class FirstPicture:
         given, answer = self._process.stdin, self._process.stdout
         assert given
         assert answer
-        with suppress(OSError, ValueError):
+        try:
             if asked is not None:
                 given.write(len(asked).to_bytes(8, "little") + asked)
                 given.flush()
@@ -140,6 +140,8 @@ class FirstPicture:
                     self._window = None
                 elif then:
                     then()
+        except (OSError, ValueError):
+            self._window = None
 
     def _undo(self) -> None:
         """What was in the file before the first picture."""
