@@ -23,6 +23,12 @@ def some_names(names: Sequence[str], shown: int = 5) -> str:
     return ", ".join(names[:shown]) + (f" and {len(names) - shown} more" if len(names) > shown else "")
 
 
+def counted(number: int, thing: str) -> str:
+    """'1 face', '12 faces', '2 vertices'."""
+    plural = {"vertex": "vertices"}.get(thing, thing + "s")
+    return f"{number:,} {thing if number == 1 else plural}"
+
+
 def stopping(count: int) -> str:
     """What so many parts do that run into others: 'stops before its ends, where it would run into'."""
     ends = "stops before its ends, where it" if count == 1 else "stop before their ends, where they"

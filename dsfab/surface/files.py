@@ -19,7 +19,6 @@ from dsfab.surface.formats import (
     FileRecord,
     PolygonFile,
     TriangleFile,
-    counted,
 )
 from dsfab.surface.formats.apart import read_3dm, read_cad
 from dsfab.surface.formats.dxf import read_dxf_meshes
@@ -34,6 +33,7 @@ from dsfab.surface.formats.stl import read_stl
 from dsfab.surface.formats.threemf import read_3mf
 from dsfab.surface.polygons import triangles
 from dsfab.units import metres_per
+from dsfab.wording import counted
 
 
 @dataclass(frozen=True, eq=False)

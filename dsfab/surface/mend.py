@@ -13,7 +13,7 @@ from dsfab.surface.places import FAR, in_reach, merged
 from dsfab.surface.ragged import even_edges
 from dsfab.surface.stitching import joined_at_points, stitched
 from dsfab.surface.topology import boundary_loops, duplicate_faces, edge_table, flips_to_orient, pieces
-from dsfab.wording import length
+from dsfab.wording import counted, length
 
 WELD = 5e-5
 """Share of the largest side within which vertices become one."""
@@ -98,11 +98,6 @@ def _without(mesh: MendedMesh, faults: tuple[Fault, ...]) -> MendedMesh:
         if len(mesh.F):
             mesh = mesh.with_faces(faces(mesh.V, mesh.F), which)
     return mesh
-
-
-def counted(number: int, thing: str) -> str:
-    plural = {"vertex": "vertices"}.get(thing, thing + "s")
-    return f"{number:,} {thing if number == 1 else plural}"
 
 
 def _compact(mesh: MendedMesh) -> MendedMesh:

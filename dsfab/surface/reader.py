@@ -10,7 +10,7 @@ from dsfab.errors import SurfaceError
 from dsfab.surface.cover import flips_along_tree
 from dsfab.surface.enclosed import signed_volume, signed_volumes
 from dsfab.surface.files import RawMesh, raw_mesh
-from dsfab.surface.formats import DEFAULT_TRIANGLES, FileRecord, counted
+from dsfab.surface.formats import DEFAULT_TRIANGLES, FileRecord
 from dsfab.surface.mend import mended
 from dsfab.surface.mesh import ZERO_AREA, Surface
 from dsfab.surface.orientation import Up, upright
@@ -30,6 +30,7 @@ from dsfab.surface.topology import (
     pinches,
 )
 from dsfab.units import metres_per
+from dsfab.wording import counted
 
 LARGEST_IN_METRES = 250.0
 """A mesh with a longer box than this is guessed to be in millimetres: few shells are longer."""

@@ -7,7 +7,7 @@ import numpy as np
 from dsfab.arrays import Bools, Floats, Ints, area_vectors, closed_length, group_sums, lengths
 from dsfab.surface.edge_changes import contracted, meets_link_condition, winners
 from dsfab.surface.hole_filling import hole_triangles
-from dsfab.surface.mend import MendedMesh, counted, single_sheet, sound_faces, stitched_mesh
+from dsfab.surface.mend import MendedMesh, single_sheet, sound_faces, stitched_mesh
 from dsfab.surface.neighbours import on_boundary
 from dsfab.surface.topology import (
     EdgeTable,
@@ -19,6 +19,7 @@ from dsfab.surface.topology import (
     pieces,
     pinches,
 )
+from dsfab.wording import counted
 
 HOLE = 0.15
 """Share of the largest side: holes whose outline is shorter are filled, about as wide as a twentieth of the side."""

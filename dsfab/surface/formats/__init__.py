@@ -8,6 +8,6 @@ soup.py  faces that share no vertex, joined
 """
 
 from dsfab.surface.formats.limits import DEFAULT_TRIANGLES, Budget
-from dsfab.surface.formats.record import NOTHING_READ, FileRecord, PolygonFile, TriangleFile, counted
+from dsfab.surface.formats.record import NOTHING_READ, FileRecord, PolygonFile, TriangleFile
 
-__all__ = ["DEFAULT_TRIANGLES", "NOTHING_READ", "Budget", "FileRecord", "PolygonFile", "TriangleFile", "counted"]
+__all__ = ["DEFAULT_TRIANGLES", "NOTHING_READ", "Budget", "FileRecord", "PolygonFile", "TriangleFile"]

@@ -11,10 +11,11 @@ from dsfab.arrays import Floats, Ints
 from dsfab.errors import SurfaceError
 from dsfab.surface.formats.curves import FLAT, LARGEST, Drawing, DrawingBudget, flattened
 from dsfab.surface.formats.limits import Budget, MalformedFileError
-from dsfab.surface.formats.record import TriangleFile, counted
+from dsfab.surface.formats.record import TriangleFile
 from dsfab.surface.places import equal_merged
 from dsfab.surface.polygons import Polygons, triangles
 from dsfab.units import metres_per
+from dsfab.wording import counted
 
 UNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m", 7: "km", 14: "dm"}
 """$INSUNITS."""

@@ -15,10 +15,11 @@ import numpy as np
 from dsfab.arrays import Floats, Ints
 from dsfab.surface.formats.gltf_buffers import Buffers, accessor
 from dsfab.surface.formats.limits import Budget, MalformedFileError
-from dsfab.surface.formats.record import TriangleFile, counted
+from dsfab.surface.formats.record import TriangleFile
 from dsfab.surface.formats.text import text_file
 from dsfab.surface.orientation import upright
 from dsfab.surface.places import equal_merged
+from dsfab.wording import counted
 
 _JSON, _BIN = 0x4E4F534A, 0x004E4942
 _HARMLESS = ("KHR_materials_", "KHR_texture_", "KHR_lights_", "EXT_texture_", "KHR_mesh_quantization", "KHR_xmp")

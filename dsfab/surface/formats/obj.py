@@ -10,9 +10,10 @@ from collections import Counter
 import numpy as np
 
 from dsfab.surface.formats.limits import Budget, MalformedFileError
-from dsfab.surface.formats.record import PolygonFile, counted
+from dsfab.surface.formats.record import PolygonFile
 from dsfab.surface.formats.text import TextFile, may_lack_digits, said_in_comments, text_file
 from dsfab.surface.polygons import Polygons
+from dsfab.wording import counted
 
 _LOUD = {"l": "line", "p": "point", "curv": "curve", "curv2": "curve", "surf": "free-form surface"}
 """What has a shape that dsfab does not read."""

@@ -6,9 +6,10 @@ from collections.abc import Iterator
 import numpy as np
 
 from dsfab.surface.formats.limits import Budget, MalformedFileError
-from dsfab.surface.formats.record import PolygonFile, counted
+from dsfab.surface.formats.record import PolygonFile
 from dsfab.surface.formats.text import float_of, may_lack_digits, said_in_comments, text_file, whole_number
 from dsfab.surface.polygons import Polygons
+from dsfab.wording import counted
 
 KINDS = {"OFF", "COFF", "NOFF", "CNOFF", "NCOFF", "STOFF", "STCOFF", "STNOFF", "STCNOFF"}
 """First words of files with three coordinates, with what follows them: colours, normals, textures."""

@@ -15,9 +15,10 @@ from dsfab import __version__
 from dsfab.arrays import Floats, Ints
 from dsfab.surface.formats.limits import Budget, MalformedFileError
 from dsfab.surface.formats.ply_records import PlyElement, PlyProperty, binary_element, text_element, text_numbers
-from dsfab.surface.formats.record import PolygonFile, counted
+from dsfab.surface.formats.record import PolygonFile
 from dsfab.surface.formats.text import said_in_comments, text_file, whole_number
 from dsfab.surface.polygons import Polygons
+from dsfab.wording import counted
 
 _NUMBERS = (
     "char=i1 uchar=u1 short=i2 ushort=u2 int=i4 uint=u4 float=f4 double=f8 "

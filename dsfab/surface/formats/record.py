@@ -61,9 +61,3 @@ class TriangleFile:
     metres: float = 1.0
     doubts: tuple[str, ...] = ()
     dropped: tuple[str, ...] = ()
-
-
-def counted(number: int, thing: str) -> str:
-    """'1 face', '12 faces', '2 vertices'."""
-    plural = {"vertex": "vertices"}.get(thing, thing + "s")
-    return f"{number:,} {thing if number == 1 else plural}"

@@ -11,9 +11,10 @@ from dsfab.arrays import Floats, Ints
 from dsfab.errors import SurfaceError
 from dsfab.surface.formats.curves import Drawing, DrawingBudget, flattened
 from dsfab.surface.formats.limits import MalformedFileError
-from dsfab.surface.formats.record import TriangleFile, counted
+from dsfab.surface.formats.record import TriangleFile
 from dsfab.surface.polygons import Polygons, triangles
 from dsfab.units import metres_per
+from dsfab.wording import counted
 
 UNITS = {
     "Millimeters": "mm", "Centimeters": "cm", "Decimeters": "dm", "Meters": "m", "Kilometers": "km",

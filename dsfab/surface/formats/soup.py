@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 
 from dsfab.arrays import Bools, Floats, Ints, distinct
-from dsfab.surface.formats.record import PolygonFile, counted
+from dsfab.surface.formats.record import PolygonFile
 from dsfab.surface.polygons import Polygons
+from dsfab.wording import counted
 
 
 def joined(file: PolygonFile) -> tuple[PolygonFile, tuple[str, ...]]:

@@ -7,9 +7,10 @@ from array import array
 import numpy as np
 
 from dsfab.surface.formats.limits import Budget, MalformedFileError
-from dsfab.surface.formats.record import TriangleFile, counted
+from dsfab.surface.formats.record import TriangleFile
 from dsfab.surface.formats.text import text_file
 from dsfab.surface.places import equal_merged
+from dsfab.wording import counted
 
 HEAD, EACH = 84, 50
 """Bytes of the header with the number of triangles behind it, and of each triangle."""

@@ -12,8 +12,9 @@ import numpy as np
 
 from dsfab.arrays import Floats, Ints
 from dsfab.surface.formats.limits import Budget, MalformedFileError
-from dsfab.surface.formats.record import TriangleFile, counted
+from dsfab.surface.formats.record import TriangleFile
 from dsfab.units import metres_per
+from dsfab.wording import counted
 
 _MICROMETRE = 1e-6
 """Metres; 3MF alone knows this unit."""
