@@ -1,5 +1,6 @@
 """Presets as TOML: finding, reading, overriding, writing, and one sentence for everything that is wrong."""
 
+import re
 from collections.abc import Mapping
 from copy import deepcopy
 from pathlib import Path
@@ -16,11 +17,17 @@ from dsfab.preset_list import TomlError, read_toml, shipped_presets, toml_table
 from dsfab.preset_material import own_values, replaced
 from dsfab.preset_surface import FileSurface, Given, MeshSurface, OwnSurface, missing_preset
 
+LONGEST = 88
+"""Letters of a list on one line, at most."""
+
+_LIST = re.compile(r"""\[\n((?: +(?:[^\s\[\]{},"]+|"(?:[^"\\\n]|\\.)*"),\n)+) *\]""")
+"""A list of numbers and words with a line for each."""
+
 
 def load_preset(
     name_or_path: str | Path, overrides: Mapping[str, Any] | None = None, mesh: str | Path | None = None
 ) -> Preset:
-    """A preset by the name of a shipped one ("dome") or by the path of a TOML file.
+    """A preset by the name of a shipped one ("dome"), by the path of a TOML file, or of a folder that was built.
 
     overrides : dotted keys and values that win over the file, e.g. {"pattern.major.frequency": 12}.
     mesh      : a mesh file that takes the place of the preset's surface; supports and loads stay.
@@ -105,7 +112,18 @@ def preset_toml(preset: Preset, brief: bool = False) -> str:
         surface[key] = [{k: v for k, v in entry.items() if k != "name" or v} for entry in surface[key]]
     # the shape first, then what holds it and what presses on it
     values["surface"] = {**{k: v for k, v in surface.items() if k not in Given.model_fields}, **surface}
-    return tomli_w.dumps(values)
+    return _short_lists(tomli_w.dumps(values))
+
+
+def _short_lists(text: str) -> str:
+    """TOML as tomli_w writes it, with lists of numbers and words on one line where they fit: a box is two lines, not
+    ten, and of points each has its own."""
+    return _LIST.sub(_on_one_line, text)
+
+
+def _on_one_line(found: re.Match[str]) -> str:
+    short = f"[{' '.join(line.strip() for line in found[1].splitlines()).rstrip(',')}]"
+    return short if len(short) <= LONGEST else found[0]
 
 
 def _find(name_or_path: str | Path) -> Path:
@@ -115,6 +133,8 @@ def _find(name_or_path: str | Path) -> Path:
     presets = shipped_presets()
     if str(name_or_path) in presets:
         return presets[str(name_or_path)]
+    if path.is_dir() and (built := path / "preset.toml").is_file():
+        return built
     if path.is_dir():
         raise PresetError(f"{path} is a folder; give a preset file or one of {', '.join(presets)}")
     raise PresetError(

@@ -331,6 +331,18 @@ def test_wrong_usage_ends_with_code_2(capsys, arguments):
     assert "--help" in refused(capsys, *arguments, code=2)
 
 
+@pytest.mark.parametrize(
+    ("words", "says"),
+    [
+        ("build dome -f stl -f step", "-f is there more than once; give it once, with commas: -f stl,step"),
+        ("build dome -o a -o b", "-o is there more than once; give it once"),
+    ],
+)
+def test_an_option_that_is_there_twice_is_told_with_what_to_write(capsys, words, says):
+    assert main(words.split()) == 2
+    assert capsys.readouterr().err == f"dsfab: {says}\n"
+
+
 def test_help_and_version(capsys):
     code, out, _ = run(capsys, "--help")
     assert code == 0

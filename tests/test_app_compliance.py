@@ -10,13 +10,16 @@ from html import unescape
 from html.parser import HTMLParser
 from types import SimpleNamespace
 
+import numpy as np
 import pytest
 
 from dsfab.app.cli import main
 from dsfab.errors import DsfabError, ExportError, StaticsError
 from dsfab.pipeline import draft
 from dsfab.preset_file import load_preset
+from dsfab.render.lettering import Legend, lettered
 from dsfab.render.opengl import require_rendering
+from dsfab.render.palette import PAPER
 from dsfab.report.compliance import findings, pictures, sections, write_report
 from dsfab.report.compliance.document import Document, Numbers, Paragraph, ReportSection, Table
 from dsfab.report.compliance.findings import Findings
@@ -97,15 +100,24 @@ class Reader(HTMLParser):
 
 
 def pdf_words(data: bytes) -> str:
-    """The text of a PDF, by a reader of a few lines: streams in base 85 and deflate, strings before Tj."""
-    found = []
+    """The text of a PDF."""
+    return " ".join(pdf_pages(data))
+
+
+def pdf_pages(data: bytes) -> list[str]:
+    """The text of each page, by a reader of a few lines: streams in base 85 and deflate, strings before Tj."""
+    pages = []
     for stream in re.findall(rb"stream\r?\n(.*?)endstream", data, re.DOTALL):
         try:
             text = zlib.decompress(base64.a85decode(b"<~" + stream.strip(), adobe=True))
         except (ValueError, zlib.error):
             continue
-        found += re.findall(rb"\(((?:\\.|[^()\\])*)\) Tj", text)
-    plain = b" ".join(found)
+        if found := re.findall(rb"\(((?:\\.|[^()\\])*)\) Tj", text):
+            pages.append(_plain(b" ".join(found)))
+    return pages
+
+
+def _plain(plain: bytes) -> str:
     plain = re.sub(rb"\\([0-7]{3})", lambda match: bytes([int(match[1], 8)]), plain)
     return re.sub(r"\\(.)", r"\1", plain.decode("cp1252")).replace("\u00a0", " ")
 
@@ -219,6 +231,31 @@ def test_pdf_says_the_same_as_html(told, read):
         if row[0] in ("This design", "Whole sheet, thinner", "Compliance", "Mass"):
             for cell in row:
                 assert re.sub(r"\s", "", unescape(cell)) in squeezed
+
+
+def test_sections_follow_each_other_on_pages(told):
+    """Of a funicular's report pages 2, 5 and 8 of 13 held one table each."""
+    pages = pdf_pages((told / "report.pdf").read_bytes())
+    for table, title in (("Key results", "Checks"), ("Load cases, the governing one first", "The same mass spent")):
+        (page,) = (page for page in pages if table in page)
+        assert title in page
+    assert all(len(page.split()) > 60 for page in pages[:-1])
+
+
+def test_words_on_pictures_are_as_high_on_paper_as_those_beside_them():
+    """Those of load cases beside each other were three points high."""
+    from PIL import Image
+
+    def high(size, letters):
+        shade = Image.new("RGB", size, (255, 255, 255))
+        lettered(shade, Legend("", ["load"], 50.0), PAPER, letters)
+        rows = np.flatnonzero((np.asarray(shade.crop((0, 0, size[0] // 2, size[1]))) < 128).any(axis=(1, 2)))
+        return np.ptp(rows) + 1  # of letters with a stem
+
+    for size, width in ((pictures.SIZE, 0.86), (pictures.SMALL, 0.7), (pictures.SMALL, 0.5)):
+        points = pictures.TEXT * width / size[0]
+        assert 5.0 < points * high(size, pictures.larger_letters(size, width)) < 9.0
+    assert high(pictures.SMALL, 1.0) * pictures.TEXT * 0.5 / pictures.SMALL[0] < 4.0
 
 
 def test_two_runs_of_one_document_give_the_same_bytes():
@@ -431,8 +468,6 @@ def test_digits_follow_the_bound():
 
 
 def test_pictures_lose_empty_rows_only():
-    import numpy as np
-
     paper = (255, 255, 255)
     pixels = np.full((400, 10, 3), 255, dtype=np.uint8)
     pixels[100:120] = pixels[300:310] = 0

@@ -133,6 +133,15 @@ def test_what_cannot_be_read_is_one_sentence(tmp_path, capsys, name, content, wo
     assert not said.out
 
 
+def test_of_a_folder_a_file_in_it_is_named(tmp_path, capsys):
+    assert main(["check", str(tmp_path), "-q"]) == 1
+    assert "is a folder; `dsfab check` reads .stl, .3mf" in capsys.readouterr().err
+    stl(tmp_path / "roof.stl", *PLATE)
+    (tmp_path / "a.txt").touch()
+    assert main(["check", str(tmp_path), "-q"]) == 1
+    assert f"is a folder; give {tmp_path / 'roof.stl'}" in capsys.readouterr().err
+
+
 def test_a_file_that_names_its_unit_takes_no_other(tmp_path):
     V, F = PLATE
     path = write(Solid(V, F, 0, 1), tmp_path / "plate.3mf")

@@ -16,9 +16,10 @@ from dsfab.app.step_options import StepFlags
 from dsfab.arrays import Floats
 from dsfab.errors import ExportError
 from dsfab.export import StepOptions, ladder, step, step_check, write
-from dsfab.export.curves import SPANS, Curve, _least_squares, curves_through, fitted, halves, of_few_spans, turning
+from dsfab.export.curves import SPANS, Curve, curves_through, fitted, halves, of_few_spans, turning
 from dsfab.export.part import part_of
 from dsfab.export.plate import outlines_of, plate
+from dsfab.export.refining import SampledLine, _Rows
 from dsfab.slicing import cut
 from dsfab.slicing.corners import outline_corners
 from dsfab.surface import Surface
@@ -402,4 +403,5 @@ def test_poles_are_those_of_dense_least_squares(smooth):
         fixed[[1, -2]] = points[[0, -1]]
         free = np.c_[np.eye(8)[:, 2:-2], np.r_[0, 1.5 / 3, np.zeros(4), -2.0 / 3, 0]]
     expected = fixed + free @ np.linalg.lstsq(basis @ free, points - basis @ fixed, rcond=None)[0]
-    assert _least_squares(x, points, knots, smooth) == pytest.approx(expected, abs=1e-9)
+    rows = _Rows([SampledLine(points, x, 10.0, 80, smooth)], [np.unique(knots)])
+    assert rows.poles() == pytest.approx(expected, abs=1e-9)

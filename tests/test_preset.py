@@ -6,6 +6,7 @@ import tomllib
 from pathlib import Path
 
 import pytest
+import tomli_w
 
 from dsfab import run
 from dsfab.app.editor.source import open_preset
@@ -51,6 +52,30 @@ def test_a_complete_preset_written_and_read_again_is_the_same(name, tmp_path):
     assert set(written) == {"name", "description", "fabrication", "workshop", "eurocode", *STAGES}, (
         "defaults are written out"
     )
+
+
+def test_short_lists_are_written_on_one_line(tmp_path):
+    """A box of two corners was ten lines of a design's preset, and four feet of it were a page of its report."""
+    box = {"pick": "box", "min": [-1.5, 0, 1e-9], "max": [1, 2.25, 3], "boundary": True}
+    text = preset_toml(
+        load_preset("dome", {"surface.support": [{"at": box}], "export.formats": ["stl", "3mf"]}), brief=True
+    )
+    assert "\nmin = [-1.5, 0.0, 1e-09]\n" in text
+    assert '\nformats = ["stl", "3mf"]\n' in text
+    (tmp_path / "again.toml").write_text(text)
+    assert preset_toml(load_preset(tmp_path / "again.toml")) == text
+    odd = {"a": ['x, "]', "y\\"], "b": [[1.0, 2.0], [3.0, 4.0]], "c": [10**12] * 9, "d": []}
+    from dsfab.preset_file import _short_lists
+
+    written = _short_lists(tomli_w.dumps(odd))
+    assert tomllib.loads(written) == odd
+    assert written.splitlines()[1:4] == ["b = [", "    [1.0, 2.0],", "    [3.0, 4.0],"]
+    assert max(map(len, written.splitlines())) < 100
+
+
+def test_a_folder_that_was_built_is_its_preset(tmp_path):
+    (tmp_path / "preset.toml").write_text(preset_toml(load_preset("dome")))
+    assert load_preset(tmp_path) == load_preset("dome")
 
 
 def test_a_shipped_preset_by_path_is_the_one_by_name():

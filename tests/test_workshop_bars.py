@@ -30,6 +30,7 @@ from dsfab.workshop.bars import (
     bar_plan,
     half_plane_clip,
     member_lattice,
+    mitre_length,
 )
 from dsfab.workshop.drawings import part_drawing
 from dsfab.workshop.legs import Footing, leg_lines, leg_plates
@@ -257,6 +258,29 @@ def test_a_corner_is_cut_along_the_plane_between_two_bars():
     assert len(corners) == 5
     for corner in wanted:
         assert np.linalg.norm(corners - corner, axis=1).min() < 1e-9
+    assert [mitre_length(bar, end, STOCK) for end in ends] == pytest.approx([reach, 0.0])
+    near = replace(bar, ends=(replace(ends[0], after=np.radians(5)), ends[1]))
+    assert mitre_length(near, near.ends[0], STOCK) == bar.length
+
+
+def test_the_sharpest_angle_has_a_place_and_bars_that_lose_a_side_are_named():
+    """Of a ball with doors an angle of 7 degrees was told, and not of which of 1,193 bars."""
+    plan = plan_of("sphere")
+    joint = next(joint for joint in plan.found.joints if len(joint.bars) == 4)
+    (k, side), (other, beside) = joint.bars[:2]
+    bars = list(plan.found.bars)
+    ends = [list(bars[k].ends), list(bars[other].ends)]
+    ends[0][side] = replace(ends[0][side], after=np.radians(7))
+    ends[1][beside] = replace(ends[1][beside], before=np.radians(7))
+    bars[k], bars[other] = replace(bars[k], ends=tuple(ends[0])), replace(bars[other], ends=tuple(ends[1]))
+    names = bars[k].bay.id, bars[other].bay.id
+    told = replace(plan, found=replace(plan.found, bars=tuple(bars))).lines
+    (angle,) = (line for line in told if "sharpest angle" in line)
+    assert angle.endswith(f"is 7 degrees, of {names[0]} and {names[1]} at {joint.node.id}")
+    (lost,) = (line for line in told if "lose a side" in line)
+    assert lost.startswith("2 bars lose")
+    assert all(name in lost for name in names)
+    assert not any("a side for more" in line for line in plan.lines)
 
 
 @pytest.mark.parametrize("name", ["cylinder", pytest.param("sphere", marks=pytest.mark.slow)])

@@ -13,9 +13,10 @@ import time
 import traceback
 import warnings
 from collections.abc import Sequence
+from itertools import pairwise
 from pathlib import Path
 
-from cyclopts import App, CycloptsError
+from cyclopts import App, CycloptsError, RepeatArgumentError
 
 from dsfab import __version__
 from dsfab.errors import DsfabError
@@ -26,6 +27,9 @@ MISSING = 3
 COLLECT = 100_000
 """Objects more than before after which Python looks for rings of those that nobody needs: with its own 700 that took a
 tenth of the second in which a command's modules are imported."""
+
+LISTS = ("-f", "--format", "--against")
+"""Options that take several values with commas between them."""
 
 app = App(
     name="dsfab",
@@ -74,6 +78,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
             if arguments is None and not sys.warnoptions:  # a person's terminal, and nobody asked for them with -W
                 warnings.simplefilter("ignore")
             code = app(words, exit_on_error=False, print_error=False, result_action="return_value")
+    except RepeatArgumentError as error:
+        return _fail(WRONG_USAGE, _given_twice(words, error.token.keyword or ""))
     except CycloptsError as error:
         return _fail(WRONG_USAGE, f"{str(error).strip()} Try `dsfab --help`.")
     except DsfabError as error:
@@ -88,6 +94,13 @@ def main(arguments: Sequence[str] | None = None) -> int:
     except Exception as error:  # the one place where a mistake of ours ends
         return _fail(MISTAKEN, f"dsfab made a mistake, and nothing was written{_details(words, error)}")
     return code if isinstance(code, int) else DONE
+
+
+def _given_twice(words: Sequence[str], option: str) -> str:
+    """What is said of an option that takes one value and has several: `-f stl -f step`."""
+    values = [value for word, value in pairwise(words) if word == option]
+    listed = f", with commas: {option} {','.join(values)}" if option in LISTS and len(values) > 1 else ""
+    return f"{option} is there more than once; give it once{listed}"
 
 
 def _details(words: Sequence[str], error: BaseException) -> str:

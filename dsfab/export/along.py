@@ -5,15 +5,14 @@ o---o--o            a line of the mesh turns a little on every edge that it cros
          o---o---o
 """
 
-from collections.abc import Mapping, Sequence
-from functools import lru_cache
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import groupby, pairwise
 
 import numpy as np
 
 from dsfab.arrays import Bools, Floats
 from dsfab.errors import ExportError
-from dsfab.export.curves import SHARP, Curve, fitted
+from dsfab.export.curves import SHARP, Curve, Polyline, all_fitted, fitted
 from dsfab.export.part import Part
 from dsfab.export.readback import ReadBack, differs
 from dsfab.limits import READ_BACK
@@ -38,31 +37,60 @@ def within(part: Part) -> float:
     return max(part.details.tolerance, CLOSEST)
 
 
+def chains(part: Part) -> list[list[Curve]]:
+    """The curves along each line of a part."""
+    return all_curves_along([line.points for line in part.details.lines], within(part))
+
+
 def curves_along(points: Floats, tolerance: float) -> list[Curve]:
     """A polyline (k, 3) as curves within `tolerance`, millimetres, that begin and end at its sharp turns.
 
     A closed line without corners is one curve, which leaves as it arrives. Where no spline follows so closely, the
     polyline's own segments.
     """
-    points = np.ascontiguousarray(points, dtype=np.float64)
-    return list(_curves_along(points.tobytes(), points.shape, tolerance))
+    return all_curves_along([points], tolerance)[0]
 
 
-@lru_cache(maxsize=REMEMBERED)
-def _curves_along(line: bytes, shape: tuple[int, int], tolerance: float) -> tuple[Curve, ...]:
-    points = np.frombuffer(line).reshape(shape)
+def all_curves_along(lines: Sequence[Floats], tolerance: float) -> list[list[Curve]]:
+    """`curves_along` for each polyline; those that are not remembered are made together."""
+    lines = [np.ascontiguousarray(points, dtype=np.float64) for points in lines]
+    keys = [(points.tobytes(), points.shape, tolerance) for points in lines]
+    found = {key: _remembered[key] for key in keys if key in _remembered}
+    new = {key: list(_runs(points)) for key, points in zip(keys, lines, strict=True) if key not in found}
+    made = iter(all_fitted([run for runs in new.values() for run in runs], tolerance))
+    for key, runs in new.items():
+        chain = list[Curve]()
+        for run in runs:
+            curve = next(made)
+            chain += [curve] if curve is not None else _segments(run.points)
+        found[key] = tuple(chain)
+    _remember(found)
+    return [list(found[key]) for key in keys]
+
+
+Key = tuple[bytes, tuple[int, ...], float]
+_remembered = dict[Key, tuple[Curve, ...]]()
+"""The curves of a line within a tolerance, those asked for last at its end."""
+
+
+def _remember(found: Mapping[Key, tuple[Curve, ...]]) -> None:
+    for key in found:
+        _remembered.pop(key, None)
+    _remembered.update(found)
+    for key in list(_remembered)[: max(len(_remembered) - REMEMBERED, 0)]:
+        del _remembered[key]
+
+
+def _runs(points: Floats) -> Iterator[Polyline]:
+    """The parts of a polyline between its sharp turns."""
     closed = len(points) > 2 and bool((points[0] == points[-1]).all())
     at = np.flatnonzero(_sharp(points, closed))
     smooth = closed and not len(at)
     if closed and len(at):  # begin at a corner
         points = np.concatenate([points[at[0] : -1], points[: at[0] + 1]])
         at = (at - at[0])[1:]
-    found = list[Curve]()
     for a, b in pairwise([0, *at.tolist(), len(points) - 1]):
-        run = points[a : b + 1]
-        curve = fitted(run, tolerance, smooth, max(SAMPLES_PER_POINT * len(run), FEWEST_SAMPLES))
-        found += [curve] if curve is not None else _segments(run)
-    return tuple(found)
+        yield Polyline(points[a : b + 1], smooth, max(SAMPLES_PER_POINT * (b + 1 - a), FEWEST_SAMPLES))
 
 
 def _sharp(points: Floats, closed: bool) -> Bools:

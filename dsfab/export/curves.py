@@ -5,25 +5,21 @@ where the largest distance exceeds the tolerance are halved until none does. Raw
 uneven, and fits through them overshoot between.
 """
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
 from dsfab.arrays import Bools, Floats
-from dsfab.export.splines import LeastSquares, Spline, hats
+from dsfab.export.refining import KNOT_DIGITS, SampledLine, refined
+from dsfab.export.splines import Spline
 
 SHARP = np.deg2rad(30.0)
 """An outline that turns by more than this at a vertex has a corner there."""
 
-SAMPLES_PER_SPAN = 6
-"""Fewest samples of the polyline for each span of a spline; with fewer, splines swing between them."""
-
 MOST_SAMPLES = 50_000
 """Samples of one polyline; a tolerance that would need more is not met by a spline."""
-
-KNOT_DIGITS = 4
-"""Decimals of knots, which are millimetres along the polyline."""
 
 SPANS = 4
 """Spans of an edge of a plane face. The plain rule for volumes, which most programs take, has a few points on each
@@ -70,50 +66,47 @@ def turning(loop: Floats) -> Floats:
     return np.asarray(np.arctan2(across, np.einsum("ki,ki->k", before, after)))
 
 
-def fitted(line: Floats, tolerance: float, smooth: bool = False, most: int = MOST_SAMPLES) -> Curve | None:
-    """One curve along the polyline (k, 2) or (k, 3), or None where that would take more than `most` samples.
+@dataclass(frozen=True, eq=False)
+class Polyline:
+    """What a curve goes along: points (k, 2) or (k, 3), and the most samples that it may take.
 
-    smooth: a closed polyline's curve leaves as it arrives.
+    smooth : it is closed, and its curve leaves as it arrives.
     """
-    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
-    total = float(np.round(length[-1], KNOT_DIGITS))
-    if not total > 0:
-        return None
-    if not smooth:
-        share = length / length[-1]
-        off = float(np.linalg.norm(line - line[0] - share[:, None] * (line[-1] - line[0]), axis=1).max())
-        if off <= tolerance:  # between vertices the difference is linear, so this is the largest
-            return Curve(np.array([0, 0, total, total]), line[[0, -1]], 1, off)
-    count = max(8 * len(line), 16 * SAMPLES_PER_SPAN)
-    while count <= most:
-        curve = _refined(line, length, total, count, tolerance, smooth)
-        if curve is not None:
-            return curve
-        count *= 4
-    return None
+
+    points: Floats
+    smooth: bool = False
+    most: int = MOST_SAMPLES
 
 
-def _refined(line: Floats, length: Floats, total: float, count: int, tolerance: float, smooth: bool) -> Curve | None:
-    """The spline from so many samples, its spans halved until it is near enough; None if that takes more samples."""
-    from scipy.interpolate import BSpline
+def fitted(line: Floats, tolerance: float, smooth: bool = False) -> Curve | None:
+    """One curve along the polyline (k, 2) or (k, 3), or None where that would take too many samples."""
+    return all_fitted([Polyline(line, smooth)], tolerance)[0]
 
-    even = np.arange(count + 1) / count
-    samples = _on(line, length, even)
-    share = np.union1d(np.arange(4 * count + 1) / (4 * count), length / length[-1])
-    points = _on(line, length, share)
-    breaks = np.array([0.0, total / 2, total]) if smooth else np.array([0.0, total])
-    while True:
-        breaks = np.round(breaks, KNOT_DIGITS)
-        knots = np.concatenate([[0.0] * 3, breaks, [total] * 3])
-        poles = _least_squares(even * total, samples, knots, smooth)
-        off = np.linalg.norm(BSpline(knots, poles, 3)(share * total) - points, axis=1)
-        if off.max() <= tolerance:
-            return Curve(knots, poles, 3, float(off.max()))
-        span = np.clip(np.searchsorted(breaks, share * total, side="right") - 1, 0, len(breaks) - 2)
-        bad = np.unique(span[off > tolerance])
-        if (np.diff(breaks)[bad] < 2 * SAMPLES_PER_SPAN * total / count).any():
-            return None
-        breaks = np.sort(np.concatenate([breaks, (breaks[bad] + breaks[bad + 1]) / 2]))
+
+def all_fitted(lines: Sequence[Polyline], tolerance: float) -> list[Curve | None]:
+    """One curve along each polyline, or None where that would take more samples than it may. Thousands of lines at
+    once take a sixth of the time that they take one by one."""
+    found: list[Curve | None] = [None] * len(lines)
+    open_runs = dict[int, SampledLine]()
+    for k, line in enumerate(lines):
+        run = SampledLine.of(line.points, line.smooth)
+        if not run.total > 0:
+            continue
+        off = np.inf if line.smooth else run.bow
+        if off <= tolerance:
+            found[k] = Curve(np.array([0, 0, run.total, run.total]), line.points[[0, -1]], 1, off)
+        elif run.count <= line.most:
+            open_runs[k] = run
+    while open_runs:
+        made = refined(list(open_runs.values()), tolerance)
+        missed = dict[int, SampledLine]()
+        for (k, run), one in zip(open_runs.items(), made, strict=True):
+            if one is not None:
+                found[k] = Curve(*one)
+            elif 4 * run.count <= lines[k].most:
+                missed[k] = replace(run, count=4 * run.count)
+        open_runs = missed
+    return found
 
 
 def halves(curve: Curve) -> list[Curve]:
@@ -146,31 +139,3 @@ def _cut(curve: Curve, at: float) -> list[Curve]:
         Curve(before, poles[:first], curve.degree, curve.deviation),
         Curve(after, poles[first - 1 :], curve.degree, curve.deviation),
     ]
-
-
-def _on(line: Floats, length: Floats, share: Floats) -> Floats:
-    """Points of the polyline at shares of its length."""
-    return np.stack([np.interp(share * length[-1], length, column) for column in line.T], axis=1)
-
-
-def _least_squares(x: Floats, points: Floats, knots: Floats, smooth: bool) -> Floats:
-    """Poles (p, 2) of the cubic spline nearest to `points` at x, whose ends are the first and the last of them.
-
-    smooth : the derivatives at both ends are one unknown vector d: pole 1 is pole 0 + a d, the last but one is
-             the last - b d, with a and b a third of the first and the last span.
-    """
-    first, values, _ = hats(x, knots)
-    n = len(knots) - 4
-    held = np.array([0, 1, n - 2, n - 1] if smooth else [0, n - 1])
-    start = np.zeros((n, points.shape[1]))
-    start[held] = np.repeat(points[[0, -1]], len(held) // 2, axis=0)
-    system = LeastSquares.of(values.T, first, np.zeros(1, dtype=np.int64), n, held)
-    poles = system.poles(points, start)
-    if not smooth:
-        return poles
-    # d joins the first poles with the last ones, outside of the band: it is taken out of the others, and solved for
-    tangent = np.zeros((n, 1))
-    tangent[[1, -2], 0] = (knots[4] - knots[3]) / 3, -(knots[-4] - knots[-5]) / 3
-    free = tangent - system.solved(system.hats.T @ (system.hats @ tangent))
-    along = system.hats @ free
-    return np.asarray(poles + free @ (along.T @ (points - system.hats @ poles)) / (along.T @ along))

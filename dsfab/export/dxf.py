@@ -18,7 +18,7 @@ import numpy as np
 from dsfab import __version__
 from dsfab.arrays import Floats
 from dsfab.errors import ExportError
-from dsfab.export.along import check_curves, curves_along, joined, sampled, within
+from dsfab.export.along import chains, check_curves, joined, sampled, within
 from dsfab.export.curves import Curve
 from dsfab.export.part import Part
 from dsfab.export.readback import ReadBack, with_lines
@@ -46,8 +46,8 @@ def encode(part: Part) -> Iterator[bytes]:
         document = new_document(part)
         space = document.modelspace()
         flat = bool((part.V[:, 2] == part.V[0, 2]).all())
-        for line in part.details.lines:
-            for entity in drawn_curves(space, line.points, flat, _layer(document, line), within(part)):
+        for line, chain in zip(part.details.lines, chains(part), strict=True):
+            for entity in drawn_curves(space, chain, flat, _layer(document, line)):
                 entity.set_xdata(APPLICATION, [(1000, line.id), (1040, line.length)])
         if not flat:
             _beside(document, part)
@@ -88,9 +88,9 @@ def _beside(document: Any, part: Part) -> None:
         at = at + [view.extent[0] + 2 * gap, 0.0]
 
 
-def drawn_curves(space: Any, points: Floats, flat: bool, layer: str, tolerance: float) -> Iterator[Any]:
-    """What a line through points (k, 3) is drawn with within a tolerance: its splines and its straight runs."""
-    for run in joined(curves_along(points, tolerance)):
+def drawn_curves(space: Any, chain: list[Curve], flat: bool, layer: str) -> Iterator[Any]:
+    """What curves that follow each other are drawn with: splines, and their straight runs."""
+    for run in joined(chain):
         if isinstance(run, Curve):
             poles, knots = run.poles.tolist(), run.knots.tolist()
             yield space.add_open_spline(poles, run.degree, knots, dxfattribs={"layer": layer})

@@ -26,7 +26,7 @@ from numpy.typing import NDArray
 from dsfab import __version__
 from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError
-from dsfab.export.along import check_curves, curves_along, joined, sampled, within
+from dsfab.export.along import chains, check_curves, joined, sampled, within
 from dsfab.export.curves import Curve
 from dsfab.export.part import Part, in_single_precision
 from dsfab.export.readback import ReadBack, check_mesh
@@ -76,10 +76,10 @@ def encode(part: Part) -> Iterator[bytes]:
     about = rhino3dm.ObjectAttributes()
     about.Name, about.LayerIndex, about.Id = one_line(part.name), layers[MESH], ids("mesh")
     model.Objects.AddMesh(rhino_mesh(part.V, part.F), about)
-    for number, line in enumerate(part.details.lines):
+    for number, (line, chain) in enumerate(zip(part.details.lines, chains(part), strict=True)):
         about = _about(line, layers[line.layer], within(part))
         about.Id = ids(f"line {number}")
-        model.Objects.AddCurve(rhino_curve(line.points, within(part)), about)
+        model.Objects.AddCurve(rhino_curve(chain), about)
     yield archive(model)
 
 
@@ -183,12 +183,12 @@ def rhino_polyline(points: Floats) -> Any:
     return rhino3dm.PolylineCurve(rhino3dm.Point3dList([rhino3dm.Point3d(*point) for point in points.tolist()]))
 
 
-def rhino_curve(points: Floats, tolerance: float) -> Any:
-    """Through points (k, 3) within a tolerance: a NURBS curve, a polyline, or one after the other."""
+def rhino_curve(chain: list[Curve]) -> Any:
+    """Curves that follow each other: a NURBS curve, a polyline, or one after the other."""
     import rhino3dm
 
     made = list[Any]()
-    for run in joined(curves_along(points, tolerance)):
+    for run in joined(chain):
         if isinstance(run, Curve):
             curve = rhino3dm.NurbsCurve(3, False, run.degree + 1, len(run.poles))
             for i, pole in enumerate(run.poles.tolist()):

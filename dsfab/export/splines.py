@@ -4,8 +4,7 @@ from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
-from scipy.linalg import cho_solve_banded, cholesky_banded
-from scipy.sparse import csr_array
+from scipy.linalg.lapack import dpbtrf, dpbtrs
 
 from dsfab.arrays import Floats, Ints, lock
 
@@ -79,12 +78,17 @@ def hats_within(x: Floats, knots: Floats, span: Ints) -> tuple[Floats, Floats]:
 class LeastSquares:
     """The normal equations of the cubics nearest to samples, one curve after another, some of whose poles are held.
 
-    hats   : (k, n) csr, of each sample the four hats of its curve that are not zero.
+    Plain sums and LAPACK's own calls: thousands of short lines have a few hundred samples each, of which sparse
+    matrices and their checks took three times as long.
+
+    values : (4, k) of the hats of its curve that are not zero at each sample.
+    first  : (k,) the first of these hats among all.
     factor : (4, n) the banded Cholesky factor of their products; that of held poles is the identity.
     held   : the poles that do not move.
     """
 
-    hats: csr_array
+    values: Floats
+    first: Ints
     factor: Floats
     held: Ints
 
@@ -94,19 +98,37 @@ class LeastSquares:
 
         begin : (r,) the first pole of each curve.
         """
-        around = (first[:, None] + np.arange(4)).ravel()
-        hats: csr_array = csr_array((values.T.ravel(), around, np.arange(0, len(around) + 1, 4)), shape=(len(first), n))
-        return cls(hats, cholesky_banded(_band(values, first, begin, held, n), lower=True), held)
+        factor, failed = dpbtrf(_band(values, first, begin, held, n), lower=1)
+        if failed:
+            raise np.linalg.LinAlgError(f"the products of hats are not positive at pole {failed}")
+        return cls(values, first, factor, held)
 
     def solved(self, right: Floats) -> Floats:
         """(n, d) the solution for a right-hand side (n, d); 0 for held poles."""
         right = np.array(right)
         right[self.held] = 0.0
-        return np.asarray(cho_solve_banded((self.factor, True), right))
+        found, _ = dpbtrs(self.factor, right, lower=1)
+        return np.asarray(found)
+
+    def at_samples(self, poles: Floats, some: Ints | slice = slice(None)) -> Floats:
+        """(k, d) what the hats make of poles (n, d) at the samples, or at some of them."""
+        first, values = self.first[some], self.values[:, some]
+        return np.asarray(sum(values[i][:, None] * poles[first + i] for i in range(4)))
+
+    def sums(self, Q: Floats) -> Floats:
+        """(n, d) for each hat the sum of Q (k, d) over all samples, as much as each has of the hat."""
+        around, shares = (self.first[:, None] + np.arange(4)).ravel(), self.values.T
+        columns = [np.bincount(around, (shares * q[:, None]).ravel(), self.factor.shape[1]) for q in Q.T]
+        return np.stack(columns, axis=1)
 
     def poles(self, Q: Floats, start: Floats) -> Floats:
         """(n, d) nearest to samples Q (k, d); start (n, d) has the held poles, and 0 elsewhere."""
-        return np.asarray(start + self.solved(self.hats.T @ (Q - self.hats @ start)))
+        near = np.zeros(len(start), dtype=bool)
+        for i in range(4):
+            near[np.maximum(self.held - i, 0)] = True
+        some, rest = np.flatnonzero(near[self.first]), np.array(Q)
+        rest[some] -= self.at_samples(start, some)
+        return np.asarray(start + self.solved(self.sums(rest)))
 
 
 def _band(values: Floats, first: Ints, begin: Ints, held: Ints, n: int) -> Floats:

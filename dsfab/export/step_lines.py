@@ -8,8 +8,8 @@ their colours. Millimetres.
 from collections.abc import Iterator
 from pathlib import Path
 
-from dsfab.export.along import check_length, curves_along, within
-from dsfab.export.curves import halves
+from dsfab.export.along import chains, check_length, within
+from dsfab.export.curves import Curve, halves
 from dsfab.export.part import Part
 from dsfab.export.plate_text import Entities, curve_entity
 from dsfab.export.readback import ReadBack, differs, with_lines
@@ -30,8 +30,8 @@ def prepare(part: Part) -> Part:
 def encode(part: Part) -> Iterator[bytes]:
     """One wireframe of all lines, then a layer and a colour for each family."""
     new, layers = Entities(), dict[str, list[int]]()
-    for line in part.details.lines:
-        layers.setdefault(line.layer, []).append(_line(new, line, within(part)))
+    for line, chain in zip(part.details.lines, chains(part), strict=True):
+        layers.setdefault(line.layer, []).append(_line(new, line, chain))
     everything = ",".join(f"#{k}" for members in layers.values() for k in members)
     curves = new.add(f"GEOMETRIC_CURVE_SET('',({everything}))")
     shape = new.add(f"GEOMETRICALLY_BOUNDED_WIREFRAME_SHAPE_REPRESENTATION('',(#18,#{curves}),#14)")
@@ -50,9 +50,8 @@ def encode(part: Part) -> Iterator[bytes]:
     yield b"ENDSEC;\nEND-ISO-10303-21;\n"
 
 
-def _line(new: Entities, line: StructureLine, tolerance: float) -> int:
+def _line(new: Entities, line: StructureLine, chain: list[Curve]) -> int:
     """A curve, or a composite of several; OCCT wants two of a closed one."""
-    chain = curves_along(line.points, tolerance)
     chain = halves(chain[0]) if line.closed and len(chain) == 1 else chain
     title = quoted(f"{line.id} {line.length:.3f} mm")
     if len(chain) == 1:

@@ -38,25 +38,26 @@ def length_label(length: float) -> str:
     return f"{length:g} m" if length >= 0.1 else f"{length * MM_PER_M:g} mm"
 
 
-def lettered(image: "Image", legend: Legend, palette: Palette) -> "Image":
-    """The picture with its words, in the strip below the structure."""
+def lettered(image: "Image", legend: Legend, palette: Palette, larger: float = 1.0) -> "Image":
+    """The picture with its words, in the strip below the structure; larger : than on a build's preview, so many
+    times."""
     from PIL import ImageDraw, ImageFont
 
     width, height = image.size
-    letter = max(height / 46, 9.0)
+    letter = larger * max(height / 46, 9.0)
     draw = ImageDraw.Draw(image)
     font = ImageFont.load_default(size=letter)
     margin, base = 0.035 * width, height - 1.5 * letter
     bar = _scale_bar(draw, legend, palette, (width - margin, base), letter, 0.16 * width)
-    x = margin
+    x, above = margin, base - (1.9 * letter if legend.caption or larger == 1.0 else 0.0)
     if legend.caption:
         room = width - 2 * margin - bar - letter
         words = _shortened(legend.caption, room, draw, letter)
         draw.text((x, base), words, fill=palette.text, font=font, anchor="ls")
     for name in legend.names:
-        x = _named(draw, name, palette, (x, base - 1.9 * letter), letter) + 1.4 * letter
+        x = _named(draw, name, palette, (x, above), letter) + 1.4 * letter
     for text, colour in legend.swatches:
-        x = _swatch(draw, text, colour, palette, (x, base - 1.9 * letter), letter) + 1.4 * letter
+        x = _swatch(draw, text, colour, palette, (x, above), letter) + 1.4 * letter
     return image
 
 

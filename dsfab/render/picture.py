@@ -19,11 +19,13 @@ from dsfab.surface import LoadCase, Surface
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """How a picture looks. size : (width, height) in pixels. up : (3,) any length, found out when left out."""
+    """How a picture looks. size : (width, height) in pixels. up : (3,) any length, found out when left out.
+    letters : their size, in those of a build's preview."""
 
     size: tuple[int, int] = (1600, 1200)
     up: ArrayLike | None = None
     palette: Palette = PAPER
+    letters: float = 1.0
 
 
 PLAIN = Look()
@@ -79,7 +81,7 @@ def drawn_picture(
     )
     with Scene(stage.bodies, stage.centre, stage.radius) as scene:
         image = rendered(scene, stage, palette, size)
-    return np.asarray(lettered(image, legend(stage, caption, palette, size), palette))
+    return np.asarray(lettered(image, legend(stage, caption, palette, size), palette, look.letters))
 
 
 @dataclass(frozen=True, eq=False)

@@ -13,7 +13,7 @@ import numpy as np
 
 from dsfab.arrays import Floats
 from dsfab.errors import ExportError
-from dsfab.export.along import within
+from dsfab.export.along import curves_along, within
 from dsfab.export.dxf import (
     APPLICATION,
     COLOURS,
@@ -60,7 +60,9 @@ def _member(document: Any, shape: MemberShape, tolerance: float, height: float) 
         yield drawn_polyline(space, simplified_line(line, tolerance), False, layer)
     place = shape.edges[0].mean(axis=0)
     if len(shape.axis):
-        yield from drawn_curves(space, shape.axis, False, _layer(document, shape.layer, "AXES"), tolerance)
+        yield from drawn_curves(
+            space, curves_along(shape.axis, tolerance), False, _layer(document, shape.layer, "AXES")
+        )
         place = shape.axis[len(shape.axis) // 2]
     text = space.add_text(shape.id, height=height, dxfattribs={"layer": _layer(document, shape.layer, "NAMES")})
     text.set_placement(tuple(place.tolist()))

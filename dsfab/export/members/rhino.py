@@ -11,7 +11,7 @@ from typing import Any
 import numpy as np
 
 from dsfab.errors import ExportError
-from dsfab.export.along import within
+from dsfab.export.along import curves_along, within
 from dsfab.export.members.shapes import check_shapes, layer_colour, member_entries, member_facts
 from dsfab.export.part import Part
 from dsfab.export.readback import ReadBack, differs
@@ -38,7 +38,7 @@ def encode(part: Part) -> Iterator[bytes]:
         model.Objects.AddMesh(rhino_mesh(shape.V, shape.F), about)
         if len(shape.axis):
             about = _about(shape.id, layers[f"{shape.layer} axes"], ids(f"axis {shape.id}"))
-            model.Objects.AddCurve(rhino_curve(shape.axis, within(part)), about)
+            model.Objects.AddCurve(rhino_curve(curves_along(shape.axis, within(part))), about)
     for node in part.details.records["nodes"]:
         about = _about(node["id"], layers[NODES], ids(f"node {node['id']}"))
         about.SetUserString("members", " ".join(node["members"]))

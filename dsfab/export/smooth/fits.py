@@ -111,4 +111,4 @@ def _least_squares(rows: SplineRows, spans: RowSpans) -> tuple[Floats, Floats]:
     start[ends] = rows.Q[np.concatenate([rows.first, rows.last])]
     system = LeastSquares.of(values, first, begin, n, ends)
     poles = system.poles(rows.Q, start)
-    return poles, rows.away(system.hats @ poles)
+    return poles, rows.away(system.at_samples(poles))

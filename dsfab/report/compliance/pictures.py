@@ -39,6 +39,12 @@ WHITE = replace(PAPER, paper=(255, 255, 255))
 RED: Colour = (200, 60, 40)
 """Of what is not built."""
 
+LETTERS = 7.0
+"""Points that the words on pictures are high on paper."""
+
+TEXT = 174 / 25.4 * 72
+"""Points that pictures of the whole width are wide on paper."""
+
 QUALITY = 90
 """Of JPEG."""
 
@@ -78,12 +84,13 @@ class Pictures:
             caption, width, SIZE, sheet.surface.V, sheet.surface.F, task.surface, task.statics.load, red, lost
         )
 
-    def case(self, name: str, caption: str, width: float) -> ReportFigure:
-        """The uncut surface with the loads and supports of one case."""
+    def case(self, name: str, caption: str, width: float, beside: bool = False) -> ReportFigure:
+        """The uncut surface with the loads and supports of one case; beside: another one, both half as wide."""
         surface = self.found.task.surface
         load = self.found.task.all_loads[name]
         palette = replace(WHITE, members=WHITE.plain)
-        return self._figure(caption, width, SMALL, surface.V, surface.F, surface, load, palette)
+        letters = larger_letters(SMALL, width / 2 if beside else width)
+        return self._figure(caption, width, SMALL, surface.V, surface.F, surface, load, palette, letters=letters)
 
     def stress(self, shown: Answered, caption: str) -> ReportFigure:
         """The largest von Mises stress of both sides and the middle, on the cut sheet."""
@@ -125,16 +132,24 @@ class Pictures:
         palette: Palette = WHITE,
         family: Ints | None = None,
         scale: Scale | None = None,
+        letters: float | None = None,
     ) -> ReportFigure:
         from dsfab.render.picture import Look, picture
 
         if self.missing:
             return ReportFigure(caption, b"", size, missing=self.missing)
-        look = Look(size, self.up, palette)
+        look = Look(size, self.up, palette, letters or larger_letters(size, width))
         pixels = picture(V, F, surface=surface, load=load, family=family, look=look)
         pixels = trimmed(pixels, palette.paper)
         high, wide = pixels.shape[:2]
         return ReportFigure(caption, jpeg(pixels), (wide, high), width, scale)
+
+
+def larger_letters(size: tuple[int, int], width: float) -> float:
+    """How much larger than on a preview the words of a picture are, to be `LETTERS` high at this share of the text's
+    width: at half of it they were 3 points high."""
+    point = size[0] / (TEXT * width)
+    return max(1.0, LETTERS * point / (size[1] / 46))
 
 
 def trimmed(pixels: Bytes, paper: Colour, margin: int = 12) -> Bytes:

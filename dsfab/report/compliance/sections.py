@@ -54,7 +54,7 @@ def checks(found: Findings, number: Numbers) -> ReportSection:
             "quiet",
         )
     )
-    return ReportSection("Checks", blocks, own_page=True)
+    return ReportSection("Checks", blocks)
 
 
 def subject(found: Findings, number: Numbers) -> ReportSection:
@@ -72,7 +72,7 @@ def loads(found: Findings, drawn: Pictures, number: Numbers) -> ReportSection:
     figures = []
     for name in names:
         told = f"Load case {escaped(name)}: loads (blue) and supports (dark)." if several else "Loads and supports."
-        figures.append(drawn.case(name, number.figure(told), 1.0 if several else 0.7))
+        figures.append(drawn.case(name, number.figure(told), 1.0 if several else 0.7, beside=several))
     return ReportSection(
         "Loads and supports",
         [
@@ -135,7 +135,7 @@ def comparison(found: Findings, number: Numbers, charts: Mapping[str, tuple[byte
         blocks.append(tables.volumes_table(found, number))
     if "volumes" in charts:
         blocks.append(_chart(number.figure("Compliance over mass; the design's widths are scaled."), charts["volumes"]))
-    return ReportSection("The same mass spent otherwise", blocks, own_page=True)
+    return ReportSection("The same mass spent otherwise", blocks)
 
 
 def _chart(caption: str, chart: tuple[bytes, tuple[int, int]]) -> ReportFigure:
@@ -213,7 +213,7 @@ def scope(found: Findings) -> list[ReportSection]:
         "code, and does not take the place of an engineer's."
     )
     return [
-        ReportSection("What was assumed", [Bullets(assumed)], own_page=True),
+        ReportSection("What was assumed", [Bullets(assumed)]),
         ReportSection("What was not checked", [words, Bullets([one for one in missing if one])]),
     ]
 

@@ -78,6 +78,10 @@ def read_shipped(
     """
     path = Path(path)
     suffix = path.suffix.lower()
+    if path.is_dir():
+        names = sorted(file.name for file in path.iterdir() if file.suffix.lower() in SUFFIXES)
+        hint = f"give {path / names[0]}" if names else f"`dsfab check` reads {', '.join(SUFFIXES)}, and none is there"
+        raise ExportError(f"{path} is a folder; {hint}")
     if suffix not in SUFFIXES:
         raise ExportError(f"{path} has the suffix {suffix!r}; `dsfab check` reads {', '.join(SUFFIXES)}")
     if unit is not None and suffix != ".stl":

@@ -6,7 +6,15 @@ bodies    both where they are in the structure
 """
 
 from dsfab.workshop.bars.bodies import PlacedPart, bar_body, placed_parts
-from dsfab.workshop.bars.cutting import BarStock, PlateArm, bar_part, half_plane_clip, plate_arms, plate_part
+from dsfab.workshop.bars.cutting import (
+    BarStock,
+    PlateArm,
+    bar_part,
+    half_plane_clip,
+    mitre_length,
+    plate_arms,
+    plate_part,
+)
 from dsfab.workshop.bars.joints import BarEnd, BarLattice, Joint, LatticeBar, bar_lattice
 from dsfab.workshop.bars.lattice import CLEAR, Bay, Lattice, LatticeNode, member_lattice
 from dsfab.workshop.bars.plan import BarPlan, bar_plan
@@ -30,6 +38,7 @@ __all__ = [
     "bar_plan",
     "half_plane_clip",
     "member_lattice",
+    "mitre_length",
     "placed_parts",
     "plate_arms",
     "plate_part",

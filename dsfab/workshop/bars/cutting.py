@@ -81,6 +81,13 @@ def _mitres(end: BarEnd, stock: BarStock, clear: float) -> Iterator[tuple[Floats
             yield np.array([-np.cos(end.dip) * s, side * c]), end.root * s - apart
 
 
+def mitre_length(bar: LatticeBar, end: BarEnd, stock: BarStock) -> float:
+    """Metres from a bar's root for which a side of it is cut, so that it is clear of its nearest neighbour there."""
+    half = bar.bay.width / 2
+    cuts = [(b - abs(a[1]) * half) / a[0] for a, b in _mitres(end, stock, CLEAR * stock.bolt)]
+    return float(np.clip(max(cuts, default=0.0), 0.0, bar.length))
+
+
 def half_plane_clip(P: Floats, a: Floats, b: float) -> Floats:
     """(k, 2) what a half plane a . x <= b has of a convex polygon (q, 2) [Sutherland, Hodgman 1974]."""
     off = P @ a - b

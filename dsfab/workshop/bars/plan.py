@@ -8,12 +8,15 @@ import numpy as np
 from dsfab.arrays import Floats
 from dsfab.members import MemberGraph
 from dsfab.wording import length, some_names
-from dsfab.workshop.bars.cutting import BarStock, bar_part, plate_part
+from dsfab.workshop.bars.cutting import BarStock, bar_part, mitre_length, plate_part
 from dsfab.workshop.bars.joints import BarLattice, LatticeBar, bar_lattice
 from dsfab.workshop.bars.lattice import is_barred, member_lattice
 from dsfab.workshop.legs import Footing, leg_lines
 from dsfab.workshop.parts import FlatPart
 from dsfab.workshop.plates import plate_parts
+
+MOST = 0.5
+"""Share of a bar's length; bars that lose a side to a neighbour for more of it are named."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -78,8 +81,29 @@ def _possible(plan: BarPlan) -> Iterator[str]:
         f"their length by up to {abs(np.degrees(twisted.twist)):.1f} degrees ({twisted.bay.id}): twisted as they are "
         "bolted, or packed at their ends"
     )
-    sharpest = min(min(end.before, end.after) for bar in bars for end in bar.ends)
-    yield f"the sharpest angle between two bars of a node is {np.degrees(sharpest):.0f} degrees"
+    yield from _sharp_angles(plan)
+
+
+def _sharp_angles(plan: BarPlan) -> Iterator[str]:
+    """Where the sharpest angle is, and which bars lose most of a side to such."""
+    bars, stock = plan.found.bars, plan.stock
+    angle, node, one, other = min(
+        (bars[k].ends[side].after, joint.node.id, bars[k].bay.id, bars[beside].bay.id)
+        for joint in plan.found.joints
+        for (k, side), (beside, _) in zip(joint.bars, (*joint.bars[1:], joint.bars[0]), strict=True)
+    )
+    if angle < np.pi:
+        told = f"is {np.degrees(angle):.0f} degrees, of {one} and {other} at {node}"
+        yield f"the sharpest angle between two bars of a node {told}"
+    shares = {bar.bay.id: max(mitre_length(bar, end, stock) for end in bar.ends) / bar.length for bar in bars}
+    most = sorted((name for name, share in shares.items() if share > MOST), key=lambda name: -shares[name])
+    if most:
+        many = "1 bar loses" if len(most) == 1 else f"{len(most)} bars lose"
+        yield (
+            f"{many} a side for more than half of the length to a "
+            f"neighbour at a sharp angle, and may be too weak: {some_names(most)}; "
+            "narrower members lose less"
+        )
 
 
 def _sagitta(bar: LatticeBar) -> float:
