@@ -4,9 +4,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from dsfab.export.network.flush import CLEAR, NEARLY, flush_at_corners
+from dsfab.export.network.flush import CLEAR, INNER, NEARLY, flush_at_corners
 from dsfab.export.network.heights import places
-from dsfab.export.network.model import NetWall
+from dsfab.export.network.model import NetEdge, NetWall
 from dsfab.export.network.trimmed import SPLIT, TrimmedFace
 from dsfab.export.splines import bernstein
 from tests.test_export_network import flat_model
@@ -54,7 +54,45 @@ def test_inside_a_face_stays_where_it_was(monkeypatch):
     assert np.abs(found.gaps(inside) - face.gaps(inside)).max() < found.gap
     monkeypatch.setattr("dsfab.export.network.flush.MOVED", 1e-6)
     _, (kept,) = flush_at_corners(old, [face])
-    assert not kept.exact
+    np.testing.assert_array_equal(kept.outer, face.outer)
+
+
+def test_rims_are_moved_onto_a_face_that_stays(monkeypatch):
+    """Between a corner and where it is cut; walls are along them, and what they move by fades."""
+    old, face = given(0.03)
+    monkeypatch.setattr("dsfab.export.network.flush.MOVED", 1e-6)
+    model, (kept,) = flush_at_corners(old, [face])
+    x, at_corners = np.linspace(0, 1, 50), [e for wall in old.walls for e, _ in wall.steps]
+    gaps = {e: np.abs(kept.gaps(bernstein(x) @ model.poles((e, True)))).max() for e, _ in kept.loops[0]}
+    assert sum(gap < NEARLY for gap in gaps.values()) == 2 * len(at_corners)
+    assert max(gaps.values()) <= kept.gap + 1e-4 <= 2 * face.gap
+    assert kept.exact
+    assert len(model.walls) == len(gaps) == 12
+    for wall in model.walls:
+        np.testing.assert_array_equal(wall.poles, model.poles(wall.steps[0]))
+    for edge in model.edges:
+        np.testing.assert_array_equal(edge.poles[[0, 3]], [model.vertices[edge.start], model.vertices[edge.end]])
+
+
+def test_a_rim_stays_where_a_seam_ends_that_its_face_is_not_on(monkeypatch):
+    old, face = given(0.03)
+    monkeypatch.setattr("dsfab.export.network.flush.MOVED", 1e-6)
+    corner = old.vertices[0]
+    seam = NetEdge(0, len(old.vertices), corner - np.linspace(0, 30, 4)[:, None] * np.array([1.0, 0, 0] * 2))
+    more = replace(old, edges=[*old.edges, seam], vertices=[*old.vertices, seam.poles[3]])
+    model, _ = flush_at_corners(more, [face])
+    np.testing.assert_array_equal(model.vertices[0], corner)
+    assert all(np.abs(model.vertices[v] - more.vertices[v]).max() == 0 for v in (0, len(old.vertices)))
+
+
+def test_edges_are_cut_as_far_from_corners_as_a_fillet_goes_on_the_inner_skin():
+    old, face = given(0.03)
+    half = np.array([1, 1, 1, 0.5, 0.5, 1])
+    edges = [replace(edge, poles=edge.poles * half) for edge in old.edges]
+    model, _ = flush_at_corners(replace(old, edges=edges, vertices=[v * half for v in old.vertices]), [face])
+    ends = {e for e, edge in enumerate(model.edges) if min(edge.start, edge.end) < 4}
+    short = [np.linalg.norm(model.edges[e].poles[3, 3:] - model.edges[e].poles[0, 3:]) for e in ends]
+    assert min(short) >= INNER * CLEAR * THICK - 0.1
 
 
 def test_a_face_that_would_be_too_far_off_its_other_edges_stays():

@@ -20,7 +20,7 @@ patches     : their patches; trimmed : the surfaces of all other regions; height
 strays      : those that leave the skins where none of these points are, made anew.
 parting     : trimmed regions whose surface does not meet their edges, divided; chords : where.
 model       : edges, walls and faces of one solid; text : their entities.
-flush       : trimmed faces on their edges at sharp corners, as far as a fillet goes.
+flush       : trimmed faces on their edges at sharp corners, as far as a fillet goes; rims : rims moved onto them.
 ordering    : walls in an order, edges in directions and lengths with which OCCT rounds the corners between walls.
 build       : the file of a part, and what OCCT says of its use (`use_check`, a program of its own).
 """

@@ -7,7 +7,7 @@ r"""Trimmed faces that run exactly through their edges beside sharp corners of o
                       surface is on them: of four corners of a dome two were rounded before, and all are.
 """
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
@@ -19,11 +19,17 @@ from dsfab.export.network.corners import corner_tangents
 from dsfab.export.network.heights import differences, height_rows, places, raised
 from dsfab.export.network.model import NetModel
 from dsfab.export.network.ordering import CutEdges
+from dsfab.export.network.rims import Rims
 from dsfab.export.network.trimmed import SPLIT, TrimmedFace, inside_of, loop_samples
 from dsfab.export.splines import bernstein
 
 CLEAR = 1 / 6
 """Of the thickness, radius of a fillet that takes no more of an edge than the surface is on."""
+
+INNER = 6 / 7
+"""Share of it that this is on the inner skin, at least. Around a cow's ear that is shorter by a quarter, and fillets of
+2 mm in a sheet of 16 took all of it, and some of what is beyond.
+"""
 
 HELD = (1 - np.cos(np.pi * np.arange(6) / 5)) / 2
 """Where a surface is held on a part of an edge; between six places it is then off by less than `EXACT`."""
@@ -60,7 +66,8 @@ WHOLE = 0.1
 def flush_at_corners(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
     """The same solid, whose edges at sharp corners beside trimmed faces are cut, and these faces on what is there.
 
-    Where no degree does it within `SPLIT`, or only if the inside moves by more than `MOVED`, a face stays as it is.
+    Where no degree does it within `SPLIT`, or only if the inside moves by more than `MOVED`, a face stays as it is,
+    and rims are moved onto it, as far as they may be.
     """
     beside = {e for face in faces for loop in face.loops for e, _ in loop}
     near = {v for e in beside for v in (model.edges[e].start, model.edges[e].end)}
@@ -82,17 +89,54 @@ def flush_at_corners(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetMode
         mine = {e for loop in given.loops for e, _ in loop}
         long = _flush(given, new, poles | beyond) if mine & beyond.keys() else given
         found.append(_flush(given, new, poles) if long is given else long)
-    return new, found
+    rims = Rims(new, held)
+    found = [face if face.exact else _on_rims(face, rims, (poles | beyond, poles)) for face in found]
+    return rims.result(), found
+
+
+def _on_rims(face: TrimmedFace, rims: Rims, held: Iterable[Mapping[int, Floats]]) -> TrimmedFace:
+    """A face that cannot be on all that is held: it is on its seams there at least, and its rims are moved onto it, or
+    those at corners where no seam ends; else as it is."""
+    if not rims.beside(face):
+        return face
+    ways = [rims.seams(face, curves) for curves in held]
+    for i, seams in enumerate(ways):
+        same = any(all(some[e] is P for e, P in seams.items()) for some in ways[:i])
+        on = face if same else _flush(face, rims.model, seams)
+        done = None if on is face else _with_moved_rims(on, rims, seams)
+        if done:
+            return done
+    return _with_moved_rims(face, rims, {}) or face
+
+
+def _with_moved_rims(face: TrimmedFace, rims: Rims, seams: Mapping[int, Floats]) -> TrimmedFace | None:
+    """A face that is on such seams, on moved rims; nothing where these move, or edges are off, by more than `SPLIT`."""
+    change = rims.moved_onto(face, bool(seams))
+    moves = [edge.poles - rims.edges[e].poles for e, edge in change.edges.items()] if change else []
+    if change is None or np.abs(moves).max() > SPLIT:
+        return None
+    new = replace(rims.model, edges=[change.edges.get(e, edge) for e, edge in enumerate(rims.edges)])
+    on = {e: change.edges[e].poles for e in change.pieces}
+    off = float(np.abs(face.gaps(np.concatenate([bernstein(ASKED) @ P for P in on.values()]))).max())
+    gap = float(np.abs(face.gaps(np.concatenate([loop_samples(new, loop) for loop in face.loops]))).max())
+    done = replace(face, exact=True, gap=gap)
+    if off > NEARLY:
+        done = _flush(done, new, {**seams, **on})
+    if (off > NEARLY and done.outer is face.outer) or done.gap > max(SPLIT, face.gap):
+        return None
+    rims.take(change)
+    return done
 
 
 def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
     """Where an edge is cut, between whose walls fillets at its ends go on for their radius times `halves`."""
     radius = CLEAR * float(np.linalg.norm(poles[0, :3] - poles[0, 3:]))
-    line, found = (bernstein(ASKED) @ poles)[:, :3], list[float]()
+    line, found = bernstein(ASKED) @ poles, list[float]()
     for end, half in enumerate(halves):
         if half:
-            away = np.linalg.norm(line - line[-end], axis=1)[:: -1 if end else 1]
-            x = float(np.interp(radius * half, np.maximum.accumulate(away), ASKED))  # 1 where the edge is shorter
+            away = np.linalg.norm((line - line[-end]).reshape(-1, 2, 3), axis=2)[:: -1 if end else 1]
+            far = zip((radius * half, INNER * radius * half), np.maximum.accumulate(away).T, strict=True)
+            x = max(float(np.interp(far_as, skin, ASKED)) for far_as, skin in far)  # 1 where the edge is shorter
             if x > 1 - WHOLE:
                 return []
             found.append(1 - x if end else x)
