@@ -24,10 +24,15 @@ def height_rows(uv: Floats, degree: int) -> Floats:
 def raised(poles: Floats, degree: int) -> Floats:
     """(degree + 1, degree + 1) poles of the same surface as those (p + 1, p + 1)."""
     while (n := len(poles)) <= degree:
-        share = np.arange(n + 1)[:, None] / n
-        E = share * np.eye(n + 1, n, -1) + (1 - share) * np.eye(n + 1, n)
-        poles = E @ poles @ E.T
+        poles = _higher(n) @ poles @ _higher(n).T
     return poles
+
+
+@cache
+def _higher(n: int) -> Floats:
+    """(n + 1, n) the poles of a curve a degree higher than its n are."""
+    share = np.arange(n + 1)[:, None] / n
+    return np.asarray(share * np.eye(n + 1, n, -1) + (1 - share) * np.eye(n + 1, n))
 
 
 def _powers(x: Floats, degree: int) -> Floats:

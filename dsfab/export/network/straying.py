@@ -52,11 +52,13 @@ def places_inside(poles: Floats, axes: Floats, lines: Sequence[Floats]) -> Float
 
 def enclosed(points: Floats, lines: Sequence[Floats]) -> Bools:
     """(k,) which points (k, 2) of a plane an odd number of closed lines (., 2) goes around."""
-    x, y = points.T[..., None]
+    x, y = points.T
     found = np.zeros(len(points), dtype=bool)
     for line in lines:
         (ax, ay), (bx, by) = line.T, np.roll(line, -1, axis=0).T
         slope = (bx - ax) / np.where(by != ay, by - ay, 1.0)
-        crossed = ((ay > y) != (by > y)) & (x < ax + (y - ay) * slope)
-        found ^= crossed.sum(axis=1) % 2 == 1
+        above = ay > y[:, None]
+        i, j = np.nonzero(above != np.roll(above, -1, axis=1))  # few: only there it is asked on which side they pass
+        beside = x[i] < ax[j] + (y[i] - ay[j]) * slope[j]
+        found ^= np.bincount(i[beside], minlength=len(points)) % 2 == 1
     return found
