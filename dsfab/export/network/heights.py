@@ -1,6 +1,7 @@
 """Height fields over a square: poles of a Bezier surface, what they count somewhere, and how they differ."""
 
-from functools import cache
+from collections.abc import Callable
+from functools import cache, partial
 
 import numpy as np
 from scipy.special import comb
@@ -19,6 +20,11 @@ def height_rows(uv: Floats, degree: int) -> Floats:
     """(k, (degree + 1)^2) what each pole counts at places (k, 2) of a square."""
     both = np.einsum("ka,kb->kab", _powers(uv[:, 0], degree), _powers(uv[:, 1], degree))
     return np.asarray(both.reshape(len(uv), -1))
+
+
+def rows_at(uv: Floats) -> Callable[[int], Floats]:
+    """The same by degree at places (k, 2) that are asked often, found once."""
+    return cache(partial(height_rows, uv))
 
 
 def raised(poles: Floats, degree: int) -> Floats:

@@ -253,12 +253,13 @@ def _best(uv: Floats, z: Floats, inside: int, wanted: float, near: float) -> tup
     Where none closes the gap as wanted, high degrees wave between the points for next to nothing: that is taken which
     is least off inside of those whose edges can be split, or which is least off both together.
     """
-    base = _heights(height_rows(uv, BASE), z, np.ones(len(z)), SMOOTH[1], np.zeros((BASE + 1, BASE + 1)))
+    first = height_rows(uv, BASE)
+    base = _heights(first, z, np.ones(len(z)), SMOOTH[1], np.zeros((BASE + 1, BASE + 1)))
     fits, good = list[tuple[Floats, float, float]](), list[tuple[Floats, float, float]]()
     for i, (edge, smooth, degree) in enumerate((*USUAL, *OTHERS)):
         if good and i >= len(USUAL):
             break
-        A = height_rows(uv, degree)
+        A = first if degree == BASE else height_rows(uv, degree)
         poles = _heights(A, z, np.repeat([1.0, edge], (inside, len(z) - inside)), smooth, raised(base, degree))
         off = np.abs(A @ poles.ravel() - z)
         fits.append((poles, float(off[inside:].max()), float(off[:inside].max(initial=0.0))))
