@@ -1,11 +1,13 @@
 """STEP by members at round corners: arcs that go on as walls do, and borders that end on them steeply."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from scipy.sparse import csr_array, eye_array
 
 from dsfab.export.network import line_fits
-from dsfab.export.network.arcs import round_chains, with_arcs
+from dsfab.export.network.arcs import ArcsOnSkins, round_chains, with_arcs
 from dsfab.export.network.curves import SampledChain, curves_through
 from dsfab.export.network.ends import without_short_walls
 from dsfab.export.network.graph import VOID, Chain, ChainNet
@@ -52,8 +54,33 @@ def arcs_of(far, within):
     chains = {k: sampled(points[chain.points]) for k, chain in net.chains.items()}
     curves = curves_through([chain.Q for chain in chains.values()], [0.01] * len(chains))
     lines = NetLines(net, [ChainLine([(k, True)], curve, np.array([0.0, 1])) for k, curve in enumerate(curves)])
-    done = with_arcs(lines, chains, dict.fromkeys(chains, within), np.zeros_like)
+    limits = dict.fromkeys(chains, within)
+    done = with_arcs(lines, chains, limits, round_chains(net, chains, limits), ArcsOnSkins(np.zeros_like))
     return [done.curve(k) for k in net.chains], curves
+
+
+def test_arcs_are_brought_onto_the_skins_once():
+    """Two chains, one of which is another one then, and an arc with other poles."""
+    asked_at = list[int]()
+
+    def away(Q: np.ndarray) -> np.ndarray:
+        asked_at.append(len(Q))
+        return np.zeros_like(Q)
+
+    x = np.linspace(0, 30, 7)
+    chains = {k: sampled(np.column_stack([x, 0.1 * k * x])) for k in (1, 2)}
+    arcs = {k: curves_through([chain.Q], [0.01])[0] for k, chain in chains.items()}
+    on = ArcsOnSkins(away)
+    first, count = on(arcs, chains), len(asked_at)
+    assert {k: curve.off for k, curve in first.items()} == pytest.approx({1: 0, 2: 0}, abs=0.3)
+    assert on(arcs, chains)[2] is first[2]
+    assert len(asked_at) == count
+    high = arcs[1].with_ends(arcs[1].spans[0, 0] + 3, arcs[1].spans[-1, -1])
+    second = on({1: high, 2: arcs[2]}, chains)
+    assert second[1].off > 1
+    assert second[2] is first[2]
+    other = on(arcs, chains | {2: replace(chains[2])})
+    assert other[2] is not first[2]
 
 
 def directions(curve):

@@ -18,6 +18,7 @@ from dsfab.export import StepOptions, sampled_use, write
 from dsfab.export.ladder import prepare
 from dsfab.export.network import draft, line_fits, straightening, use_check
 from dsfab.export.network.build import _asked_as_a_solid, _Drawn, _RoughError
+from dsfab.export.network.covering import _beyond_mesh
 from dsfab.export.network.crossings import without_crossings
 from dsfab.export.network.curves import ChainCurve, SampledChain, curves_through, on_skins, parts_of
 from dsfab.export.network.dividing import _narrow, divided
@@ -28,7 +29,7 @@ from dsfab.export.network.heights import _powers
 from dsfab.export.network.joining import joined_outlines, without_lenses
 from dsfab.export.network.lifting import Lifting
 from dsfab.export.network.lines import ChainLine, NetLines, with_ends_on_lines
-from dsfab.export.network.model import NetEdge, NetModel, NetPatch, _beyond_mesh
+from dsfab.export.network.model import NetEdge, NetModel, NetPatch
 from dsfab.export.network.patches import coons, least_jacobian, pulled
 from dsfab.export.network.quads import quads_of
 from dsfab.export.network.stations import Stations, paired

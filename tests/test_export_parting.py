@@ -6,7 +6,7 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dsfab.export.network import chords, parting
+from dsfab.export.network import chords, parting, trimmed
 from dsfab.export.network.chords import HalvedOutline
 from dsfab.export.network.model import NetModel, NetPatch, NetWall
 from dsfab.export.network.parting import allowance_used, parted
@@ -181,6 +181,24 @@ def test_seams_keep_to_the_mesh_where_that_is_asked():
         through.append(any((off_mesh(P) > 0).any() for P in points))
         assert seams
     assert through == [True, False]
+
+
+def test_the_worst_misfit_of_outlines_is_given_up_once_it_is_too_large(monkeypatch):
+    """A flat square, and one that waves: the second is not asked where the first one, or its outer skin, is too bad."""
+    x = np.linspace(0, 300, 24, endpoint=False)
+    plan = np.concatenate([[[t, 0], [300, t], [300 - t, 300], [0, 300 - t]] for t in x], axis=0)
+    plan = plan.reshape(-1, 4, 2).swapaxes(0, 1).reshape(-1, 2)
+    waves = np.sin(np.arange(len(plan)) / 2)
+    flat, waved = (np.column_stack([plan, z + 20, plan, z - 20]) for z in (0 * waves, waves))
+    asked_of, inside = list[int](), np.array([[150, 150, 20, 150, 150, -20.0]])
+    given = trimmed._misfit
+    monkeypatch.setattr(trimmed, "_misfit", lambda *some: asked_of.append(1) or given(*some))
+    worst = parting._worst_misfit(inside, [flat, waved], np.inf)
+    assert 0.2 < worst < 2
+    assert len(asked_of) == 4
+    assert parting._worst_misfit(inside, [flat, waved], 1.01 * worst) == worst
+    assert parting._worst_misfit(inside, [waved, flat], worst / 2) == np.inf
+    assert len(asked_of) == 4 + 4 + 1
 
 
 def test_a_face_is_asked_for_its_gap_its_inside_and_its_poles():

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dsfab.export.network.covering import Covering, _strays
 from dsfab.export.network.curves import ChainCurve
 from dsfab.export.network.draft import member_draft
 from dsfab.export.network.lines import ChainLine
-from dsfab.export.network.model import _strays
 from dsfab.export.network.trimmed import FaceLimits, _surface
 from dsfab.export.smooth.plan import SmoothPlan
 from tests.test_export_network import cylinder_strip, draft_of, striped
@@ -49,6 +49,37 @@ def test_patches_beside_the_skins_are_told_by_their_middles():
     assert _strays([], away).shape == (0,)
 
 
+def test_patches_are_made_anew_only_where_a_curve_around_is_another():
+    """Of two regions over a plane, of which one has a side that is another, and then both as they were."""
+    x, asked_at = np.linspace(0, 300, 4), list[int]()
+
+    def region(left: float, bow: float) -> list[np.ndarray]:
+        low, right, high = (
+            np.stack(np.broadcast_arrays(left + u, v, 20.0, left + u, v, -20.0), axis=1)[None]
+            for u, v in ((x, bow * x * (300 - x)), (np.full(4, 300.0), x), (x, np.full(4, 300.0)))
+        )
+        return [low, right, high, right - np.array([300, 0, 0] * 2)]
+
+    def away(Q: np.ndarray) -> np.ndarray:
+        asked_at.append(len(Q))
+        return np.where(Q[:, :1] > 700, 5.0, 0.0) * np.ones(6)
+
+    covering = Covering(away, FaceLimits(0.01, 1.0, np.zeros((2, 3))))
+    first = covering([3, 4], [region(0, 0), region(600, 0)])
+    assert first[0] is not None
+    assert first[1] is None, "it is 5 mm off the skins"
+    assert np.ptp(first[0][..., 0]) == pytest.approx(300)
+    count = len(asked_at)
+    assert count > 0
+    again = covering([4, 3], [region(600, 0), region(0, 0)])
+    assert again[0] is None
+    assert again[1] is first[0]
+    assert len(asked_at) == count
+    (other,) = covering([3], [region(0, 1e-4)])
+    assert len(asked_at) > count
+    assert np.ptp(other - first[0]) > 1
+
+
 def test_a_region_whose_patches_are_beside_the_skins_is_trimmed(monkeypatch):
     """Of two regions of a cylinder one is not near enough."""
     given = cylinder_strip()
@@ -57,7 +88,7 @@ def test_a_region_whose_patches_are_beside_the_skins_is_trimmed(monkeypatch):
     assert member_draft(part, SmoothPlan(part)).trimmed == 0
     limit = SmoothPlan(part).limits.distance
     off = limit * np.array([1.0, 1.1])
-    monkeypatch.setattr("dsfab.export.network.model._strays", lambda patches, _: off[-len(patches) :])
+    monkeypatch.setattr("dsfab.export.network.covering._strays", lambda patches, _: off[-len(patches) :])
     assert member_draft(part, SmoothPlan(part)).trimmed == 2
 
 

@@ -7,7 +7,7 @@ r"""Round corners of openings as arcs that leave the walls beside them without a
        |                   |         arcs on the circle through the ends of both.
 """
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -39,24 +39,44 @@ DENSE = np.linspace(0, 1, 65)
 """Where an arc is compared with its chords."""
 
 
+class ArcsOnSkins:
+    """Arcs on both skins, with how far chains are off them; those of a chain that were asked before are not made anew.
+
+    away : the ways (k, 6) to both skins from points near them.
+    """
+
+    def __init__(self, away: Callable[[Floats], Floats]) -> None:
+        self.away, self.known = away, dict[int, tuple[SampledChain, bytes, ChainCurve]]()
+
+    def __call__(self, arcs: Mapping[int, ChainCurve], chains: Mapping[int, SampledChain]) -> dict[int, ChainCurve]:
+        """By chain."""
+        poles = {k: arc.spans.tobytes() for k, arc in arcs.items()}
+        new = [k for k in arcs if not self._same(k, chains[k], poles[k])]
+        for k, curve in zip(new, on_skins([arcs[k] for k in new], self.away), strict=True):
+            self.known[k] = chains[k], poles[k], replace(curve, off=_off(chains[k].Q, curve))
+        return {k: self.known[k][2] for k in arcs}
+
+    def _same(self, k: int, chain: SampledChain, poles: bytes) -> bool:
+        return k in self.known and self.known[k][0] is chain and self.known[k][1] == poles
+
+
 def with_arcs(
     lines: NetLines,
     chains: Mapping[int, SampledChain],
     within: Mapping[int, float],
-    away: Callable[[Floats], Floats],
+    rounded: Collection[int],
+    on: ArcsOnSkins,
 ) -> NetLines:
     """The lines, those of round corners as arcs as far as these are within tolerances (millimetres, by chain) of them.
 
-    away : the ways (k, 6) to both skins from points near them.
+    rounded : the chains of round corners.
     """
-    corners = _Corners(lines, chains, within)
+    corners = _Corners(lines, rounded)
     arcs = dict[int, ChainCurve]()
     for _ in range(ROUNDS):
-        some = corners.arcs()
-        arcs = dict(zip(some, on_skins(list(some.values()), away), strict=True))
-        off = {k: _off(chains[k].Q, curve) for k, curve in arcs.items()}
-        wrong = {k for k in arcs if off[k] > within[k]}
-        arcs = {k: replace(curve, off=off[k]) for k, curve in arcs.items() if k not in wrong}
+        arcs = on(corners.arcs(), chains)
+        wrong = {k for k, arc in arcs.items() if arc.off > within[k]}
+        arcs = {k: arc for k, arc in arcs.items() if k not in wrong}
         if not wrong:
             break
         corners.round -= wrong
@@ -78,7 +98,7 @@ def _off(Q: Floats, curve: ChainCurve) -> float:
 def round_chains(net: ChainNet, chains: Mapping[int, SampledChain], within: Mapping[int, float]) -> set[int]:
     """The chains of outlines that have a bent vertex inside, or are chords of arcs that are within tolerances of them
     (millimetres, by chain)."""
-    nodes = _nodes(net)
+    nodes = _nodes(net, ends_at(net))
     angles = dict(
         zip(nodes, _turns([(chains[before], chains[after]) for before, after in nodes.values()]), strict=True)
     )
@@ -93,47 +113,60 @@ def round_chains(net: ChainNet, chains: Mapping[int, SampledChain], within: Mapp
     return found
 
 
-def _nodes(net: ChainNet) -> dict[int, tuple[int, int]]:
+def _nodes(net: ChainNet, ends: Mapping[int, list[tuple[int, int]]]) -> dict[int, tuple[int, int]]:
     """The nodes of outlines, each with the chain that ends there and the one that begins, if there is one of each."""
-    return {node: two for node, ends in ends_at(net).items() if (two := outline_through(net, ends))}
+    return {node: two for node, some in ends.items() if (two := outline_through(net, some))}
 
 
 class _Corners:
     """The outlines of a net; round : chains that are to be arcs."""
 
-    def __init__(self, lines: NetLines, chains: Mapping[int, SampledChain], within: Mapping[int, float]) -> None:
+    def __init__(self, lines: NetLines, rounded: Collection[int]) -> None:
         self.lines, self.net = lines, lines.net
-        self.nodes = _nodes(self.net)
-        self.curves = {k: lines.curve(k) for k, chain in self.net.chains.items() if chain.right == VOID}
         self.ends = ends_at(self.net)
-        alone = {k for k in self.curves if len(lines.lines[lines.place[k][0]].steps) == 1}
-        self.round = alone & round_chains(self.net, chains, within)
+        self.nodes = _nodes(self.net, self.ends)
+        self.curves = {k: lines.curve(k) for k, chain in self.net.chains.items() if chain.right == VOID}
+        self.round = {k for k in rounded if len(lines.lines[lines.place[k][0]].steps) == 1}
+        self.known = dict[tuple[int, bool, bool], Floats | None]()
+        self.made = dict[int, tuple[Floats | None, Floats | None, ChainCurve | None]]()
 
     def arcs(self) -> dict[int, ChainCurve]:
         """The chains of round corners as arcs; where an outline has no direction at a node, a chain keeps its own."""
-        nodes = {int(self.net.chains[k].points[i]) for k in self.round for i in (0, -1)}
-        ways, found = {node: self._way(node) for node in nodes}, dict[int, ChainCurve]()
+        found = dict[int, ChainCurve]()
         for k in sorted(self.round):
-            start, end = (ways[int(self.net.chains[k].points[i])] for i in (0, -1))
-            if start is None and end is None:
-                continue
-            P, Q = self.curves[k].spans[[0, -1]]
-            one, two = _scaled(P[1] - P[0]), _scaled(Q[3] - Q[2])
-            arc = _arc(P[0], Q[3], one if start is None else start, two if end is None else end)
+            arc = self._arc(k, *(self._known_way(int(self.net.chains[k].points[i])) for i in (0, -1)))
             if arc is not None:
                 found[k] = arc
         return found
+
+    def _arc(self, k: int, start: Floats | None, end: Floats | None) -> ChainCurve | None:
+        """A chain as an arc with directions (6,) at its ends, made once for these."""
+        if start is None and end is None:
+            return None
+        if k not in self.made or self.made[k][0] is not start or self.made[k][1] is not end:
+            P, Q = self.curves[k].spans[[0, -1]]
+            one = _scaled(P[1] - P[0]) if start is None else start
+            two = _scaled(Q[3] - Q[2]) if end is None else end
+            self.made[k] = start, end, _arc(P[0], Q[3], one, two)
+        return self.made[k][2]
 
     def _chord(self, k: int) -> tuple[Floats, Floats]:
         """(6,) twice: where a chain begins and ends."""
         spans = self.curves[k].spans
         return spans[0, 0], spans[-1, -1]
 
-    def _way(self, node: int) -> Floats | None:
-        """(6,) the direction of an outline at a node; None where it has a corner there, or a seam in its direction."""
+    def _known_way(self, node: int) -> Floats | None:
+        """(6,) the direction of an outline at a node, found once for each way in which its chains are round; None where
+        it has a corner there, or a seam in its direction."""
         if node not in self.nodes:
             return None
         before, after = self.nodes[node]
+        kind = node, before in self.round, after in self.round
+        if kind not in self.known:
+            self.known[kind] = self._way(node, before, after)
+        return self.known[kind]
+
+    def _way(self, node: int, before: int, after: int) -> Floats | None:
         one, two = self._end_ways(before, after)
         if _middle(one) @ _middle(two) < np.cos(CORNER):
             return None

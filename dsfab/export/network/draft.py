@@ -11,6 +11,7 @@ from dsfab.arrays import Floats, Ints
 from dsfab.errors import ExportError
 from dsfab.export.network.bends import level
 from dsfab.export.network.beyond import with_long_seams
+from dsfab.export.network.covering import Covering
 from dsfab.export.network.crossings import TOUCHING, crossing_chains, without_crossings
 from dsfab.export.network.curves import SampledChain, sampled_chains
 from dsfab.export.network.dividing import divided
@@ -275,6 +276,7 @@ class _Fits:
         self.fits = LineFits(plan.limits.distance, box, skins, self.lifting.away, interior.fine)
         beyond_mesh = plan.gate.beyond if interior.fine else None
         self.wanted = FaceLimits(_narrow(plan.limits.thickness), plan.limits.distance, box, beyond_mesh)
+        self.covering = Covering(self.lifting.away, self.wanted)
         self.points, self.chains = dict[int, Ints](), dict[int, SampledChain]()
         self.faces = dict[tuple[int, bytes], TrimmedFace]()
         self.quads = dict[int, tuple[list[Loop], list[SampledChain], Quad | None]]()
@@ -289,7 +291,7 @@ class _Fits:
         chains = {k: self.chains[k] for k in net.chains}
         quads, others = self._quads(net, chains)
         lines = self.fits.lines(net, chains, quads, self.reach)
-        return lines, net_model(lines, chains, quads, others, self.lifting.away, self.wanted, self.patched)
+        return lines, net_model(lines, chains, quads, others, self.covering, self.patched)
 
     def _quads(self, net: ChainNet, chains: dict[int, SampledChain]) -> tuple[list[Quad], list[int]]:
         """As `quads_of`; regions with the chains that they had are as they were."""

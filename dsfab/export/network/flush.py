@@ -16,7 +16,7 @@ from scipy.linalg import lstsq
 from dsfab.arrays import Floats
 from dsfab.export.network.beyond import curves_beyond
 from dsfab.export.network.corners import corner_tangents
-from dsfab.export.network.heights import differences, height_rows, places, raised
+from dsfab.export.network.heights import differences, height_rows, places, raised, rows_at
 from dsfab.export.network.model import NetModel
 from dsfab.export.network.ordering import CutEdges
 from dsfab.export.network.rims import Rims
@@ -52,6 +52,8 @@ three corners of openings strayed .07 to .3 mm from other edges, where only `SPL
 
 HOLD = np.stack(np.meshgrid(*[np.linspace(0, 1, 13)] * 2), axis=2).reshape(-1, 2)
 """Where else a surface is held where it was, over all of its domain: of a sphere of 2 m one went 1.4 mm away."""
+
+ROWS = rows_at(HOLD)
 
 MOVED = 1 / 400
 """Share of the thickness that it may move there."""
@@ -191,7 +193,7 @@ def _moves(rows: list[Floats], off: list[Floats], calm: float, smooth: float) ->
     """(k,) what heights of poles move by, where they count for each kind of points as in rows (., k), so that they are
     on the first points, off which they are, and near to the third."""
     degree = int(np.sqrt(rows[0].shape[1])) - 1
-    still = [smooth * differences(degree + 1), SMALL * np.eye((degree + 1) ** 2), calm * height_rows(HOLD, degree)]
+    still = [smooth * differences(degree + 1), SMALL * np.eye((degree + 1) ** 2), calm * ROWS(degree)]
     right = np.concatenate([FAST * off[0], off[2], np.zeros(sum(map(len, still)))])
     A = np.concatenate([FAST * rows[0], rows[2], *still])
     return np.asarray(lstsq(A, right, lapack_driver="gelsd", cond=1e-15, check_finite=False)[0])

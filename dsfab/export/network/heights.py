@@ -1,6 +1,7 @@
 """Height fields over a square: poles of a Bezier surface, what they count somewhere, and how they differ."""
 
-from functools import cache
+from collections.abc import Callable
+from functools import cache, partial
 
 import numpy as np
 from scipy.special import comb
@@ -21,13 +22,23 @@ def height_rows(uv: Floats, degree: int) -> Floats:
     return np.asarray(both.reshape(len(uv), -1))
 
 
+def rows_at(uv: Floats) -> Callable[[int], Floats]:
+    """The same by degree at places (k, 2) that are asked often, found once."""
+    return cache(partial(height_rows, uv))
+
+
 def raised(poles: Floats, degree: int) -> Floats:
     """(degree + 1, degree + 1) poles of the same surface as those (p + 1, p + 1)."""
     while (n := len(poles)) <= degree:
-        share = np.arange(n + 1)[:, None] / n
-        E = share * np.eye(n + 1, n, -1) + (1 - share) * np.eye(n + 1, n)
-        poles = E @ poles @ E.T
+        poles = _higher(n) @ poles @ _higher(n).T
     return poles
+
+
+@cache
+def _higher(n: int) -> Floats:
+    """(n + 1, n) the poles of a curve a degree higher than its n are."""
+    share = np.arange(n + 1)[:, None] / n
+    return np.asarray(share * np.eye(n + 1, n, -1) + (1 - share) * np.eye(n + 1, n))
 
 
 def _powers(x: Floats, degree: int) -> Floats:

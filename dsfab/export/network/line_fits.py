@@ -11,7 +11,7 @@ from itertools import pairwise
 import numpy as np
 
 from dsfab.arrays import Floats, Ints
-from dsfab.export.network.arcs import round_chains, with_arcs
+from dsfab.export.network.arcs import ArcsOnSkins, round_chains, with_arcs
 from dsfab.export.network.curves import SampledChain, curves_through, on_skins
 from dsfab.export.network.graph import VOID, ChainNet, Loop
 from dsfab.export.network.joining import mean_width
@@ -59,13 +59,14 @@ class LineFits:
         self.distance, self.box, self.skins, self.away, self.closely = distance, box, skins, away, closely
         self.within = dict[int, float]()
         self.known = dict[tuple[tuple[int, bool], ...], tuple[list[Ints], ChainLine]]()
-        self.pulled = dict[int, tuple[ChainLine, ChainLine]]()
+        self.pulled, self.arcs = dict[int, tuple[ChainLine, ChainLine]](), ArcsOnSkins(away)
 
     def lines(self, net: ChainNet, chains: Mapping[int, SampledChain], quads: Iterable[Quad], reach: float) -> NetLines:
         """The lines of a net, each with as few spans as its chains have at most."""
         turns, self.within = _Turns(chains, reach), _tolerances(net, chains, self.distance)
         arced = {k: FLAT * self.distance + OF_CHORD * chain.chord for k, chain in chains.items()}
-        links = _links(net, quads, turns, round_chains(net, chains, arced))
+        rounded = round_chains(net, chains, arced)
+        links = _links(net, quads, turns, rounded)
         todo, found = _rows(net.chains, links), list[ChainLine]()
         while todo:
             lines = self._fits(net, chains, todo)
@@ -77,7 +78,7 @@ class LineFits:
                     todo += _halves(line.steps, turns)
         fair = with_ends_on_lines(NetLines(net, self._on_skins(found)))
         # arcs bulge away from what is between an opening's sides
-        return with_twins(with_arcs(fair, chains, arced, self.away))
+        return with_twins(with_arcs(fair, chains, arced, rounded, self.arcs))
 
     def _fits(self, net: ChainNet, chains: Mapping[int, SampledChain], rows: list[Loop]) -> list[ChainLine]:
         """Lines through rows of chains."""

@@ -1,34 +1,25 @@
 """Vertices, edges and faces of a solid by members, each once; text knows how they are written."""
 
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping
 from dataclasses import dataclass, field, replace
 from itertools import pairwise
 
 import numpy as np
 
 from dsfab.arrays import Floats, Ints
+from dsfab.export.network.covering import Covering
 from dsfab.export.network.curves import SampledChain
 from dsfab.export.network.graph import Loop
 from dsfab.export.network.joining import mean_width
 from dsfab.export.network.lines import NetLines, Part
-from dsfab.export.network.parabolas import lowered_patches
-from dsfab.export.network.patches import coons, least_jacobian, pulled
 from dsfab.export.network.quads import Quad
 from dsfab.export.network.stations import Grid, Stations
-from dsfab.export.network.straying import FaceLimits
-from dsfab.export.splines import bernstein
-
-FOLDED = 0.1
-"""Least relative Jacobian of a patch: one that is less is trimmed instead."""
 
 MOST_CELLS = 2
 """Patches that a compact region is divided into; one that needs more, a crossing with round corners, is trimmed."""
 
 COMPACT = 10.0
 """Outline of a compact region over its mean width, at most: 8 of a square, 9 of two, 10.7 of three in a row."""
-
-ASKED = np.linspace(0, 1, 7)
-"""Where a patch is asked how far it is off the mesh, in both directions."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,14 +97,13 @@ def net_model(
     chains: Mapping[int, SampledChain],
     quads: Iterable[Quad],
     others: Iterable[int],
-    away: Callable[[Floats], Floats],
-    limits: FaceLimits,
+    covering: Covering,
     patched: Collection[int] = (),
 ) -> NetModel:
     """The model of a net of quads and other regions.
 
-    away : the ways (k, 6) to both skins from points there.    patched : quads that are divided into patches, whatever
-    their number.    limits : of these, with `off` what they may be off the skins in their middles; others are trimmed.
+    covering : makes patches; a region whose patches are not good is trimmed.    patched : quads that are divided into
+    patches, whatever their number.
     """
     stations, some = Stations(lines, chains), list(quads)
     compact = frozenset(
@@ -123,7 +113,7 @@ def net_model(
     )
     rest = [quad for quad in some if quad.region not in compact]
     model = NetModel(compact=compact, seam=len(lines.twins) > 0)
-    return _Assembly(stations, rest, [*others, *sorted(compact)], away, limits, model).model
+    return _Assembly(stations, rest, [*others, *sorted(compact)], covering, model).model
 
 
 class _Assembly:
@@ -132,8 +122,7 @@ class _Assembly:
         stations: Stations,
         quads: list[Quad],
         others: list[int],
-        away: Callable[[Floats], Floats],
-        limits: FaceLimits,
+        covering: Covering,
         model: NetModel,
     ) -> None:
         self.lines = lines = stations.lines
@@ -148,13 +137,12 @@ class _Assembly:
         for i, (some, P) in enumerate(zip(stops, each, strict=True)):
             self._line(i, some, P)
         self._walls()
-        patches = [lowered_patches(P, limits.off) for P in self._patches(grids, away)]
-        far = (_strays(patches, away) > limits.off) | (_beyond_mesh(patches, limits) > 0)
-        for quad, grid, P, is_far in zip(quads, grids, patches, far, strict=True):
-            if is_far or least_jacobian(np.concatenate([P[..., :3], P[..., 3:]])) < FOLDED:
+        patches = covering([quad.region for quad in quads], self._sides(grids))
+        for quad, grid, found in zip(quads, grids, patches, strict=True):
+            if found is None:
                 others.append(quad.region)
             else:
-                self._add(P, grid)
+                self._add(found, grid)
         for region in others:
             self.model.trimmed[region] = [
                 [e for step in loop for e in self._steps(lines.along(step))] for loop in lines.net.loops[region]
@@ -200,13 +188,15 @@ class _Assembly:
         for part, P in zip(parts, self.lines.parts(parts), strict=True):
             self.model.walls.append(NetWall(self._steps(part), P))
 
-    def _patches(self, grids: list[Grid], away: Callable[[Floats], Floats]) -> list[Floats]:
-        """(ku, kv, 4, 4, 6) poles of the patches of regions."""
-        if not grids:
-            return []
-        poles = self.lines.parts([part for four in grids for side in four for part in side])
-        sides = iter(np.split(poles, np.cumsum([len(side) for four in grids for side in four])[:-1]))
-        return pulled([coons(next(sides), next(sides), next(sides), next(sides)) for _ in grids], away)
+    def _sides(self, grids: list[Grid]) -> list[list[Floats]]:
+        """(k, 4, 6) poles of the parts of each side of regions, in the order of their grids."""
+        poles, at = self.lines.parts([part for four in grids for side in four for part in side]), 0
+        found = list[list[Floats]]()
+        for four in grids:
+            ends = np.cumsum([at, *map(len, four)]).tolist()
+            found.append([poles[a:b] for a, b in pairwise(ends)])
+            at = ends[-1]
+        return found
 
     def _add(self, P: Floats, grid: Grid) -> None:
         """Add the patches of a region."""
@@ -246,28 +236,6 @@ class _Assembly:
 def turned(loop: Loop) -> Loop:
     """The same edges, run through the other way."""
     return [(e, not ahead) for e, ahead in loop[::-1]]
-
-
-def _strays(patches: Sequence[Floats], away: Callable[[Floats], Floats]) -> Floats:
-    """(k,) how far patches (ku, kv, 4, 4, 6) of regions are off the skins in the middles of their cells, at most: on a
-    coarse mesh these wave, and splines from border to border pass by."""
-    if not patches:
-        return np.zeros(0)
-    half = bernstein(np.array([0.5]))[0]
-    middles = [np.einsum("a,b,uvabi->uvi", half, half, P).reshape(-1, 6) for P in patches]
-    off = np.linalg.norm(away(np.concatenate(middles)).reshape(-1, 2, 3), axis=2).max(axis=1)
-    return np.array([some.max() for some in np.split(off, np.cumsum([len(some) for some in middles])[:-1])])
-
-
-def _beyond_mesh(patches: Sequence[Floats], limits: FaceLimits) -> Floats:
-    """(k,) how much farther patches (ku, kv, 4, 4, 6) of regions are from the mesh than they may be, if that is asked:
-    beside a crease one was on the skins in its middle, and 1.4 mm off where 1.1 are allowed."""
-    if not patches or limits.beyond_mesh is None:
-        return np.full(len(patches), -np.inf)
-    poles, ends = [P.reshape(-1, 4, 4, 6) for P in patches], np.cumsum([P.shape[0] * P.shape[1] for P in patches])
-    points = np.einsum("xa,yb,kabi->kxyi", bernstein(ASKED), bernstein(ASKED), np.concatenate(poles))
-    beyond = limits.beyond_mesh(points.reshape(-1, 3)).reshape(len(points), -1).max(axis=1)
-    return np.array([some.max() for some in np.split(beyond, ends[:-1])])
 
 
 def _compact(quad: Quad, chains: Mapping[int, SampledChain]) -> bool:

@@ -21,7 +21,7 @@ from dsfab.export.network.graph import Loop
 from dsfab.export.network.model import NetEdge, NetModel, turned
 from dsfab.export.network.straying import FaceLimits
 from dsfab.export.network.strays import without_strays
-from dsfab.export.network.trimmed import SPLIT, TrimmedFace, misfit, trimmed_face
+from dsfab.export.network.trimmed import SPLIT, TrimmedFace, misfit, misfits, trimmed_face
 from dsfab.export.splines import bernstein
 from dsfab.limits import DEFLECTION
 
@@ -138,7 +138,7 @@ class _Parting:
         loop, model = self.along(face.loops[0]), self.model  # a seam that it has may have become two since
         best: tuple[int, int, Floats] | None = None
         least = LESS * allowance_used(face, self.limits)
-        for ends, cubics in self._seams(HalvedOutline.of(model, loop), points)[: self.times * FULL]:
+        for ends, cubics in self._seams(HalvedOutline.of(model, loop), points):
             edges, vertices, halves = len(model.edges), len(model.vertices), dict(self.halves)
             two = self._faces(self._with_seam(loop, *ends, cubics), points)
             worse = max((allowance_used(part, self.limits) for part in two), default=np.inf)
@@ -160,8 +160,8 @@ class _Parting:
         return list(without_strays(self.model, two, dict.fromkeys(two, points), self.away, self.limits).values())
 
     def _seams(self, outline: HalvedOutline, points: Floats) -> list[tuple[tuple[int, int], Floats]]:
-        """Between which places seams may be, and the poles (k, 4, 6) of their cubics on the skins; those whose parts
-        fit best first."""
+        """Between which places seams may be, and the poles (k, 4, 6) of their cubics on the skins; those few whose
+        parts fit best, the best first."""
         points = points[:: 1 + len(points) // MANY]
         off = misfit(points, outline.line, DEGREE).reshape(-1, POINTS).max(axis=1)
         worst = np.argsort(-np.maximum(off, np.roll(off, 1)), kind="stable")[:AT_GAP]
@@ -169,14 +169,11 @@ class _Parting:
         seams = self._on_skins([(outline.poles[a, 0], outline.poles[b, 0]) for a, b in pairs])
         near = [i for i, cubics in enumerate(seams) if self._is_near(cubics)]
         pairs, seams = [pairs[i] for i in near], [seams[i] for i in near]
-        left = [
-            max(
-                misfit(points, line, DEGREE).max()
-                for line in (outline.part(a, b, P), outline.part(b, a, P[::-1, ::-1]))
-            )
-            for (a, b), P in zip(pairs, seams, strict=True)
-        ]
-        return [(pairs[i], seams[i]) for i in np.argsort(left, kind="stable").tolist()]
+        left, most = list[float](), self.times * FULL
+        for (a, b), P in zip(pairs, seams, strict=True):
+            two = outline.part(a, b, P), outline.part(b, a, P[::-1, ::-1])
+            left.append(_worst_misfit(points, two, sorted(left)[most - 1] if len(left) >= most else np.inf))
+        return [(pairs[i], seams[i]) for i in np.argsort(left, kind="stable").tolist()[:most]]
 
     def _on_skins(self, chords: Sequence[tuple[Floats, Floats]]) -> list[Floats]:
         """Between both points (6,) of chords, the poles (k, 4, 6) of so many cubics that they are near to the skins, or
@@ -241,3 +238,14 @@ class _Parting:
         model.edges = [model.edges[e] for e in left]
         model.walls, model.patches, model.trimmed = new.walls, new.patches, new.trimmed
         return [replace(face, loops=[over(loop) for loop in face.loops]) for face in faces]
+
+
+def _worst_misfit(points: Floats, lines: Iterable[Floats], least: float) -> float:
+    """The largest misfit of some outlines on either skin; infinite as soon as one is not less than `least`."""
+    worst = 0.0
+    for line in lines:
+        for off in misfits(points, line, DEGREE):
+            worst = max(worst, float(off.max()))
+            if worst >= least:
+                return np.inf
+    return worst

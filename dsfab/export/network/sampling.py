@@ -105,6 +105,8 @@ class _Surface:
     edges: Floats
     over: dict[int, Floats] = field(default_factory=dict)
     """By degree: (3, e, k, poles) what each pole counts at points of seams, and a step along both axes beside them."""
+    around: dict[int, Floats] = field(default_factory=dict)
+    """By degree: (j, poles) what each counts along all edges."""
 
     def moved(self, exact: bool) -> Floats:
         """The poles with the fewest peaks at wrong places, of the lowest degree; exact edges stay so where asked."""
@@ -132,7 +134,7 @@ class _Surface:
         exact = self._rows(self.held, degree)
         off = np.abs(self.held @ self.axes[2] - exact @ z)
         firm = exact[off.max(axis=1) < near].reshape(-1, len(z))
-        around = height_rows(places(self.poles, self.axes, self.edges), degree)
+        around = self._around(degree)
         calm = np.concatenate([around, SMOOTH * differences(degree + 1), SMALL * np.eye(len(z))])
         for _ in range(ROUNDS):
             pinned |= {int(e): _peak(gaps[e], e in pinned) for e in np.flatnonzero(self._wrong(gaps))}
@@ -149,7 +151,7 @@ class _Surface:
     def _allowed(self, local: Floats, z: Floats) -> bool:
         """Whether a surface with other heights is near enough to its edges, and to what it was."""
         degree, inside = len(local) - 1, inside_of(self.edges)
-        at = height_rows(places(self.poles, self.axes, self.edges), degree)
+        at = self._around(degree)
         before, after = (np.abs(self.edges @ self.axes[2] - at @ x.ravel()).max() for x in (local[..., 2], z))
         moved = height_rows(places(self.poles, self.axes, inside), degree) @ (z - local[..., 2]).ravel()
         return bool(after <= max(SPLIT, before) and np.abs(moved).max() <= SPLIT)
@@ -158,6 +160,12 @@ class _Surface:
         """(e, k, poles) what each pole counts at points (e, k, 3)."""
         rows = height_rows(places(self.poles, self.axes, points.reshape(-1, 3)), degree)
         return rows.reshape(*points.shape[:2], rows.shape[1])
+
+    def _around(self, degree: int) -> Floats:
+        """(j, poles) the same along all edges."""
+        if degree not in self.around:
+            self.around[degree] = height_rows(places(self.poles, self.axes, self.edges), degree)
+        return self.around[degree]
 
     def _over(self, degree: int) -> Floats:
         if degree not in self.over:

@@ -10,13 +10,15 @@ import numpy as np
 
 from dsfab.arrays import Floats
 from dsfab.errors import ExportError
-from dsfab.export.network.heights import height_rows
+from dsfab.export.network.heights import rows_at
 from dsfab.export.network.model import NetModel
 from dsfab.export.network.straying import FaceLimits
 from dsfab.export.network.trimmed import TrimmedFace, loop_samples, surrounded, trimmed_face
 
 PLACES = np.stack(np.meshgrid(*[np.arange(0.5, 12) / 12] * 2, indexing="ij"), axis=2).reshape(-1, 2)
 """(k, 2) where surfaces are asked, over their squares."""
+
+ROWS = rows_at(PLACES)
 
 ROUNDS = 2
 """Looks at a face; what a first one brings back may stray elsewhere."""
@@ -66,6 +68,6 @@ def _skins_beside(
 
 def _places(model: NetModel, face: TrimmedFace) -> Floats:
     """(k, 6) points of a face that its outline goes around."""
-    skins = [height_rows(PLACES, len(poles) - 1) @ poles.reshape(-1, 3) for poles in (face.outer, face.inner)]
+    skins = [ROWS(len(poles) - 1) @ poles.reshape(-1, 3) for poles in (face.outer, face.inner)]
     P = np.concatenate(skins, axis=1)
     return np.asarray(P[surrounded(P, [loop_samples(model, loop) for loop in face.loops])])

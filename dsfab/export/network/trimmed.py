@@ -1,6 +1,8 @@
 """Regions without four sides: one Bezier surface over their mean plane, trimmed by their edges, with a measured gap."""
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 from scipy.linalg import lstsq
@@ -133,8 +135,13 @@ def loop_samples(model: NetModel, loop: Loop) -> Floats:
     poles = [model.poles(step) for step in loop]
     long = np.array([np.linalg.norm(np.diff(P[:, :3], axis=0), axis=1).sum() for P in poles])
     steps = np.maximum(FEWEST, np.ceil(long / (OF_LOOP * max(long.sum(), 1e-300)))).astype(int)
-    shares = [(1 - np.cos(np.pi * np.arange(n) / n)) / 2 for n in steps.tolist()]
-    return np.concatenate([bernstein(x) @ P for x, P in zip(shares, poles, strict=True)])
+    return np.concatenate([_sampled(n) @ P for n, P in zip(steps.tolist(), poles, strict=True)])
+
+
+@cache
+def _sampled(n: int) -> Floats:
+    """(n, 4) what the poles of an edge count at so many places along it."""
+    return bernstein((1 - np.cos(np.pi * np.arange(n) / n)) / 2)
 
 
 def _across(points: Floats) -> Floats:
@@ -205,13 +212,19 @@ def _ways(model: NetModel, loop: Loop) -> Floats:
 def misfit(points: Floats, line: Floats, degree: int) -> Floats:
     """(k,) millimetres, the more of both skins: how far a closed line (k, 6) is off one surface of a degree near to it
     and to those points (j, 6) that it goes around; infinite where no plane sees both."""
+    return np.maximum(*misfits(points, line, degree))
+
+
+def misfits(points: Floats, line: Floats, degree: int) -> Iterator[Floats]:
+    """(k,) the same on the outer skin, and then on the inner one."""
     points = points[surrounded(points, [line])]
     allowed = np.concatenate([points, line])
     mean = middle_normal(allowed)
     axes = axes_of(mean)
-    if (_across(allowed) @ mean).min() < SEEN or signed_area(line[:, :3] @ axes[:2].T) <= 0:
-        return np.full(len(line), np.inf)
-    return np.maximum(*(_misfit(points[:, s : s + 3], line[:, s : s + 3], axes, degree) for s in (0, 3)))
+    seen = (_across(allowed) @ mean).min() >= SEEN and signed_area(line[:, :3] @ axes[:2].T) > 0
+    for s in (0, 3):
+        on = _misfit(points[:, s : s + 3], line[:, s : s + 3], axes, degree) if seen else np.full(len(line), np.inf)
+        yield on
 
 
 def _misfit(points: Floats, line: Floats, axes: Floats, degree: int) -> Floats:
@@ -240,12 +253,13 @@ def _best(uv: Floats, z: Floats, inside: int, wanted: float, near: float) -> tup
     Where none closes the gap as wanted, high degrees wave between the points for next to nothing: that is taken which
     is least off inside of those whose edges can be split, or which is least off both together.
     """
-    base = _heights(height_rows(uv, BASE), z, np.ones(len(z)), SMOOTH[1], np.zeros((BASE + 1, BASE + 1)))
+    first = height_rows(uv, BASE)
+    base = _heights(first, z, np.ones(len(z)), SMOOTH[1], np.zeros((BASE + 1, BASE + 1)))
     fits, good = list[tuple[Floats, float, float]](), list[tuple[Floats, float, float]]()
     for i, (edge, smooth, degree) in enumerate((*USUAL, *OTHERS)):
         if good and i >= len(USUAL):
             break
-        A = height_rows(uv, degree)
+        A = first if degree == BASE else height_rows(uv, degree)
         poles = _heights(A, z, np.repeat([1.0, edge], (inside, len(z) - inside)), smooth, raised(base, degree))
         off = np.abs(A @ poles.ravel() - z)
         fits.append((poles, float(off[inside:].max()), float(off[:inside].max(initial=0.0))))

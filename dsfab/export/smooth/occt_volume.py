@@ -16,8 +16,8 @@ VOLUME = 1e-3
 Gauss and Kronrod, asked for the same, is no quicker and off by a tenth of it."""
 
 MANY_EDGES = 16
-"""Edges from which on a face is integrated by Green's theorem: walls have four, nodes of members up to ten, for which
-OCCT's rule is quicker: 3.2 s for 4446 faces by members, 5.1 where Green's theorem is for five edges on."""
+"""Edges from which on a face is integrated by Green's theorem: for walls, which have four, and for faces with up to
+ten OCCT's rule is quicker."""
 
 POINTS = 4
 """Of Gauss's rule in each span of an outline, as OCCT takes: off by 4e-6 of the volume of a vault. Two: by 3e-5."""
@@ -61,6 +61,17 @@ def volume(solid: Any) -> float:
     x, y, z = (sum(axis) / count for axis in zip(*((p.X(), p.Y(), p.Z()) for p in corners), strict=True))
     about, faces = gp_Pnt(x, y, z), parts(solid, TopAbs_ShapeEnum.TopAbs_FACE)
     return sum(_cone(TopoDS.Face(face), about) for face in faces)
+
+
+def volume_of_small_faces(solid: Any) -> float:
+    """The same of a solid whose faces have few edges and one span each, by the rule of Gauss and Kronrod: of 5756 faces
+    by members in a tenth of the time, .4 s of the processor, and 3e-9 off; of 6906 it was 6e-8 off."""
+    from OCP.BRepGProp import BRepGProp
+    from OCP.GProp import GProp_GProps
+
+    found = GProp_GProps()
+    BRepGProp.VolumePropertiesGK_s(solid, found, VOLUME, False, False, False, False, False)
+    return float(found.Mass())
 
 
 def _cone(face: Any, about: Any) -> float:
