@@ -61,6 +61,10 @@ MOVED = 1 / 400
 MORE = 6
 """Degrees that a surface gets more, at most."""
 
+HOPELESS = 20.0
+"""Of a face that is more than so many times too far off with three degrees, no more are tried: of 502 faces that could
+be made flush in seven designs, one was 10.3 times too far. Those that could not took nine tenths of the time."""
+
 WHOLE = 0.1
 """Share of an edge that is not worth a cut."""
 
@@ -179,8 +183,11 @@ def _through(poles: Floats, axes: Floats, points: tuple[Floats, ...], most: floa
             off = [z - A @ new[..., 2].ravel() for z, A in zip(heights, rows, strict=True)]
             more = _moves(rows, off, calm, smooth)
             left = [float(np.abs(z - A @ more).max()) for z, A in zip(off, rows, strict=True)][1:]
+            share = max(x / y for x, y in zip(left, most_off, strict=True))
+            if degree == len(poles) + 1 and share > HOPELESS:
+                return None
             new[..., 2] += more.reshape(new.shape[:2])
-            if left[0] < least and all(x <= y for x, y in zip(left, most_off, strict=True)):
+            if left[0] < least and share <= 1:
                 best, least = new @ axes, left[0]
             if least < EXACT:
                 break
