@@ -96,7 +96,7 @@ def build(
     Parameters
     ----------
     preset
-        Name of a shipped preset (see `dsfab presets`), a TOML file, or a mesh file.
+        Name of a shipped preset (see `dsfab presets`), a TOML file, a folder that `dsfab build` wrote, or a mesh file.
     """
     if not step.estimate:
         pictures.ask_ahead()

@@ -33,7 +33,7 @@ def compare(
     Parameters
     ----------
     preset
-        Name of a shipped preset (see `dsfab presets`) or a TOML file.
+        Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote.
     more
         Further ones.
     """

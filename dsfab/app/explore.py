@@ -68,7 +68,7 @@ def explore(
     Parameters
     ----------
     preset
-        Name of a shipped preset (see `dsfab presets`) or a TOML file.
+        Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote.
     """
     from dsfab.app.variants import Variants
     from dsfab.render.opengl import require_rendering
