@@ -274,6 +274,7 @@ def test_letters_that_are_not_western_are_set_and_markup_is_escaped():
     assert "1a < b" in reader.headings
 
 
+@pytest.mark.slow
 def test_without_a_renderer_the_report_is_whole_and_says_so(tmp_path, capsys, monkeypatch):
     def broken() -> None:
         raise DsfabError("nothing to draw with; install it")
@@ -433,6 +434,7 @@ def test_a_design_that_does_not_carry_its_loads_has_a_report_that_says_why(tmp_p
     assert "does not carry its loads" in pdf_words((out / "report.pdf").read_bytes())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("loose", "drawn"), [("drop", True), ("refuse", False)])
 def test_what_cannot_be_cut_or_is_a_mechanism_fails_and_is_told(tmp_path, monkeypatch, loose, drawn):
     def mechanism(task, structure, *_, **__):

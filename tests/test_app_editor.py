@@ -338,6 +338,7 @@ def test_a_page_that_begins_gets_what_is_being_solved():
         assert session.ask_solve({"pattern.keep": 0.4}) != session.ask_solve({"pattern.keep": 0.5})
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("answers", [False, True])
 def test_a_page_that_begins_gets_a_sketch_until_the_widths_are_solved(answers, monkeypatch):
     """The sketch's surface stays good but for rough stress; one of something else that is wished meanwhile does not."""

@@ -50,6 +50,7 @@ def test_members_are_told_by_name_with_their_measures_and_where_they_run(made):
     assert set(of) <= set(graph.by_id)
 
 
+@pytest.mark.slow
 def test_what_members_bear_is_told_where_a_strength_is_known(made):
     told = member_places(made, judged=True)
     full = made.member_utilisation.by_member

@@ -160,6 +160,7 @@ def of(tab, identifier):
     return f"{PAGE}.document.getElementById('{identifier}')"
 
 
+@pytest.mark.slow
 def test_a_slider_in_a_cell_changes_the_picture_and_python_sees_it(tab, editor):
     before = tab.run(SEEN)
     assert before > 1000

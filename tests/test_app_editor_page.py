@@ -95,6 +95,7 @@ def place_of(tab, x, y, z):
     return tab.run(script)
 
 
+@pytest.mark.slow
 def test_a_slider_changes_the_picture_in_one_frame(tab):
     before = tab.run(SEEN)
     type_into(tab, "pattern-width-solid_fraction", "0.7")
@@ -132,6 +133,7 @@ def test_arrow_keys_move_a_slider(tab):
     assert tab.run(SEEN) != before
 
 
+@pytest.mark.slow
 def test_undo_and_redo(tab):
     before = tab.run(SEEN)
     type_into(tab, "pattern-major-frequency", "15")

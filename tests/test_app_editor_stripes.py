@@ -28,6 +28,8 @@ from tests.test_app_editor_page import (
     until,
 )
 
+pytestmark = pytest.mark.slow
+
 EVEN = {"pattern.method": "stripes", "pattern.major.frequency": 0, "pattern.minor.frequency": 0}
 SPACED = {**EVEN, "pattern.major.spacing": 1.1, "pattern.minor.spacing": 0.55}
 DOME = {"surface.edge": 0.7, **SPACED}

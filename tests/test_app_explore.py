@@ -314,6 +314,7 @@ def test_text_on_a_page_cannot_become_markup() -> None:
     assert contact_sheet([tile], "<dome>", "a < b", 1, 300, 4 / 3, PAPER).size[0] >= 300
 
 
+@pytest.mark.slow
 def test_a_film_runs_forth_and_back_over_one_key(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     vary = ["--vary", "pattern.major.frequency=4,8,12", "--fps", "10", "-o", str(tmp_path)]
     for kind in ("gif", "webp"):
@@ -347,6 +348,7 @@ def test_a_film_that_makes_no_sense_is_refused(
     assert told in refused(capsys, "explore", DOME_MODES, *more, "--animate", "gif", "-o", str(tmp_path / "no"))
 
 
+@pytest.mark.slow
 def test_several_pictures_share_a_page(capsys: pytest.CaptureFixture[str], tmp_path: Path) -> None:
     one, page = tmp_path / "one.png", tmp_path / "page.png"
     assert run(capsys, "preview", DOME_MODES, *COARSE, "--show", "major_mode", "-o", str(one), "-q") == (0, "", "")

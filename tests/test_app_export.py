@@ -25,6 +25,7 @@ def header(path: Path) -> str:
     return "\n".join(line for line in path.read_text().splitlines() if line.startswith("**"))
 
 
+@pytest.mark.slow
 @needs_ccx
 @pytest.mark.parametrize(
     ("arguments", "within"),

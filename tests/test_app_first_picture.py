@@ -45,6 +45,7 @@ sys.stdin.buffer.read()
 """
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "ask", [pytest.param(one, marks=[pytest.mark.slow] * (one in ("graded", "stripes"))) for one in SHARES]
 )

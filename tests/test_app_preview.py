@@ -352,6 +352,7 @@ def test_a_caption_is_written_and_a_long_one_is_cut_before_the_scale_bar() -> No
         assert np.flatnonzero(changed.any(axis=0)).max() < 280
 
 
+@pytest.mark.slow
 def test_families_have_their_tints() -> None:
     V, F = thick(sphere(radius=1.0, edge=0.3), 0.05)
     everywhere = np.ones(len(F), dtype=int)

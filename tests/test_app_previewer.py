@@ -99,6 +99,7 @@ CHANGES = [
 ]
 
 
+@pytest.mark.slow
 def test_changes_one_after_another_draw_what_a_new_previewer_would(dome: Design) -> None:
     preset = dome.preset
     with Previewer(dome, marks=False) as previewer:

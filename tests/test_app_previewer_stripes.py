@@ -43,6 +43,7 @@ RULES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rule", RULES)
 def test_the_shader_draws_what_the_exact_cut_leaves(dome: Design, rule: str) -> None:
     made = draft(overridden(dome.preset, RULES[rule]), old=dome)
@@ -171,6 +172,7 @@ def test_what_is_on_no_mode_shows_none(dome: Design) -> None:
     assert "minor_mode" in shows("modes", dome.preset)  # who asks is told why not
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("show", ["loads", "displacement", "directions", "vonmises"])
 def test_the_whole_sheet_is_whole(dome: Design, show: str) -> None:
     on_modes = draft(load_preset(DOME_MODES, {"surface.edge": 0.5}))

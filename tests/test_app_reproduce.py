@@ -38,6 +38,8 @@ from dsfab.surface.hats import voronoi_mass
 from tests.presets import DOME_MODES
 from tests.zoo import grid, sphere
 
+pytestmark = pytest.mark.slow
+
 TWO = ("hanging_bar", "sphere")
 ROUGH = ("--coarser", "8", "--workers", "1")
 

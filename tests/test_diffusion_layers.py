@@ -180,6 +180,7 @@ def test_a_square_plate_is_followed_along_naviers_moments():
     assert off.max() < 2
 
 
+@pytest.mark.slow
 def test_a_pipe_is_bent_along_it_at_its_clamped_edge_and_pulled_around_it_elsewhere():
     """With b^4 = 3 (1 - nu^2) / (R h)^2, x from the edge: M = p / (2 b^2) e^(-bx) (cos bx - sin bx) along the pipe and
     N = p R (1 - e^(-bx) (cos bx + sin bx)) around it [Timoshenko and Woinowsky-Krieger 1959, art. 114]."""
@@ -210,6 +211,7 @@ def test_a_pipe_is_bent_along_it_at_its_clamped_edge_and_pulled_around_it_elsewh
     assert np.degrees(np.arccos(np.clip(turned, 0, 1))).max() < 5
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "share"), [("tower", "small"), pytest.param("snow_vault", "large", marks=pytest.mark.slow)]
 )

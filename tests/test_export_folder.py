@@ -205,6 +205,7 @@ print(json.dumps(ends))
 """
 
 
+@pytest.mark.slow
 @LINUX
 @pytest.mark.parametrize("where", ["beside", "inside"])
 def test_killed_at_any_step_there_is_the_old_folder_or_the_new_one(tmp_path, where):

@@ -75,6 +75,7 @@ def chosen(solid, **how):
     return next((one for one in step_estimates(solid, **how) if one.chosen), None)
 
 
+@pytest.mark.slow
 def test_smooth_is_made_however_long_it_takes_when_planar_faces_are_too_many(tmp_path, slow_vault, here, cut, unread):
     said, (solid, curved) = [], slow_vault
     path = write(solid, tmp_path / "a.step", step=StepOptions(curved=curved, faces=60), note=said.append)
@@ -146,6 +147,7 @@ def test_a_smooth_file_over_the_budget_is_not_shown_to_occt(tmp_path, slow_vault
         write(solid, tmp_path / "a.step", step=StepOptions("smooth", curved=curved, megabytes=0.01))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("budget", "way"), [(1200, "faceted"), (1000, "simplified"), (650, "simplified")])
 def test_the_way_that_is_taken_is_the_one_that_was_estimated(tmp_path, quick_step, budget, way):  # noqa: F811
     said, solid = [], saddle()

@@ -144,6 +144,7 @@ def test_without_rhino3dm_one_sentence_says_how_to_install_it_before_any_work(tm
     assert not any(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_occt_finds_the_solid_of_a_brep_file(tmp_path, quick_step, design):
     from build123d import import_brep
 

@@ -116,6 +116,7 @@ def folded_mesh(points: np.ndarray) -> np.ndarray:
     return np.abs(np.abs(points[:, 2] - rise) - 20) - 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("mesh", "parts"), [(None, 1), (folded_mesh, 2)])
 def test_a_region_that_strays_from_the_mesh_where_nothing_holds_it_is_divided_where_that_is_asked(
     monkeypatch, mesh, parts

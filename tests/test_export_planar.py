@@ -97,6 +97,7 @@ def test_a_plate_with_round_holes_is_two_skins_four_planes_and_curved_walls_of_f
     assert path.stat().st_size < faceted.stat().st_size / 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tolerance", [0.5, 0.1])
 def test_curves_in_the_file_keep_the_tolerance_both_ways(tmp_path, here, tolerance):
     """Measured on what build123d reads, against the boundary of the sheet."""
@@ -247,6 +248,7 @@ def test_a_plate_that_is_thicker_at_one_end_is_not_planar():
         outlines_of(part_of(tapered, "tapered", 99))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("refusals", "said"), [(1, "STEP is planar, its outline within 0.125 mm"), (2, "STEP is faceted: ")]
 )

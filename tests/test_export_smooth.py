@@ -81,6 +81,7 @@ def test_a_surface_through_a_cubic_is_that_cubic_and_finds_its_nearest_points():
     assert isinstance(patch.only(0, 1), Patch)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("make_surface", "centres", "radius", "step"),
     [
@@ -189,6 +190,7 @@ def test_the_sides_of_a_slit_keep_a_share_of_its_width_in_the_plane_and_in_space
     assert [allowed.outline(slit, 1.0, 0), allowed.in_space(slit, 0)] == pytest.approx([0.015, 0.015])
 
 
+@pytest.mark.slow
 def test_a_closed_surface_has_charts_with_shared_seams(tmp_path, here):
     surface = sphere(4)
     centres = [[1, 0, 0], [-1, 0, 0], [0, np.sqrt(0.5), np.sqrt(0.5)]]

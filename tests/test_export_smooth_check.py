@@ -17,6 +17,7 @@ from dsfab.surface.shapes.roofs import barrel_vault
 from tests.smooth import holed, written
 
 
+@pytest.mark.slow
 def test_the_program_that_asks_occt_finds_what_is_found_here(tmp_path):
     surface = barrel_vault(2.0, 1.6, 0.5, 0.2)
     _, shape, _ = written(surface, holed(surface, [[0.5, 0, 0.5]], 0.25), tmp_path / "a.step")
@@ -109,6 +110,7 @@ def vault(tmp_path_factory):
     return path.read_text()
 
 
+@pytest.mark.slow
 @pytest.mark.skipif(not check.COPIES, reason="processes are copied on Linux only")
 def test_two_processes_share_the_solids_and_keep_their_order(tmp_path):
     surface = barrel_vault(2.0, 1.6, 0.5, 0.2)
@@ -125,6 +127,7 @@ def test_two_processes_share_the_solids_and_keep_their_order(tmp_path):
     assert len(files[0]) == len(here)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("solids", [1, 3])
 def test_what_is_judged_as_a_whole_is_drawn_as_check_draws_it(tmp_path, solids):
     """Though OCCT may mend there what it reads: the same triangles of the same faces, and of the shape that is kept."""

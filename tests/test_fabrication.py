@@ -76,6 +76,7 @@ def test_each_limit_passes_below_and_fails_above_what_was_measured(plate):
     assert set(verdicts(with_limits(plate, **{k: 0.999 * x for k, x in sizes.items()})).values()) == {"pass"}
 
 
+@pytest.mark.slow
 def test_slits_are_closed_without_needles_on_the_same_material():
     """On a mesh as coarse as that strips of 3 mm end within a micrometre of other edges."""
     coarse = {"surface.edge": 0.1, "pattern.workshop": True}
@@ -90,6 +91,7 @@ def test_slits_are_closed_without_needles_on_the_same_material():
     assert sheet.area == pytest.approx(with_least_widths(cells, *least).cells.kept().surface.area, rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("tidy", [True, False])
 def test_what_closing_openings_adds_is_in_the_share(tidy):
     """Openings under 40 mm are closed: of tidied stripes that is 3.5 % of the plate."""
@@ -322,6 +324,7 @@ def test_specks_between_evenly_spaced_stripes_are_filled_unless_it_is_said(monke
     assert not any("were filled" in note.text for note in modes.notes)
 
 
+@pytest.mark.slow
 def test_fix_meets_the_limits_and_names_what_it_changed(plate):
     before = with_limits(plate, min_member=0.03, min_gap=0.02)
     assert fabrication(before).failed
@@ -387,6 +390,7 @@ def test_build_writes_the_report_and_inspect_reads_it(capsys, tmp_path):
     assert "build it again" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_build_fix_tells_its_changes(capsys, tmp_path):
     words = ["build", "cantilever", "--fix", "--set", "surface.edge=0.08", "-f", "stl", "--no-picture"]
     assert main([*words, "-o", str(tmp_path / "out"), "--set", "fabrication.min_member=0.03"]) == 0

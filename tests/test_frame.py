@@ -174,6 +174,7 @@ def vault():
     return dsfab.Design.of(dsfab.load_preset("barrel_vault"))
 
 
+@pytest.mark.slow
 def test_the_beams_of_a_vault_carry_what_its_sheet_carries(vault):
     made = vault.frame
     answers = solve_frame(made)

@@ -173,6 +173,7 @@ def vault():
     return dsfab.Design.of(dsfab.load_preset("barrel_vault", {"surface.edge": 0.4}))
 
 
+@pytest.mark.slow
 def test_members_of_a_design(vault):
     """MemberBays, names, and arches that are pressed all along."""
     found = vault.member_forces

@@ -372,6 +372,7 @@ def assert_on_both(graph, edge):
     assert np.percentile(off, 95) < 0.2 * edge
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [

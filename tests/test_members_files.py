@@ -100,6 +100,7 @@ def test_a_file_that_lost_a_row_is_refused(design, tmp_path, monkeypatch, suffix
     assert not list(tmp_path.iterdir())
 
 
+@pytest.mark.slow
 def test_a_folder_gives_the_same_bytes_as_the_design(tmp_path, capsys):
     folder, words = tmp_path / "vault", [f"--set={key}={value}" for key, value in SMALL.items()]
     assert (

@@ -61,6 +61,7 @@ def test_a_stand_in_says_so_in_the_preset(figure):
     assert f"({figure.timings.vertices})" in file.read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "figure",
     [pytest.param(f, marks=[pytest.mark.slow] * (f.preset in LONG), id=f.preset) for f in FIGURES],

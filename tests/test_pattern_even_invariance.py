@@ -134,6 +134,7 @@ def difference(one: Case, two: Case, faces: np.ndarray | None = None) -> float:
     return float(one.surface.areas @ np.abs(one.material - there) / one.surface.area)
 
 
+@pytest.mark.slow
 @every
 @pytest.mark.parametrize("turn", [QUARTER, TURN])
 def test_turning_the_design_turns_its_stripes(name, turn):

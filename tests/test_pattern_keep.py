@@ -166,6 +166,7 @@ def test_the_rim_of_a_dome_comes_to_that_of_the_half_sphere():
 # --- laws
 
 
+@pytest.mark.slow
 @settings(deadline=None, max_examples=25)
 @given(st.integers(0, 30), st.integers(0, 10**6), st.floats(0.03, 0.45))
 def test_on_any_coarse_mesh_of_a_square_the_rim_is_even(count, seed, rim):

@@ -474,6 +474,7 @@ def drafted():
     return draft(wall(OCULUS, RING, BAND))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", list(WAYS))
 def test_every_pattern_knows_its_regions(way, drafted):
     preset = wall(OCULUS, RING, BAND, **WAYS[way])

@@ -98,6 +98,7 @@ def test_a_constant_mode_has_no_spacing():
         frequency_for(plate, np.ones(plate.n), 0.1)
 
 
+@pytest.mark.slow
 def test_a_frequency_of_evenly_spaced_stripes_is_said_to_have_no_effect():
     asked = {"surface.edge": 0.9, "pattern.method": "stripes"}
     both = {"pattern.major": {"frequency": 12.0}, "pattern.minor": {"spacing": 1.1}}

@@ -231,6 +231,7 @@ def moved(more: dict, turn: np.ndarray, shift: np.ndarray, scale: float) -> dict
     return {"pattern.guide": [guide]}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(STEERS))
 def test_what_steers_turns_and_grows_with_the_design(name):
     given = replace(zoo_case("dome"), more=STEERS[name])
@@ -291,6 +292,7 @@ def drafted(**more):
     return drafted_with(json.dumps(more))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("more", "order", "told"),
     [
@@ -478,6 +480,7 @@ def test_rings_alone_fall_apart_and_that_is_told():
         dsfab.run(load_preset(DOME_MODES, rings | {"slicing.loose": "refuse"}))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("rule", ["plain", "constant", "graded", "stressed"])
 def test_one_family_on_modes_by_every_width_rule(rule):
     asked = {
@@ -546,6 +549,7 @@ def test_auto_leaves_modes_out_where_they_cannot_follow():
         assert ("halved" in note) == ("rotate" in more)
 
 
+@pytest.mark.slow
 def test_competitors_on_modes_know_nothing_of_guides():
     made = drafted(rotate=45, guide=[{"at": {"pick": "all"}, "direction": [1, 0, 0]}])
     given = ComparisonTask.of(made, 60.0).on_modes

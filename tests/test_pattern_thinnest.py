@@ -9,6 +9,8 @@ from dsfab.pipeline import draft
 from dsfab.preset import Width
 from tests.presets import DOME_MODES
 
+pytestmark = pytest.mark.slow
+
 COARSE = {"surface.edge": 0.5, "pattern.major.spacing": 1.6, "pattern.minor.spacing": 1.1}
 GRADED = {**COARSE, "pattern.width.rule": "graded"}
 

@@ -383,6 +383,7 @@ def test_competitors_have_the_mass_that_is_there_not_the_one_that_was_asked():
     assert [found[name].mass for name in ("thinner", "grid")] == pytest.approx([own, own], rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", COARSE)
 @pytest.mark.parametrize(
     "width",

@@ -17,6 +17,8 @@ from tests.benchmarks import against_simp
 from tests.designs import sliced
 from tests.presets import DOME_MODES
 
+pytestmark = pytest.mark.slow
+
 SMALL = {"surface.edge": 0.8, "pattern.major.spacing": 1.6, "pattern.minor.spacing": 1.6, "pattern.width.steps": 2}
 PLATE = {"surface.edge": 0.065, "pattern.method": "auto", "pattern.width.steps": 2}
 

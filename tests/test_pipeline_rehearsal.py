@@ -46,6 +46,7 @@ def assert_same(one: Design, other: Design) -> None:
     assert one.notes == other.notes
 
 
+@pytest.mark.slow
 def test_the_sheet_is_the_same_without_a_rehearsal(dome):
     rehearsed, plain = drawn(dome), drawn(dome)
     assert finishing._REHEARSALS.pop(plain.surface)

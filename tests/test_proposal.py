@@ -257,6 +257,7 @@ def test_a_tent_hangs_from_its_corners_and_a_shell_stands_on_them(rise, kind, co
     assert np.linalg.norm(at, axis=1).min() > 5
 
 
+@pytest.mark.slow
 def test_openings_are_not_held(own):
     """Neither holes in a roof, nor cells near the ground of a shell; the free edge of a slab neither."""
     for name in ("canopy_mm", "voronoi_shell", "mushroom_slab"):
@@ -286,6 +287,7 @@ def test_a_crown_with_k_points_stands_on_k_feet(height, feet_, dip, turn):
     assert len(feet(Surface(np.vstack(V), np.vstack(F)), 8.0)) == feet_
 
 
+@pytest.mark.slow
 def test_units_are_guessed_from_the_size(tmp_path):
     roof = canopy(0.6)
     for factor, unit in ((1.0, "m"), (1000.0, "mm")):
@@ -346,6 +348,7 @@ def test_the_text_is_the_preset(own, tmp_path):
     assert all(line == line.rstrip() and len(line) < 140 for line in proposal.text().splitlines())
 
 
+@pytest.mark.slow
 def test_every_decision_says_what_changes_it(own):
     for path in own.values():
         for decision in propose(path).decisions:
@@ -806,6 +809,7 @@ def with_a_door(radius: float, inside_out: bool = False) -> Surface:
     return Surface(V, F[:, ::-1] if inside_out else F)
 
 
+@pytest.mark.slow
 def test_snow_lies_on_top_of_what_is_nearly_closed_and_built():
     """A ball to go into carried its own weight alone. It lies where the slope is under 60 degrees: pi r^2 sin^2 60."""
     for inside_out in (False, True):

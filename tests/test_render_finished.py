@@ -25,6 +25,7 @@ def expected(vault, tmp_path_factory):
     return path.read_bytes()
 
 
+@pytest.mark.slow
 def test_another_process_draws_the_same_picture_and_one_that_was_started_ahead_draws_once(
     vault, expected, tmp_path, monkeypatch
 ):
@@ -46,6 +47,7 @@ def test_another_process_draws_the_same_picture_and_one_that_was_started_ahead_d
         assert len(started) == 3
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("program", ["raise MemoryError", "import os; os.abort()", "import time; time.sleep(60)"])
 def test_it_is_drawn_here_where_the_other_process_fails(program, vault, expected, tmp_path, monkeypatch):
     file = tmp_path / "program.py"

@@ -228,6 +228,7 @@ def test_principal_values_rebuild_the_tensor(tensor, lean):
     assert_allclose([found[0, 0], found[1, 1], found[0, 1]], tensor, atol=1e-9 * max(1.0, np.abs(tensor).max()))
 
 
+@pytest.mark.slow
 def test_the_table_is_read_by_any_program_and_says_its_axes_and_signs(dome, tmp_path):
     path = dome.write(tmp_path / "dome.forces.csv")
     with open(path, encoding="utf-8", newline="") as file:

@@ -190,6 +190,7 @@ def cases(draw):
     return surface, fields, draw(st.sampled_from([0.0, 0.05, 0.3]))
 
 
+@pytest.mark.slow
 @settings(max_examples=150, deadline=None, derandomize=True)
 @given(cases())
 def test_laws_hold_on_random_meshes_with_degenerate_bands(case):

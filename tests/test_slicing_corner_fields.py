@@ -214,6 +214,7 @@ SURFACES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(SURFACES))
 @pytest.mark.parametrize("snap", [0, 0.05])
 def test_phases_with_singular_faces_leave_no_gap(name, snap):

@@ -95,6 +95,7 @@ def wedge(plate: Surface, half_angle: float, tip: float, length: float = 0.6, ce
     return cut(plate, [x, -x, wide], [[0.2 + length], [-0.2], [0.0]], snap=0)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("degrees", [6.5, 12.0, 25.0])
 @pytest.mark.parametrize("tip", [0.01, 0.03, 0.06])
 def test_a_blunt_tip_is_rounded_by_one_disc_beyond_its_corners(degrees, tip):
@@ -162,6 +163,7 @@ def test_narrowest_place_of_a_rounded_wedge_is_as_wide_as_the_disc():
     assert gap.size > 2 * 0.05 * np.cos(CHORD / 2)
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @given(angle=st.floats(2, 40), tip=st.floats(1e-3, 0.15), radius=st.floats(5e-3, 0.2), seed=st.integers(0, 1000))
 def test_laws_on_random_wedges(angle, tip, radius, seed):
@@ -204,6 +206,7 @@ def test_the_material_takes_the_family_beside_it_and_fields_are_carried():
     assert np.allclose(done.carry(plate.V), done.surface.V, atol=1e-12)
 
 
+@pytest.mark.slow
 @settings(max_examples=40, deadline=None)
 @given(
     cells=st.integers(4, 24),
@@ -219,6 +222,7 @@ def test_laws_on_random_grids(cells, count, half, radius, seed):
     check_added(plate, sheet, done)
 
 
+@pytest.mark.slow
 @settings(max_examples=25, deadline=None)
 @example(frequency=5.5, level=0.0, radius=0.28125, seed=66)  # two arcs met in a point
 @given(frequency=st.floats(2, 9), level=st.floats(-0.6, 0.6), radius=st.floats(0.005, 0.3), seed=st.integers(0, 100))

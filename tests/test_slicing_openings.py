@@ -207,6 +207,7 @@ def test_the_crown_of_a_sphere_closes_as_a_whole():
     assert made.sheet.surface.area / made.surface.area == pytest.approx(0.5, abs=2e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "edge", "slits"),
     [

@@ -42,6 +42,7 @@ def widened(sheet: Sheet, radius: float = 0.02) -> tuple[Sheet, Sheet, int]:
     return sheet, rounded, total
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(("seed", "waist"), [(None, 0.01), (0, 0.01), (0, 0.02), (1, 0.04)])
 def test_a_waist_becomes_as_wide_as_asked(waist, seed):
     plate = grid(40, 40, 1.0, 1.0) if seed is None else jittered(grid(40, 40, 1.0, 1.0), seed=seed)

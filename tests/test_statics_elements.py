@@ -431,6 +431,7 @@ def test_mkl_is_found_without_a_search_of_the_installation(monkeypatch):
     assert solution == pytest.approx([0.5] * 3)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("preset", ["cantilever", DOME_MODES])
 def test_presets_name_their_elements(preset):
     """A flat sheet loaded in its plane (no bending) and a curved one; edges longer, to be quick."""

@@ -112,6 +112,7 @@ def test_good_solutions_are_solved_for_twice_only():
     assert len(calls) == 2
 
 
+@pytest.mark.slow
 def test_bench_measures_the_parts_of_the_statics(capsys):
     code = bench.bench("dome", work=bench.Workload(vertices="150,300", stages="statics"), repeat=1, json_=True)
     small, large = json.loads(capsys.readouterr().out)

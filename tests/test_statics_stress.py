@@ -158,6 +158,7 @@ def blown(level, elements):
     return mean, spread, energy, share, found.peak.stress / (1e4 / (2 * H))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("elements", [MIDEDGE, BEST], ids=str)
 def test_a_pressurised_sphere_has_p_r_over_two_h(elements):
     """The mean follows from equilibrium, on facets that are nearer to the centre by a share of their size squared."""

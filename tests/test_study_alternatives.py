@@ -22,6 +22,8 @@ from dsfab.study.judging import quick
 from dsfab.study.sweeps.metrics import METRICS
 from dsfab.surface import SHAPES, Surface
 
+pytestmark = pytest.mark.slow
+
 THINNER = "a uniformly thinner sheet without openings of the same mass"
 
 PULLED = {

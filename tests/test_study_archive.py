@@ -101,6 +101,7 @@ def test_the_same_design_gives_the_same_archive(design, tmp_path):
     assert write_archive(design, tmp_path).read_bytes() == write_archive(design, tmp_path / "a").read_bytes()
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("suffix", [s for s in FORMATS if s not in (".stp", ".stpz", ".brep", ".ifc", ".lines.step")])
 def test_the_folder_delivers_what_the_design_does(suffix, design, back, tmp_path):
     if suffix in (".step", ".3dm", ".dxf"):  # slow, or with random identifiers
@@ -171,6 +172,7 @@ def spoilt(path, spoil):
     np.savez(path, **arrays)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "spoil",
     [

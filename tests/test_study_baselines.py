@@ -138,6 +138,7 @@ def test_a_brief_of_chosen_modes_has_no_more_to_choose():
     assert ComparisonTask.of(made, 1.0).preset.pattern.major.phase == made.pattern.phase[0]
 
 
+@pytest.mark.slow
 def test_more_material_is_stiffer_for_all_and_all_have_the_same(made):
     less, more = (compare_at(made, share, ["thinner", "simp"]) for share in (0.4, 0.7))
     for one in (less, more):

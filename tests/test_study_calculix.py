@@ -26,7 +26,7 @@ from tests.zoo import grid, jittered
 
 BEST = elements_of("displacement")
 
-pytestmark = needs_ccx
+pytestmark = [needs_ccx, pytest.mark.slow]
 
 STEEL = Material(210e9, 0.3, 7850.0)
 

@@ -162,6 +162,7 @@ def test_the_full_sheet_moves_most_under_its_load_and_a_strength_is_compared(can
     assert case.utilisation == pytest.approx((case.stress.quantile / 235e6, case.stress.settled / 235e6))
 
 
+@pytest.mark.slow
 def test_any_judge_may_take_the_place_of_the_quick_one(cantilever):
     seen = []
 
@@ -186,6 +187,7 @@ def test_the_record_is_plain_and_its_ratios_are_those_of_the_compliances(compare
     assert rows["full"]["smallest_member_m"] is None
 
 
+@pytest.mark.slow
 def test_competitors_that_fall_apart_are_told_and_do_not_count():
     """Stripes of one field on a sphere are rings that do not touch."""
     sphere = draft(dsfab.load_preset(SPHERE_GRADED_MODES, {"surface.edge": 0.2}))

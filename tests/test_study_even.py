@@ -49,6 +49,7 @@ def segments(lines):
     return np.concatenate(starts), np.concatenate(ends)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("which", ["dome", "cantilever"])
 def test_middles_end_on_middles_or_with_the_sheet(which, request):
     """Or at a face that has no phase: there the member ends too."""

@@ -187,6 +187,7 @@ def test_a_void_leaves_the_boundary_that_was_held_and_no_more():
     assert (surface.edges.boundary & ~held).any()  # the edge of the void
 
 
+@pytest.mark.slow
 def test_a_roof_with_ears_is_one_structure_on_all_meshes():
     """0, 5 and 30 vertices more were held within it, and its compliance came out a hundredth too small."""
     design = dsfab.run(

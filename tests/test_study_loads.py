@@ -220,6 +220,7 @@ def test_point_loads_stay_as_they_are_and_cases_add_up():
     assert (sheet_load(surface, sheet, plain).force == on["a"].force).all()
 
 
+@pytest.mark.slow
 def test_a_thinner_sheet_weighs_less_and_its_covering_does_not():
     surface = grid(6, 4, 1.5, 1.0)
     given = case(surface, SelfWeight(), Cladding(250.0))

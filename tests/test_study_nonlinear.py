@@ -210,6 +210,7 @@ COARSE = {"surface.edge": 0.8, "pattern.major.spacing": 2.0, "pattern.minor.spac
 """A dome of few members."""
 
 
+@pytest.mark.slow
 def test_the_check_has_a_mesh_of_its_own():
     """Without fillets, out of longer triangles where asked; a length that is none is refused."""
     design = sliced(dsfab.load_preset("dome", COARSE))

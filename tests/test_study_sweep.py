@@ -87,6 +87,7 @@ LONG = ("verdict", "over_")
 """Beginnings of the names of metrics that need other designs to compare with."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", [pytest.param(name, marks=[pytest.mark.slow] * name.startswith(LONG)) for name in METRICS]
 )
@@ -172,6 +173,7 @@ def test_stripes_by_their_spacing_are_as_wide_as_by_the_frequency_that_it_means(
     assert METRICS["min_width"](spaced) == pytest.approx(METRICS["min_width"](same))
 
 
+@pytest.mark.slow
 def test_several_load_cases_count_as_in_the_comparison():
     from dsfab.study.comparison import comparison
 

@@ -105,6 +105,7 @@ SLICED = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", list(SLICED))
 def test_a_full_sheet_that_is_cut_is_as_stiff_as_the_uncut_one(name):
     """Slivers cost conditioning, not accuracy: 0.7 % and a residual of 1e-8 at snap 0.05."""

@@ -79,6 +79,7 @@ MISSED = {
 """Targets that the pair for verdicts does not meet, and what it does instead."""
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "test",
     [pytest.param(test, marks=[pytest.mark.slow] * (name == "cut_vault"), id=name) for name, test in TESTS.items()],

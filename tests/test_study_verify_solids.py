@@ -67,6 +67,7 @@ def test_a_solid_that_hangs_under_its_own_weight_has_the_closed_form():
         solid_compliance(wedges(sheet, -0.1, flat), material, top, np.array([0.0, -9.81, 0.0]))
 
 
+@pytest.mark.slow
 @needs_ccx
 def test_the_solid_of_the_vault_comes_to_its_reference_from_the_stiff_side():
     test = TESTS["cut_vault"]

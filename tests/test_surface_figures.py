@@ -42,6 +42,7 @@ every_figure = pytest.mark.parametrize(
 )
 
 
+@pytest.mark.slow
 @every_figure
 def test_figures_have_the_topology_of_the_papers_meshes(name):
     s = made(name)
@@ -62,6 +63,7 @@ def test_figures_have_even_triangles_as_wide_as_asked(name):
     assert s.mean_edge == pytest.approx(asked, rel=0.06)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["mouse", "duck_ring", "boys_surface"])
 def test_the_same_call_gives_the_same_figure(name):
     again = SHAPES[name]()
@@ -69,6 +71,7 @@ def test_the_same_call_gives_the_same_figure(name):
     assert_array_equal(again.F, made(name).F)
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "size"), [("mouse", "length"), ("climbing_hold", "width"), ("boys_surface", "height")]
 )

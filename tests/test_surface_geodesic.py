@@ -103,6 +103,7 @@ def test_on_a_prism_they_are_those_of_the_plane_that_it_unrolls_to():
     assert geodesic_distances(surface, rim(surface)).vertex == pytest.approx(np.minimum(z, 3 - z), abs=1e-12)
 
 
+@pytest.mark.slow
 def test_paths_follow_the_edge_of_a_large_hole():
     """Around a circle with more vertices than Python has room for calls within calls."""
     sides = 1050

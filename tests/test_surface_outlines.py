@@ -200,6 +200,7 @@ def test_a_curve_in_a_block_is_where_the_block_is(tmp_path):
     assert np.allclose(loop.mean(axis=0), (0.5, 0.7, 0), atol=1e-3)
 
 
+@pytest.mark.slow
 def test_curves_of_a_3dm_file_are_those_of_its_layer(tmp_path):
     rhino3dm = pytest.importorskip("rhino3dm")
     model = rhino3dm.File3dm()
@@ -242,6 +243,7 @@ def with_blocks(path: Path, depth: int) -> Path:
     return path
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("depth", [1, 2, 4])
 def test_what_blocks_of_a_3dm_file_hold_is_drawn_where_they_are_inserted_and_nowhere_else(depth, tmp_path):
     loops = ClosedCurves(with_blocks(tmp_path / "a.3dm", depth)).loops()

@@ -128,6 +128,7 @@ def test_a_smooth_sphere_is_rounder_than_its_facets():
 # --- laws over odd shapes
 
 
+@pytest.mark.slow
 @zoo
 @pytest.mark.parametrize("share", [2.0, 0.5])
 def test_the_zoo_is_kept(name, share):
@@ -194,6 +195,7 @@ def fan(count: int) -> Surface:
     return Surface(V, np.c_[0 * i, i + 1, (i + 1) % count + 1])
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("needles", [strips(60), strips(500), fan(300)])
 def test_needles_become_even_triangles(needles):
     edge = needles.size / 40
@@ -215,6 +217,7 @@ def test_a_tip_is_not_refined_the_more_the_nearer_it_comes(fold, degrees):
     assert smallest_angle(new) > degrees
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("way", [1, -1], ids=["outside", "inside"])
 def test_an_ear_at_a_round_border_is_no_crease(way):
     """A square grid on a dome: a corner of the grid is a level triangle between three points of the border."""

@@ -34,6 +34,7 @@ def off(surface: Surface, normal: np.ndarray, centre: np.ndarray) -> float:
     return float(cKDTree(surface.V).query((surface.V - centre) @ mirror(normal) + centre)[0].max())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("old", "normals", "sides"),
     [(VAULT, [X, Y], 4), (SADDLE, [DIAGONAL], 4), (UMBRELLA, [X, Y, DIAGONAL], 8), (SCATTERED, [X, DIAGONAL], 8)],

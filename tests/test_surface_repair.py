@@ -120,6 +120,7 @@ def test_edges_that_are_there_are_not_made_again():
     assert hole_triangles(square, joined) is None
 
 
+@pytest.mark.slow
 def test_a_fine_mesh_with_holes_is_taken_for_a_scan_and_told(tmp_path):
     fine = sphere(edge=0.035)
     F = fine.F

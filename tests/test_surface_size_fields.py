@@ -10,6 +10,8 @@ from dsfab.surface import SizeField, Surface, change_sizes, remeshed
 from tests.canopy import canopy
 from tests.zoo import grid, jittered, sphere
 
+pytestmark = pytest.mark.slow
+
 EDGE, FINEST = 0.4, 0.02
 
 

@@ -61,6 +61,7 @@ CASES = {
 }
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("side", ["mid", "out"])
 @pytest.mark.parametrize("name", CASES)
 def test_what_is_proven_meets_nothing(name, side):

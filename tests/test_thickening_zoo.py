@@ -161,6 +161,7 @@ def fuzzed(seed: int, bases: tuple[Callable[[], Surface], ...] = BASES, most: in
     return thicken(sheet.surface, sheet.carry_corners(offsets(surface, t).at_corners(surface.F), surface.F))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("seed", range(20))
 def test_coarse_random_patterns_become_sound_solids_and_cgal_agrees(seed):
     solid = fuzzed(seed)

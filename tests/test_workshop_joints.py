@@ -60,6 +60,7 @@ def polygons(parts):
     return [Polygon(part.outline, part.slots) for part in parts]
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("ribs", [whole, grid, leaning])
 @pytest.mark.parametrize("room", [[(1.7, 1.6)], [(1.3, 0.9)]])
 def test_pieces_with_fingers_are_the_sheet_without_gap_or_overlap(ribs, room):
@@ -150,6 +151,7 @@ def part_end(part, k):
     return part.axis[k]
 
 
+@pytest.mark.slow
 def test_strips_and_planks_are_scarfed_by_eight_thicknesses():
     graph = graph_of("cylinder")
     strips = strip_parts(graph, Layering(0.018, 2, 0.012), [(2.484, 1.234)], "scarf")

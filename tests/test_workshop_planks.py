@@ -177,6 +177,7 @@ def body(strip, shift=(0, 0, 0)):
     return solid
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", ["sphere", "hypar"])
 def test_planks_do_not_touch_where_they_cross_nor_on_their_way_there(name):
     """Bodies of planks as thick as they are: the upper one, off by some of the way on which it comes, meets none."""
@@ -238,6 +239,7 @@ def test_planks_of_a_vault_stand_on_the_ground_and_its_files_are_the_same_twice(
     assert np.abs(low[low < 0.1]).max() < 5e-3  # the springing lines are at z = 0
 
 
+@pytest.mark.slow
 def test_slots_too_near_to_each_other_and_steep_ones_are_told():
     thick = plan_of("sphere", 0.4, PlankStock(0.3, 0.6, 0.012, "none", (0.02, 0.008)))
     assert any(line.startswith("NOT POSSIBLE: slots are nearer to each other") for line in thick.lines)

@@ -181,6 +181,7 @@ def assert_folds_back(part, graph, folder):
     return read, curve
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     ("name", "every"),
     [("hypar", 6), ("catenoid", 6), *(pytest.param(name, 1, marks=pytest.mark.slow) for name in SURFACES)],
@@ -285,6 +286,7 @@ def _outward(member):
     return np.sign(np.einsum("ki,ki->k", axis.N[:, :2], axis.P[:, :2]).mean())
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name", ["sphere", "catenoid", *(pytest.param(name, marks=pytest.mark.slow) for name in ("cylinder", "hypar"))]
 )
