@@ -13,7 +13,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure
 
 import dsfab
-from dsfab.pipeline import Design
+from dsfab.design import Design
 from dsfab.study.verdict import check
 
 RED, BLUE, INK, PALE, MATERIAL = "#b5453a", "#3a6ea5", "#333333", "#e9e6e0", "#c9a36b"

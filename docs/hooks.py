@@ -21,12 +21,13 @@ from pydantic import BaseModel
 from pydantic_core import PydanticUndefined
 
 import dsfab
-from dsfab import preset, preset_eurocode, preset_surface, preset_workshop
 from dsfab.app.cli import app, main
+from dsfab.preset import model as preset
+from dsfab.preset import sections, surface_section
 
 ROOT = Path(__file__).resolve().parent.parent
 SECTIONS = {
-    "surface": preset_surface.OwnSurface,
+    "surface": surface_section.OwnSurface,
     "statics": preset.Statics,
     "diffusion": preset.Diffusion,
     "pattern": preset.Pattern,
@@ -36,8 +37,8 @@ SECTIONS = {
     "thickening": preset.Thickening,
     "fabrication": preset.Fabrication,
     "export": preset.Export,
-    "workshop": preset_workshop.Workshop,
-    "eurocode": preset_eurocode.Eurocode,
+    "workshop": sections.Workshop,
+    "eurocode": sections.Eurocode,
 }
 """The sections of a preset whose keys are values; supports, loads, guides and regions are shown by example."""
 

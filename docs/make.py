@@ -22,14 +22,14 @@ import dsfab
 from docs.drawings import CONCEPTS
 from docs.wires import drawn
 from dsfab.app.cli import main
-from dsfab.app.editor.source import Opened
-from dsfab.arrays import from_segments
-from dsfab.pipeline.log import silent
-from dsfab.preset_file import overridden
-from dsfab.render.caption import caption
-from dsfab.render.palette import PAPER
-from dsfab.render.panels import panels
+from dsfab.app.editor.workspace import Opened
+from dsfab.core.arrays import from_segments
+from dsfab.design.log import silent
+from dsfab.preset.file import overridden
+from dsfab.render.design_picture import caption
+from dsfab.render.lettering import PAPER
 from dsfab.render.picture import Look, picture
+from dsfab.render.previewer import panels
 from dsfab.render.view import up_axis
 from tests.browser import opened
 from tests.meshes import mesh_file

@@ -13,7 +13,7 @@ from matplotlib.path import Path
 
 import dsfab
 from dsfab.app.hops.components import COMPONENTS
-from dsfab.app.hops.solver import answered
+from dsfab.app.hops.server import answered
 from dsfab.export import mesh_arrays, mesh_json
 from dsfab.render.picture import Look, picture
 

@@ -49,46 +49,46 @@ _HOME = {
     "Cladding": "dsfab.surface",
     "ClosedCurves": "dsfab.surface",
     "Combination": "dsfab.surface",
-    "Design": "dsfab.pipeline",
-    "Diffusion": "dsfab.preset",
-    "DsfabError": "dsfab.errors",
-    "Export": "dsfab.preset",
-    "Fabrication": "dsfab.preset",
+    "Design": "dsfab.design",
+    "Diffusion": "dsfab.preset.model",
+    "DsfabError": "dsfab.core.errors",
+    "Export": "dsfab.preset.model",
+    "Fabrication": "dsfab.preset.model",
     "Facing": "dsfab.surface",
     "Force": "dsfab.surface",
     "Line": "dsfab.surface",
     "LoadCase": "dsfab.surface",
     "Nearest": "dsfab.surface",
-    "Pattern": "dsfab.preset",
+    "Pattern": "dsfab.preset.model",
     "PatternRegion": "dsfab.surface",
     "PlanPolygon": "dsfab.surface",
-    "Preset": "dsfab.preset",
+    "Preset": "dsfab.preset.model",
     "Pressure": "dsfab.surface",
     "Previewer": "dsfab.render.previewer",
     "SelfWeight": "dsfab.surface",
     "Sheet": "dsfab.slicing",
     "Side": "dsfab.surface",
-    "Slicing": "dsfab.preset",
+    "Slicing": "dsfab.preset.model",
     "Snow": "dsfab.surface",
     "Solid": "dsfab.thickening",
-    "Statics": "dsfab.preset",
+    "Statics": "dsfab.preset.model",
     "Support": "dsfab.surface",
     "Surface": "dsfab.surface",
-    "Thickening": "dsfab.preset",
+    "Thickening": "dsfab.preset.model",
     "Vertices": "dsfab.surface",
     "Wind": "dsfab.surface",
     "compare": "dsfab.study",
     "edit": "dsfab.app.editor.notebook",
-    "inline_picture": "dsfab.render.notebook",
-    "load_preset": "dsfab.preset_file",
-    "preset_for": "dsfab.proposal",
+    "inline_picture": "dsfab.render.design_picture",
+    "load_preset": "dsfab.preset.file",
+    "preset_for": "dsfab.preset.proposal",
     "read_surface": "dsfab.surface",
-    "revise": "dsfab.pipeline",
-    "run": "dsfab.pipeline",
+    "revise": "dsfab.design",
+    "run": "dsfab.design",
     "save": "dsfab.report.design.save",
     "sweep": "dsfab.study",
-    "to_build123d": "dsfab.delivery",
-    "write": "dsfab.delivery",
+    "to_build123d": "dsfab.design.output",
+    "write": "dsfab.design.output",
 }
 """Where each public name lives; it is imported when first asked for."""
 
@@ -96,23 +96,23 @@ __all__ = sorted(_HOME)
 
 if TYPE_CHECKING:
     from dsfab.app.editor.notebook import edit as edit
-    from dsfab.delivery import to_build123d as to_build123d
-    from dsfab.delivery import write as write
-    from dsfab.errors import DsfabError as DsfabError
-    from dsfab.pipeline import Design as Design
-    from dsfab.pipeline import revise as revise
-    from dsfab.pipeline import run as run
-    from dsfab.preset import Diffusion as Diffusion
-    from dsfab.preset import Export as Export
-    from dsfab.preset import Fabrication as Fabrication
-    from dsfab.preset import Pattern as Pattern
-    from dsfab.preset import Preset as Preset
-    from dsfab.preset import Slicing as Slicing
-    from dsfab.preset import Statics as Statics
-    from dsfab.preset import Thickening as Thickening
-    from dsfab.preset_file import load_preset as load_preset
-    from dsfab.proposal import preset_for as preset_for
-    from dsfab.render.notebook import inline_picture as inline_picture
+    from dsfab.core.errors import DsfabError as DsfabError
+    from dsfab.design import Design as Design
+    from dsfab.design import revise as revise
+    from dsfab.design import run as run
+    from dsfab.design.output import to_build123d as to_build123d
+    from dsfab.design.output import write as write
+    from dsfab.preset.file import load_preset as load_preset
+    from dsfab.preset.model import Diffusion as Diffusion
+    from dsfab.preset.model import Export as Export
+    from dsfab.preset.model import Fabrication as Fabrication
+    from dsfab.preset.model import Pattern as Pattern
+    from dsfab.preset.model import Preset as Preset
+    from dsfab.preset.model import Slicing as Slicing
+    from dsfab.preset.model import Statics as Statics
+    from dsfab.preset.model import Thickening as Thickening
+    from dsfab.preset.proposal import preset_for as preset_for
+    from dsfab.render.design_picture import inline_picture as inline_picture
     from dsfab.render.previewer import Previewer as Previewer
     from dsfab.report.design.save import save as save
     from dsfab.slicing import Sheet as Sheet

@@ -1,4 +1,4 @@
-"""What each stage of a design makes, as frozen values (see `dsfab.pipeline.Design`)."""
+"""What each stage of a design makes, as frozen values (see `dsfab.design.Design`)."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -6,15 +6,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats
+from dsfab.core.arrays import Bools, Floats
 from dsfab.diffusion import DiffusionTensors, Modes, Symmetry
 from dsfab.pattern import CornerPhase
-from dsfab.preset import Pattern, Preset
+from dsfab.preset.model import Pattern, Preset
 from dsfab.slicing import Chart, Sheet, Tidy
 from dsfab.statics import Answers, Equilibrium
 from dsfab.surface import LoadCase, Surface
-from dsfab.surface.corner_field import CornerField
-from dsfab.surface.divided import DividedField
+from dsfab.surface.fields import CornerField, DividedField
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,7 +48,7 @@ class StaticsResult:
     is chosen out of `cases` by the next stage, so that another choice solves nothing again.
 
     cases      : the load cases by name, then the combinations.
-    objections : sentences on why it should not be built, the gravest first (see `dsfab.pipeline.buildable`).
+    objections : sentences on why it should not be built, the gravest first (see `dsfab.design.buildability`).
     """
 
     load: LoadCase
@@ -196,7 +195,8 @@ class Attempt(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class PatternResult:
-    """Stage 4: by name, linear fields and the values to cut each at (see `dsfab.slicing.cut`); of one family, where
+    """Stage 4: by name, linear fields and the values to cut each at (see `dsfab.slicing.cutting.cut`); of one
+    family, where
     only that is drawn.
 
     fields      : (n,) each, an odd number of levels lies below material; (n, 2) for stripes of varying width; evenly

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dsfab.export.calculix import CalculixModel, write_calculix
+from dsfab.export.analysis.calculix import CalculixModel, write_calculix
 
 CCX = shutil.which("ccx")
 needs_ccx = pytest.mark.skipif(CCX is None, reason="CalculiX is not installed: apt-get install calculix-ccx")

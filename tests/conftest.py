@@ -76,21 +76,20 @@ def sharp_tab(server, tmp_path_factory):
 @pytest.fixture
 def here(monkeypatch):
     """Ask OCCT in this process; gives the last findings."""
-    from dsfab.export import step_mesh, step_read
-    from dsfab.export.smooth import check, occt_check
+    from dsfab.export.cad.step.worker import piece_check, reports, step_triangles
 
     found: list = []
 
     def drawn(program, path, folder, *how, seconds):
-        return step_mesh.written(path, folder, *how)
+        return step_triangles.written(path, folder, *how)
 
     def said(program, path, folder, deflection, limit, look=None):
-        judge = check.whole_findings if look else check.solid_findings
+        judge = piece_check.whole_findings if look else piece_check.solid_findings
         found[:] = [dict(one) for one in judge(path, folder, deflection)]
         if look and (Path(folder) / "mesh.npz").exists():
             look()
         return [dict(one) for one in found]
 
-    monkeypatch.setattr(occt_check, "_said", said)
-    monkeypatch.setattr(step_read, "last_line", drawn)
+    monkeypatch.setattr(reports, "_said", said)
+    monkeypatch.setattr(reports, "last_line", drawn)
     return found

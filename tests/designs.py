@@ -12,9 +12,9 @@ from pathlib import Path
 from types import MappingProxyType
 from typing import Any
 
-from dsfab.pipeline import Design
-from dsfab.preset import Preset
-from dsfab.preset_file import load_preset
+from dsfab.design import Design
+from dsfab.preset.file import load_preset
+from dsfab.preset.model import Preset
 
 FOLDER = "DSFAB_TEST_DESIGNS"
 """Environment variable: the folder of a run, which its processes inherit."""

@@ -4,7 +4,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from dsfab.frame import Frame
+from dsfab.members.frame import Frame
 
 AXES = ("DX", "DY", "DZ", "RX", "RY", "RZ")
 FORCES = ("FX", "FY", "FZ", "MX", "MY", "MZ")

@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dsfab.preset import Preset
+from dsfab.preset.model import Preset
 
 STEEL = {"young": 210e9, "poisson": 0.3, "density": 7850.0}
 

@@ -4,7 +4,7 @@ from functools import partial
 
 import numpy as np
 
-from dsfab.delivery.files import curved_sheet
+from dsfab.design.output.files import curved_sheet
 from dsfab.export import StepOptions, write
 from dsfab.slicing import Sheet, cut
 from dsfab.surface import Surface

@@ -16,10 +16,10 @@ import dsfab
 from dsfab.app import bench as bench_module
 from dsfab.app.check import Expected
 from dsfab.app.cli import main
+from dsfab.core.toml_files import shipped_presets
 from dsfab.export import FORMATS
-from dsfab.preset_file import load_preset
-from dsfab.preset_list import shipped_presets
-from dsfab.surface import files
+from dsfab.preset.file import load_preset
+from dsfab.surface.files import mesh_files
 from tests.presets import DOME_MODES, GLOBE_MODES, ROOF_MODES
 
 SLOW = (".step", ".stp", ".stpz", ".brep")
@@ -150,8 +150,8 @@ def test_inspect_tells_sizes_in_other_units_where_the_file_does_not_say_its_own(
 
 
 def test_inspect_reads_a_file_once_and_tells_why_it_is_not_a_manifold(capsys, tmp_path, monkeypatch):
-    read, one = [], files._POLYGONS[".obj"]
-    monkeypatch.setitem(files._POLYGONS, ".obj", lambda *given: read.append(given) or one(*given))
+    read, one = [], mesh_files._POLYGONS[".obj"]
+    monkeypatch.setitem(mesh_files._POLYGONS, ".obj", lambda *given: read.append(given) or one(*given))
     file = tmp_path / "fan.obj"
     file.write_text("v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\nv 0 -1 0\nf 1 2 3\nf 1 2 4\nf 1 2 5\n")
     code, out, _ = run(capsys, "inspect", str(file))
@@ -186,7 +186,7 @@ def test_a_mistake_of_ours_is_a_sentence_a_file_and_code_70(capsys, tmp_path, mo
         raise KeyError("vertex")
 
     monkeypatch.setattr("tempfile.tempdir", str(tmp_path))
-    monkeypatch.setattr("dsfab.preset_list.shipped_presets", broken)
+    monkeypatch.setattr("dsfab.core.toml_files.shipped_presets", broken)
     line = refused(capsys, "presets", code=70)
     (log,) = tmp_path.iterdir()
     assert line == f"dsfab: dsfab made a mistake, and nothing was written; please report it with the details in {log}"
@@ -480,7 +480,7 @@ def test_a_folder_named_like_a_preset_shadows_nothing(capsys, tmp_path, monkeypa
     assert not (tmp_path / "dome" / "dome.ply").exists()
     assert load_preset("dome").name == "dome"
     monkeypatch.setattr("dsfab.app.listing._made", lambda name, source, picture: {"made of": name})
-    monkeypatch.setattr("dsfab.app.listing.fabrication_lines", lambda built: [str(built)])
+    monkeypatch.setattr("dsfab.report.design.inspection.fabrication_lines", lambda built: [str(built)])
     assert run(capsys, "inspect", "dome")[1].strip() == "{'made of': 'dome'}"
     assert "no design.json" in refused(capsys, "inspect", "./dome")
     assert "preset.toml is not valid TOML" in refused(capsys, "export", "./dome", "--to", "stl")

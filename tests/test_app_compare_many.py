@@ -6,10 +6,10 @@ import re
 
 import pytest
 
-from dsfab.app import compare_many
+from dsfab.app import compare
 from dsfab.app.cli import main
-from dsfab.report.comparison_summary import summary_page
-from dsfab.report.compliance.html import page
+from dsfab.report.comparison_files import summary_page
+from dsfab.report.html_pages import page
 
 COARSE = ["--level", "quick", "--against", "thinner", "--set", "surface.edge=0.1", "--no-report"]
 THREE = ["compare", "cantilever", "domme", "cantilever_light", *COARSE]
@@ -48,13 +48,13 @@ def test_what_is_refused_is_told_and_the_others_are_made(compared):
 
 @pytest.mark.slow
 def test_resuming_makes_what_is_missing_or_was_asked_otherwise(compared, monkeypatch, capsys):
-    made, real = [], compare_many.compare_one
+    made, real = [], compare.compare_one
 
     def noted(given, *rest, **named):
         made.append(given.name)
         return real(given, *rest, **named)
 
-    monkeypatch.setattr(compare_many, "compare_one", noted)
+    monkeypatch.setattr(compare, "compare_one", noted)
     before = (compared / "cantilever" / "results.json").read_bytes()
     assert main([*THREE, "--resume", "-o", str(compared)]) == 1
     assert made == []
@@ -68,9 +68,9 @@ def test_resuming_makes_what_is_missing_or_was_asked_otherwise(compared, monkeyp
 
 
 def test_two_presets_of_one_name_do_not_overwrite_each_other(tmp_path, monkeypatch, capsys):
-    monkeypatch.setattr(compare_many, "compare_one", lambda *_, **__: 0)
+    monkeypatch.setattr(compare, "compare_one", lambda *_, **__: 0)
     found = {"verdict": "pass", "reason": "", "mass_kg": 1.0, "area_fraction": 0.5, "compliance_J": 1.0, "bound": 0.01}
-    monkeypatch.setattr(compare_many, "_found", lambda folder: {**found, "ratio_to_full": 2.0, "seconds": 1.0})
+    monkeypatch.setattr(compare, "_found", lambda folder: {**found, "ratio_to_full": 2.0, "seconds": 1.0})
     assert main(["compare", "cantilever", "cantilever", "-o", str(tmp_path), "--json"]) == 1
     first, second = json.loads(capsys.readouterr().out)
     assert (first["verdict"], first["error"]) == ("pass", "")

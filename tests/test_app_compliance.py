@@ -14,23 +14,19 @@ import numpy as np
 import pytest
 
 from dsfab.app.cli import main
-from dsfab.errors import DsfabError, ExportError, StaticsError
-from dsfab.pipeline import draft
-from dsfab.preset_file import load_preset
-from dsfab.render.lettering import Legend, lettered
+from dsfab.core.errors import DsfabError, ExportError, StaticsError
+from dsfab.design import draft
+from dsfab.preset.file import load_preset
+from dsfab.render.lettering import PAPER, Legend, lettered
 from dsfab.render.opengl import require_rendering
-from dsfab.render.palette import PAPER
-from dsfab.report.compliance import findings, pictures, sections, write_report
-from dsfab.report.compliance.document import Document, Numbers, Paragraph, ReportSection, Table
-from dsfab.report.compliance.findings import Findings
-from dsfab.report.compliance.html import page
-from dsfab.report.compliance.pdf import pdf
+from dsfab.report.compliance import figures, findings, sections, write_report
+from dsfab.report.compliance.findings import Findings, digits_of, nice, percent, quantity, within
 from dsfab.report.compliance.verdict_words import banner, standing, thinner_at_volumes
-from dsfab.report.compliance.words import digits_of, nice, percent, quantity, within
+from dsfab.report.html_pages import Document, Numbers, Paragraph, ReportSection, Table, page
+from dsfab.report.pdf_pages import pdf
 from dsfab.study import compare_at
 from dsfab.study.comparison import comparison
-from dsfab.study.judges import full
-from dsfab.study.judging import quick
+from dsfab.study.judges import full, quick
 
 TIP = {"kind": "force", "at": {"pick": "ball", "center": [1, 0, 0], "radius": 0.1}}
 CASES = {
@@ -127,12 +123,12 @@ def told(tmp_path_factory):
     """A whole run by the command line, on a coarse mesh with two load cases."""
     folder = tmp_path_factory.mktemp("report")
     preset = folder / "two.toml"
-    from dsfab.preset_file import preset_toml
+    from dsfab.preset.file import preset_toml
 
     preset.write_text(preset_toml(load_preset("cantilever", CASES)))
     with pytest.MonkeyPatch.context() as patch:
         for name in ("SIZE", "SMALL"):
-            patch.setattr(pictures, name, (240, 180))
+            patch.setattr(figures, name, (240, 180))
         assert main(["compare", str(preset), "--against", "thinner", "-o", str(folder / "out"), "--quiet"]) == 0
     return folder / "out"
 
@@ -252,10 +248,10 @@ def test_words_on_pictures_are_as_high_on_paper_as_those_beside_them():
         rows = np.flatnonzero((np.asarray(shade.crop((0, 0, size[0] // 2, size[1]))) < 128).any(axis=(1, 2)))
         return np.ptp(rows) + 1  # of letters with a stem
 
-    for size, width in ((pictures.SIZE, 0.86), (pictures.SMALL, 0.7), (pictures.SMALL, 0.5)):
-        points = pictures.TEXT * width / size[0]
-        assert 5.0 < points * high(size, pictures.larger_letters(size, width)) < 9.0
-    assert high(pictures.SMALL, 1.0) * pictures.TEXT * 0.5 / pictures.SMALL[0] < 4.0
+    for size, width in ((figures.SIZE, 0.86), (figures.SMALL, 0.7), (figures.SMALL, 0.5)):
+        points = figures.TEXT * width / size[0]
+        assert 5.0 < points * high(size, figures.larger_letters(size, width)) < 9.0
+    assert high(figures.SMALL, 1.0) * figures.TEXT * 0.5 / figures.SMALL[0] < 4.0
 
 
 def test_two_runs_of_one_document_give_the_same_bytes():
@@ -396,7 +392,7 @@ LOST = {"surface.edge": 0.1, "pattern": {"keep": 0.05, "major": THIN, "minor": T
 
 def small(patch):
     for name in ("SIZE", "SMALL"):
-        patch.setattr(pictures, name, (240, 180))
+        patch.setattr(figures, name, (240, 180))
 
 
 def read_page(folder):
@@ -407,7 +403,7 @@ def read_page(folder):
 
 
 def test_a_design_that_does_not_carry_its_loads_has_a_report_that_says_why(tmp_path, capsys, monkeypatch):
-    from dsfab.preset_file import preset_toml
+    from dsfab.preset.file import preset_toml
 
     small(monkeypatch)
     (tmp_path / "lost.toml").write_text(preset_toml(load_preset("cantilever", LOST)), encoding="utf-8")
@@ -473,7 +469,7 @@ def test_pictures_lose_empty_rows_only():
     paper = (255, 255, 255)
     pixels = np.full((400, 10, 3), 255, dtype=np.uint8)
     pixels[100:120] = pixels[300:310] = 0
-    kept = pictures.trimmed(pixels, paper)
+    kept = figures.trimmed(pixels, paper)
     assert (kept == 0).all(axis=(1, 2)).sum() == 30
     assert len(kept) < 120
-    assert pictures.trimmed(pixels[:50], paper).shape == (50, 10, 3)
+    assert figures.trimmed(pixels[:50], paper).shape == (50, 10, 3)

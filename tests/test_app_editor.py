@@ -26,22 +26,21 @@ import pytest
 from dsfab.app.carrier import carried
 from dsfab.app.editor import server as doors
 from dsfab.app.editor.controls import controls
-from dsfab.app.editor.figures import cut_as_built, figures
+from dsfab.app.editor.drafts import colours, creased, cut_as_built, figures, model, packed, widths
 from dsfab.app.editor.jobs import Jobs
 from dsfab.app.editor.page import static_files
-from dsfab.app.editor.payload import colours, creased, model, packed, widths
 from dsfab.app.editor.server import EditorServer
 from dsfab.app.editor.session import Session
-from dsfab.app.editor.source import MeshRequest, Opened, open_preset, opened_mesh, opened_shipped
+from dsfab.app.editor.workspace import MeshRequest, Opened, open_preset, opened_mesh, opened_shipped
 from dsfab.app.hops.server import HopsHandler
 from dsfab.app.options import Source
-from dsfab.errors import DsfabError, PresetError
+from dsfab.core.errors import DsfabError, PresetError
+from dsfab.core.limits import CROWDING, SLIT
+from dsfab.design import Design, draft, run
 from dsfab.export import write
-from dsfab.limits import CROWDING, SLIT
-from dsfab.pattern.even_family import CLOSING, FOLLOWING
-from dsfab.pattern.width import SOLID
-from dsfab.pipeline import Design, draft, run
-from dsfab.preset_file import load_preset, parse_override, preset_from
+from dsfab.pattern.layers import CLOSING, FOLLOWING
+from dsfab.pattern.widths import SOLID
+from dsfab.preset.file import load_preset, parse_override, preset_from
 from dsfab.surface import Surface
 from tests.presets import DOME_MODES
 
@@ -430,7 +429,7 @@ def test_a_build_is_cancelled_in_the_middle_of_a_stage(monkeypatch, tmp_path):
         "tempfile.mkdtemp(); p = subprocess.Popen([sys.executable, '-c', 'import time; time.sleep(600)']);"
         f"open({str(pids)!r}, 'w').write(f'{{os.getpid()}} {{p.pid}} '); time.sleep(600)"
     )
-    monkeypatch.setattr("dsfab.app.editor.process.PROGRAM", deep)
+    monkeypatch.setattr("dsfab.app.editor.building.PROGRAM", deep)
     monkeypatch.setattr("dsfab.render.opengl.why_no_pictures", lambda: "not now")
     with Session(open_preset(DOME_MODES, COARSELY)) as session:
         folder = Path(session._folder.name)
@@ -469,7 +468,7 @@ def alive(pid):
     ],
 )
 def test_how_a_build_ends_is_told(monkeypatch, caplog, program, state, said):
-    monkeypatch.setattr("dsfab.app.editor.process.PROGRAM", program)
+    monkeypatch.setattr("dsfab.app.editor.building.PROGRAM", program)
     monkeypatch.setattr("dsfab.render.opengl.why_no_pictures", lambda: "not now")
     with Session(open_preset(DOME_MODES, COARSELY)) as session:
         job = wait(session.jobs, session.ask_build({"export.formats": ["stl"]})["job"])

@@ -11,10 +11,9 @@ from pathlib import Path
 import pytest
 import trimesh
 
-from dsfab.app.editor.outputs import Outputs
-from dsfab.app.editor.source import Opened
+from dsfab.app.editor.workspace import Opened, Outputs
 from dsfab.export import write
-from dsfab.preset_file import load_preset
+from dsfab.preset.file import load_preset
 from tests.browser import browser
 from tests.canopy import canopy
 from tests.presets import DOME_MODES
@@ -73,8 +72,8 @@ class Hand:
 
 def test_a_canopy_is_built_in_twelve_actions(tmp_path, monkeypatch):
     monkeypatch.setattr("dsfab.render.opengl.why_no_pictures", lambda: "not now")
-    monkeypatch.setattr("dsfab.proposal.sizes.MEMBERS", 8)  # across the span; their number takes the time
-    monkeypatch.setattr("dsfab.proposal.sizes.TRIANGLES", 1)  # as few as draw clean stripes
+    monkeypatch.setattr("dsfab.preset.proposal.sizes.MEMBERS", 8)  # across the span; their number takes the time
+    monkeypatch.setattr("dsfab.preset.proposal.sizes.TRIANGLES", 1)  # as few as draw clean stripes
     mesh, outputs = write(canopy(0.5), tmp_path / "canopy.obj"), Outputs(tmp_path / "outputs", "outputs")
     with (
         serving(Opened(load_preset(DOME_MODES, COARSE)), outputs) as server,

@@ -4,10 +4,10 @@ import pytest
 
 from dsfab.app.editor.controls import controls
 from dsfab.app.editor.session import Session
-from dsfab.app.editor.source import Opened, open_preset
-from dsfab.materials import KEYS, MATERIALS
-from dsfab.preset import Fabrication
-from dsfab.preset_file import load_preset
+from dsfab.app.editor.workspace import Opened, open_preset
+from dsfab.core.materials import KEYS, MATERIALS
+from dsfab.preset.file import load_preset
+from dsfab.preset.model import Fabrication
 from tests.browser import browser
 from tests.presets import DOME_MODES
 from tests.test_app_editor import COARSE, COARSELY, served_changes, serving

@@ -5,10 +5,10 @@ import json
 import numpy as np
 import pytest
 
-from dsfab.app.editor.source import Opened
-from dsfab.errors import StaticsError
-from dsfab.pipeline import draft
-from dsfab.preset_file import load_preset
+from dsfab.app.editor.workspace import Opened
+from dsfab.core.errors import StaticsError
+from dsfab.design import draft
+from dsfab.preset.file import load_preset
 from dsfab.render import member_places
 from tests.browser import browser
 from tests.presets import DOME_MODES

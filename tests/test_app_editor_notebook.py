@@ -14,9 +14,9 @@ import pytest
 
 import dsfab
 from dsfab.app.editor.page import bundle, static_files
-from dsfab.errors import DsfabError, PresetError
-from dsfab.pipeline import draft
-from dsfab.preset_file import load_preset
+from dsfab.core.errors import DsfabError, PresetError
+from dsfab.design import draft
+from dsfab.preset.file import load_preset
 from tests.browser import browser, opened
 from tests.presets import DOME_MODES
 

@@ -8,14 +8,13 @@ import numpy as np
 import pytest
 
 from dsfab.app.cli import main
-from dsfab.app.editor.builds import Builds
-from dsfab.app.editor.outputs import Outputs
+from dsfab.app.editor.building import Builds
 from dsfab.app.editor.session import Session
-from dsfab.app.editor.source import MeshRequest, Opened, open_preset, opened_mesh, saved_preset
+from dsfab.app.editor.workspace import MeshRequest, Opened, Outputs, open_preset, opened_mesh, saved_preset
 from dsfab.app.export import TO, format_suffix, offered_formats
-from dsfab.errors import DsfabError, ExportError
+from dsfab.core.errors import DsfabError, ExportError
 from dsfab.export import write
-from dsfab.preset_file import load_preset
+from dsfab.preset.file import load_preset
 from tests.browser import browser
 from tests.presets import DOME_MODES
 from tests.test_app_editor import COARSE, COARSELY, serving, wait
@@ -28,8 +27,8 @@ STL = {"export.formats": ["stl"]}
 @pytest.fixture
 def outputs(tmp_path, monkeypatch):
     monkeypatch.setattr("dsfab.render.opengl.why_no_pictures", lambda: "not now")
-    monkeypatch.setattr("dsfab.proposal.sizes.MEMBERS", 8)  # across the span; their number takes the time
-    monkeypatch.setattr("dsfab.proposal.sizes.TRIANGLES", 1)  # as few as draw clean stripes
+    monkeypatch.setattr("dsfab.preset.proposal.sizes.MEMBERS", 8)  # across the span; their number takes the time
+    monkeypatch.setattr("dsfab.preset.proposal.sizes.TRIANGLES", 1)  # as few as draw clean stripes
     monkeypatch.chdir(tmp_path)
     return Outputs(tmp_path / "outputs", "outputs")
 
@@ -237,7 +236,7 @@ def test_what_is_opened_fills_the_picture_whatever_its_size(tab):
 def test_a_file_of_any_kind_is_exported_from_the_page(tab, outputs, monkeypatch):
     missing = {"format": "3dm", "group": "the solid", "missing": 'install it with: pip install "dsfab[rhino]"'}
     offered = [one for one in offered_formats() if one["format"] != "3dm"]
-    monkeypatch.setattr("dsfab.app.editor.requests.offered_formats", lambda: [*offered, missing])
+    monkeypatch.setattr("dsfab.app.export.offered_formats", lambda: [*offered, missing])
     tab.run("document.getElementById('export').click()")
     until(tab, "document.getElementById('exporting').open")
     buttons = "[...document.querySelectorAll('#format-list button')]"

@@ -9,9 +9,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from dsfab.app.editor.source import Opened
-from dsfab.pipeline import draft
-from dsfab.preset_file import load_preset
+from dsfab.app.editor.workspace import Opened
+from dsfab.design import draft
+from dsfab.preset.file import load_preset
 from tests.browser import browser, opened
 from tests.presets import DOME_MODES
 from tests.test_app_editor import serving
@@ -349,7 +349,7 @@ def test_a_build_can_be_cancelled(tab, monkeypatch):
             progress("thickening", "for ever")
             time.sleep(0.01)
 
-    monkeypatch.setattr("dsfab.app.editor.process.built_apart", endless)
+    monkeypatch.setattr("dsfab.app.editor.building.built_apart", endless)
     tab.run("document.getElementById('build').click()")
     until(tab, "document.getElementById('status').textContent === 'thickening: for ever'")  # figures may come first
     assert not tab.run("document.getElementById('cancel').hidden")
@@ -575,8 +575,8 @@ DROP = """(() => {
 
 @pytest.mark.slow
 def test_a_mesh_is_dropped_and_its_unit_asked(tab, monkeypatch):
-    monkeypatch.setattr("dsfab.proposal.sizes.MEMBERS", 8)  # across the span; their number takes the time
-    monkeypatch.setattr("dsfab.proposal.sizes.TRIANGLES", 1)  # as few as draw clean stripes
+    monkeypatch.setattr("dsfab.preset.proposal.sizes.MEMBERS", 8)  # across the span; their number takes the time
+    monkeypatch.setattr("dsfab.preset.proposal.sizes.TRIANGLES", 1)  # as few as draw clean stripes
     tab.run(DROP)
     until(tab, "document.getElementById('ask').open")
     tab.run("document.getElementById('ask-unit').value = 'cm'; document.querySelector('#ask button.main').click()")

@@ -5,9 +5,9 @@ import tomllib
 import numpy as np
 import pytest
 
-from dsfab.app.editor.source import Opened, open_preset
-from dsfab.errors import PresetError
-from dsfab.preset_file import load_preset
+from dsfab.app.editor.workspace import Opened, open_preset
+from dsfab.core.errors import PresetError
+from dsfab.preset.file import load_preset
 from tests.browser import browser
 from tests.presets import DOME_MODES
 from tests.test_app_editor import COARSE, COARSELY, serving

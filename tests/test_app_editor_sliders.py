@@ -5,8 +5,8 @@ import json
 import numpy as np
 import pytest
 
-from dsfab.app.editor.source import Opened
-from dsfab.preset_file import load_preset
+from dsfab.app.editor.workspace import Opened
+from dsfab.preset.file import load_preset
 from tests.browser import browser
 from tests.presets import DOME_MODES
 from tests.test_app_editor import COARSE, serving

@@ -8,13 +8,11 @@ import pytest
 from scipy.ndimage import binary_opening
 
 from dsfab.app.editor.controls import controls
-from dsfab.app.editor.figures import cut_as_built, figures
-from dsfab.app.editor.payload import model, packed, widths
+from dsfab.app.editor.drafts import cut_as_built, figures, model, packed, settled, widths
 from dsfab.app.editor.session import Session
-from dsfab.app.editor.settled import settled
-from dsfab.app.editor.source import Opened
-from dsfab.pipeline import draft
-from dsfab.preset_file import load_preset, overridden
+from dsfab.app.editor.workspace import Opened
+from dsfab.design import draft
+from dsfab.preset.file import load_preset, overridden
 from tests.browser import browser
 from tests.presets import DOME_MODES
 from tests.test_app_editor import COARSE, serving, unpacked, wait

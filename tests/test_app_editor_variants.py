@@ -2,13 +2,12 @@
 
 import pytest
 
-from dsfab.app.editor import tray
-from dsfab.app.editor.requests import ASKS
+from dsfab.app.editor import workspace
+from dsfab.app.editor.page import ASKS
 from dsfab.app.editor.session import Session
-from dsfab.app.editor.source import Opened, open_preset
-from dsfab.app.editor.tray import KeptVariant, VariantTray, differences
-from dsfab.errors import DsfabError, PresetError
-from dsfab.preset_file import load_preset, overridden
+from dsfab.app.editor.workspace import KeptVariant, Opened, VariantTray, differences, open_preset
+from dsfab.core.errors import DsfabError, PresetError
+from dsfab.preset.file import load_preset, overridden
 from tests.browser import browser
 from tests.presets import DOME_MODES
 from tests.test_app_editor import COARSE, COARSELY, serving
@@ -46,10 +45,10 @@ def test_what_is_no_variant_is_refused(opened, monkeypatch):
     kept = VariantTray()
     with pytest.raises(PresetError, match="threshold"):
         kept.keep(KeptVariant("", opened, {"pattern.major.threshold": 7}))
-    for picture in ("http://elsewhere/", "javascript:1", "data:image/png;base64," + "A" * tray.LARGEST):
+    for picture in ("http://elsewhere/", "javascript:1", "data:image/png;base64," + "A" * workspace.LARGEST):
         with pytest.raises(DsfabError, match="keep it again"):
             kept.keep(KeptVariant("", opened, {}, picture))
-    monkeypatch.setattr(tray, "MOST", 1)
+    monkeypatch.setattr(workspace, "MOST", 1)
     kept.keep(KeptVariant("", opened, {}))
     with pytest.raises(DsfabError, match="1 variants are kept already"):
         kept.keep(KeptVariant("", opened, {}))

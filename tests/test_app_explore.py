@@ -10,14 +10,14 @@ import numpy as np
 import pytest
 from PIL import Image
 
-from dsfab.app import variants as variants_module
+from dsfab.app import explore as variants_module
 from dsfab.app.cli import main
 from dsfab.app.options import picture_size
 from dsfab.app.preview import shows
-from dsfab.errors import DsfabError
-from dsfab.pipeline import design as stages
-from dsfab.preset_file import load_preset, parse_override, preset_toml
-from dsfab.render.palette import PAPER
+from dsfab.core.errors import DsfabError
+from dsfab.design import design as stages
+from dsfab.preset.file import load_preset, parse_override, preset_toml
+from dsfab.render.lettering import PAPER
 from dsfab.report.contact_sheet import Tile, _label, columns, contact_sheet, page
 from dsfab.study.variations import (
     best_order,

@@ -4,13 +4,22 @@ import numpy as np
 import pytest
 
 from dsfab import load_preset
-from dsfab.errors import DsfabError
-from dsfab.pipeline import Design, draft
-from dsfab.render.answers import MOVES, YIELDS, answer_colouring, asking, energy_label
-from dsfab.render.colouring import ANSWERS, coloured, force_label, rising
-from dsfab.render.crosses import crosses
+from dsfab.core.errors import DsfabError
+from dsfab.design import Design, draft
+from dsfab.render.colouring import (
+    ANSWERS,
+    MOVES,
+    YIELDS,
+    answer_colouring,
+    asking,
+    coloured,
+    energy_label,
+    force_label,
+    rising,
+)
+from dsfab.render.lettering import PAPER
 from dsfab.render.light import QUICK
-from dsfab.render.palette import PAPER
+from dsfab.render.marks import crosses
 from dsfab.render.previewer import TRIAL, Previewer
 from tests.presets import DOME_MODES
 

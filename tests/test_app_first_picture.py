@@ -14,10 +14,10 @@ from dsfab.app import first_picture, preview
 from dsfab.app.cli import main
 from dsfab.app.first_picture import FirstPicture
 from dsfab.app.terminal import Reporter
-from dsfab.errors import PatternError
-from dsfab.pipeline import Design, Log, draft
-from dsfab.pipeline import design as stages
-from dsfab.preset_file import load_preset
+from dsfab.core.errors import PatternError
+from dsfab.design import Design, Log, draft
+from dsfab.design import design as stages
+from dsfab.preset.file import load_preset
 from dsfab.render import opengl
 from dsfab.render.light import ROUGH
 from dsfab.render.previewer import Previewer

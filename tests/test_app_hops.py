@@ -16,8 +16,7 @@ from dsfab.app.cli import main
 from dsfab.app.hops import components
 from dsfab.app.hops.components import COMPONENTS, requested_preset, written_changes
 from dsfab.app.hops.protocol import HopsComponent, HopsError, Parameter, read_request
-from dsfab.app.hops.server import HopsServer
-from dsfab.app.hops.solver import Solver, answered
+from dsfab.app.hops.server import HopsServer, Solver, answered
 from dsfab.export import mesh_arrays, mesh_json, polyline_json
 from dsfab.surface.shapes import barrel_vault
 

@@ -10,16 +10,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.ndimage import binary_erosion
 
-from dsfab.errors import DsfabError, ExportError
+from dsfab.core.errors import DsfabError, ExportError
 from dsfab.render import light, marks, opengl
-from dsfab.render.drawing import edges
-from dsfab.render.lettering import length_label, round_length
+from dsfab.render.drawing import Annotations, edges, on_page, person, set_stage
+from dsfab.render.lettering import PAPER, length_label, round_length
 from dsfab.render.marks import tree
-from dsfab.render.palette import PAPER
-from dsfab.render.picture import Look, picture
-from dsfab.render.png import write_png
+from dsfab.render.picture import Look, picture, write_png
 from dsfab.render.scene import Body, Scene
-from dsfab.render.stage import Annotations, on_page, person, set_stage
 from dsfab.render.view import ANGLE, best_side, framed, named_side, up_axis
 from dsfab.surface import LoadCase, Surface
 from dsfab.surface.shapes import cylinder, dome, plate, sphere, tower

@@ -7,10 +7,9 @@ from hypothesis import strategies as st
 from PIL import Image
 
 from dsfab.app.cli import main
-from dsfab.preset_file import load_preset
+from dsfab.preset.file import load_preset
+from dsfab.render.lettering import PAPER, Nameplate, placed_names, with_names
 from dsfab.render.members import _plates, members_picture
-from dsfab.render.naming_plate import Nameplate, placed_names, with_names
-from dsfab.render.palette import PAPER
 from tests.designs import sliced
 
 SIZE = (480, 360)
@@ -74,8 +73,8 @@ def test_families_have_their_colours_and_the_caption_counts(vault):
 
 
 def test_every_member_has_a_plate_with_places_on_it(vault):
+    from dsfab.render.drawing import Annotations, set_stage
     from dsfab.render.scene import Body
-    from dsfab.render.stage import Annotations, set_stage
     from dsfab.render.view import named_side
 
     graph = vault.members

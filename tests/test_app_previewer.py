@@ -8,19 +8,18 @@ import numpy as np
 import pytest
 
 from dsfab.app import bench_preview
-from dsfab.errors import DsfabError, PatternError, PresetError
-from dsfab.pipeline import Design, draft, run
-from dsfab.preset_file import load_preset, overridden
+from dsfab.core.errors import DsfabError, PatternError, PresetError
+from dsfab.design import Design, draft, run
+from dsfab.preset.file import load_preset, overridden
 from dsfab.render import scene as scene_module
 from dsfab.render import shader
 from dsfab.render.colouring import banded, diverging, stress_label
+from dsfab.render.drawing import on_page
 from dsfab.render.light import QUICK
 from dsfab.render.marks import reaction_arrows
 from dsfab.render.previewer import TRIAL, Previewer
-from dsfab.render.scene import Body, Scene
-from dsfab.render.stage import on_page
+from dsfab.render.scene import Body, Scene, _numbers
 from dsfab.render.view import named_side
-from dsfab.render.window import _numbers
 from dsfab.slicing import cut
 from dsfab.surface import Surface
 from tests.presets import DOME_MODES, GLOBE_MODES
@@ -121,7 +120,7 @@ def test_numbers_are_changed_without_drafting_again(dome: Design, monkeypatch: p
 
     with Previewer(dome) as previewer:
         before = previewer.mask(SIZE)
-        monkeypatch.setattr("dsfab.render.previewer.draft", never)
+        monkeypatch.setattr("dsfab.design.draft", never)
         previewer.set({"pattern.major.frequency": 12.0, "pattern.minor.threshold": 0.6, "pattern.keep": 0.5})
         assert (previewer.mask(SIZE) != before).any()
         previewer.set({"slicing.snap": 0.1, "export.formats": ["stl"]})  # not seen before the cut
@@ -394,7 +393,7 @@ def test_a_notebook_shows_designs_and_drafts_and_warns_where_nothing_can_be_draw
     def cannot(*_: object, **__: object) -> None:
         raise DsfabError("pictures cannot be drawn on this machine")
 
-    monkeypatch.setattr("dsfab.render.notebook.Previewer", cannot)
+    monkeypatch.setattr("dsfab.render.previewer.Previewer", cannot)
     with pytest.warns(UserWarning, match="cannot be drawn"):
         assert dome._repr_png_() is None
 

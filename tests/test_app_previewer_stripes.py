@@ -8,10 +8,10 @@ from PIL import Image
 
 from dsfab.app.cli import main
 from dsfab.app.preview import shows
-from dsfab.errors import DsfabError, PatternError
-from dsfab.pipeline import Design, draft
-from dsfab.preset_file import load_preset, overridden
-from dsfab.render.finished import structure_picture
+from dsfab.core.errors import DsfabError, PatternError
+from dsfab.design import Design, draft
+from dsfab.preset.file import load_preset, overridden
+from dsfab.render.design_picture import structure_picture
 from dsfab.render.previewer import Previewer
 from dsfab.render.scene import shading
 from dsfab.render.striped_mesh import StripedMesh, only_numbers
@@ -93,7 +93,7 @@ def test_a_reach_alone_is_a_number(dome: Design, monkeypatch: pytest.MonkeyPatch
 
     with Previewer(plain, marks=False) as previewer:
         before = previewer.mask(SIZE).sum()
-        monkeypatch.setattr("dsfab.render.previewer.draft", never)
+        monkeypatch.setattr("dsfab.design.draft", never)
         previewer.set({"pattern.rim": 1.0})
         assert previewer.mask(SIZE).sum() > 1.02 * before
         for changes in ({"pattern.minor.spacing": 0.6}, {"pattern.halve": False}, {"pattern.major.threshold": 0.2}):
@@ -113,7 +113,7 @@ def test_the_command_shows_what_is_built_and_what_is_not_cut_where_that_cannot_b
     dome: Design, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
     """Loose ends are none in the structure; a design that cannot be cut is seen all the same, and told."""
-    monkeypatch.setattr("dsfab.render.previewers.Previewers.drafted", lambda *_: dome)
+    monkeypatch.setattr("dsfab.render.previewer.Previewers.drafted", lambda *_: dome)
     built = dome.until("thickening")
     path = tmp_path / "dome.png"
     assert main(words(path, "-q")) == 0

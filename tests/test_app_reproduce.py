@@ -14,27 +14,24 @@ from PIL import Image
 
 from dsfab.app.cli import main
 from dsfab.app.terminal import Reporter
+from dsfab.core.errors import DsfabError, SurfaceError
+from dsfab.design import draft
 from dsfab.diffusion import diffusion_tensors
-from dsfab.errors import DsfabError, SurfaceError
-from dsfab.pipeline import draft
-from dsfab.preset_file import load_preset, overridden
+from dsfab.preset.file import load_preset, overridden
 from dsfab.render.colouring import mode_gradient
-from dsfab.render.crosses import crosses
+from dsfab.render.lettering import PAPER
 from dsfab.render.light import QUICK
-from dsfab.render.marks import _arrow, gradient_arrows
-from dsfab.render.palette import PAPER
+from dsfab.render.marks import _arrow, crosses, gradient_arrows
 from dsfab.render.previewer import TRIAL, Previewer
-from dsfab.report.paper import drawing, editing, figures, volumes
-from dsfab.report.paper.claim import claim_section, stiffness
-from dsfab.report.paper.comparisons import as_mode
-from dsfab.report.paper.editing import edited
-from dsfab.report.paper.figures import _reached
-from dsfab.report.paper.page import PageFacts, page
-from dsfab.report.paper.small import small_page
-from dsfab.report.paper.volumes import SHARES, sphere_volumes
+from dsfab.reproduction import comparisons, drawing, figures, volumes
+from dsfab.reproduction.comparisons import edited
+from dsfab.reproduction.figures import _reached
+from dsfab.reproduction.page import PageFacts, claim_section, page, small_page, stiffness
+from dsfab.reproduction.published import FIGURES
+from dsfab.reproduction.volumes import SHARES, sphere_volumes
 from dsfab.results import Piece
-from dsfab.study.paper import FIGURES
-from dsfab.surface.hats import voronoi_mass
+from dsfab.study.baselines.structures import as_mode
+from dsfab.surface.fields import voronoi_mass
 from tests.presets import DOME_MODES
 from tests.zoo import grid, sphere
 
@@ -373,7 +370,7 @@ def test_a_mode_with_its_gradients_needs_a_new_previewer_for_another_one(dome):
 def test_the_claim_on_the_sphere_is_judged_and_written_as_data_and_a_chart(tmp_path, monkeypatch):
     """In rough, in less than half of a gigabyte; the recorded files in outputs/paper are those of a finer mesh."""
     monkeypatch.setattr(volumes, "MEMORY", 4e8)
-    monkeypatch.setattr("dsfab.study.baselines.striped.PAIRS", [(1, 1), (1, 2)])
+    monkeypatch.setattr("dsfab.study.baselines.structures.PAIRS", [(1, 1), (1, 2)])
     sphere_volumes(tmp_path, Reporter(quiet=True), coarser=3.0, shares=(0.5,))
     told = json.loads((tmp_path / "sphere_volumes.json").read_text())
     names = ["full", "design", "isotropic", "thinner", "plain", "row", "letter", "stripes"]
@@ -486,8 +483,8 @@ def test_bob_is_edited_and_the_frames_are_counted(tmp_path, monkeypatch):
     assert re.search(r"[\d.]+ times a second by the clock, at 128 by 96 pixels", found.words)
     assert f"of {design.surface.m:,} triangles" in found.words
     ticks = iter(np.arange(1e3) / 40)
-    monkeypatch.setattr(editing.time, "perf_counter", lambda: float(next(ticks)))
-    assert editing.frames_a_second(lambda number: None) == pytest.approx(40)
+    monkeypatch.setattr(comparisons.time, "perf_counter", lambda: float(next(ticks)))
+    assert comparisons.frames_a_second(lambda number: None) == pytest.approx(40)
 
 
 def test_seconds_are_the_medians_of_the_processors(monkeypatch):

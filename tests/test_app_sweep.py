@@ -10,18 +10,17 @@ from PIL import Image
 from dsfab.app import sweep as command
 from dsfab.app.cli import main
 from dsfab.app.options import Source
-from dsfab.app.sweep_progress import SweepProgress
-from dsfab.app.sweep_vary import vary_tables, with_options
-from dsfab.errors import DsfabError
-from dsfab.pipeline.design import Design
-from dsfab.preset_file import load_preset
-from dsfab.report.sweep_folder import against, headline
-from dsfab.report.sweep_picture import SheetDrawer
+from dsfab.app.sweep_options import vary_tables, with_options
+from dsfab.app.sweep_status import SweepProgress
+from dsfab.core.errors import DsfabError
+from dsfab.core.messages import duration
+from dsfab.design.design import Design
+from dsfab.preset.file import load_preset
+from dsfab.report.sweep_pages import SheetDrawer, against, headline
 from dsfab.study.sweeps.folder import SweepFolder
-from dsfab.study.sweeps.plan_file import plan_from
+from dsfab.study.sweeps.plan import plan_from
 from dsfab.study.sweeps.scheduler import Progress
-from dsfab.study.sweeps.worker import Outcome
-from dsfab.wording import duration
+from dsfab.study.sweeps.workers import Outcome
 from tests.presets import DOME_MODES
 from tests.test_study_sweep_folder import Hands, deadly
 

@@ -6,11 +6,11 @@ import re
 import numpy as np
 import pytest
 
-from dsfab.preset_file import load_preset
-from dsfab.report.sweep_folder import page
+from dsfab.preset.file import load_preset
+from dsfab.report.sweep_pages import page
 from dsfab.study.sweeps.folder import SweepFolder
-from dsfab.study.sweeps.plan_file import plan_from
-from dsfab.study.sweeps.store import RunRow
+from dsfab.study.sweeps.plan import plan_from
+from dsfab.study.sweeps.runs import RunRow
 from tests.browser import browser, opened
 from tests.presets import DOME_MODES
 from tests.test_app_editor_page import until
@@ -194,7 +194,7 @@ def test_clicking_a_point_of_the_scatter(tab):
 
 @needs_browser
 def test_the_front_is_that_of_the_results(tab):
-    from dsfab.study.sweeps.results import pareto
+    from dsfab.study.sweeps.folder import pareto
 
     expected = [row.number for row in pareto(rows(5000), "sheet_mass", "compliance", plan_from(ASKED).limits)]
     assert tab.run("frontRuns.map((run) => run.number)") == expected

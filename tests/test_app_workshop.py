@@ -6,9 +6,9 @@ from PIL import Image
 
 import dsfab
 from dsfab.app.cli import main
-from dsfab.preset_file import overridden
+from dsfab.preset.file import overridden
 from dsfab.render.fabrication import Callout, called_out, callouts, workshop_picture
-from dsfab.render.palette import PAPER
+from dsfab.render.lettering import PAPER
 from dsfab.render.view import View
 from dsfab.study.fabrication import fabrication
 
@@ -97,7 +97,7 @@ def test_a_built_folder_is_previewed_into_it_and_nothing_is_made_again(capsys, t
     assert (folder / "cantilever.png").read_bytes() == (tmp_path / "a.png").read_bytes()
     finished = ["--show", "fabrication", *words]
     assert main(["preview", str(folder / "preset.toml"), *finished, str(tmp_path / "b.png")]) == 0
-    monkeypatch.setattr("dsfab.pipeline.run", None)
+    monkeypatch.setattr("dsfab.design.run", None)
     assert main(["preview", str(folder), *finished, str(tmp_path / "c.png")]) == 0
     assert (tmp_path / "b.png").read_bytes() == (tmp_path / "c.png").read_bytes()
     (tmp_path / "empty").mkdir()

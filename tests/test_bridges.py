@@ -10,8 +10,8 @@ import trimesh
 from compas.geometry import Polygon
 
 import dsfab
-from dsfab.errors import SolidError, StaticsError, SurfaceError
-from dsfab.pipeline import draft
+from dsfab.core.errors import SolidError, StaticsError, SurfaceError
+from dsfab.design import draft
 from dsfab.surface import Surface
 from dsfab.surface.topology import euler_characteristic, pieces
 from dsfab.thickening import Solid

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from dsfab.app.cli import main
-from dsfab.errors import ExportError, SurfaceError
+from dsfab.core.errors import ExportError, SurfaceError
+from dsfab.design import run
 from dsfab.export import write
-from dsfab.export.step_soundness import step_fault
-from dsfab.pipeline import run
-from dsfab.preset_file import load_preset
+from dsfab.export.cad.step.soundness import step_fault
+from dsfab.preset.file import load_preset
 from dsfab.study import file_check
 from dsfab.study.file_check import (
     Clearance,
@@ -22,8 +22,7 @@ from dsfab.study.file_check import (
     read_shipped,
     soundness,
 )
-from dsfab.study.file_check.distance import distance
-from dsfab.study.file_check.walls import clearances
+from dsfab.study.file_check.file_geometry import clearances, distance
 from dsfab.surface.mesh import Surface
 from dsfab.thickening.solid import Solid
 from tests.shipped import PLATE, box, joined, preset, stl, verdicts
@@ -195,11 +194,11 @@ def test_with_a_design_a_wrong_unit_is_named(design, tmp_path, capsys):
 
 
 def test_the_preset_beside_the_file_is_found_and_the_file_read_once(design, tmp_path, capsys, monkeypatch):
-    from dsfab.preset_file import preset_toml
-    from dsfab.study.file_check import reading
+    from dsfab.preset.file import preset_toml
+    from dsfab.study.file_check import file_geometry
 
-    times, read = [], reading.raw_mesh
-    monkeypatch.setattr(reading, "raw_mesh", lambda *given: times.append(given) or read(*given))
+    times, read = [], file_geometry.raw_mesh
+    monkeypatch.setattr(file_geometry, "raw_mesh", lambda *given: times.append(given) or read(*given))
     path = write(design.solid, tmp_path / "strip.3mf")
     (tmp_path / "preset.toml").write_text(preset_toml(preset()))
     assert main(["check", str(path), "--no-solid", "--json"]) == 0

@@ -6,15 +6,21 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array, vstack
 
-from dsfab.errors import StaticsError
+from dsfab.core.errors import StaticsError
+from dsfab.design import run
 from dsfab.export import write
-from dsfab.pipeline import run
 from dsfab.statics import Material
 from dsfab.study.file_check import check_file
-from dsfab.study.file_check.compliance import RIGID, carrying
-from dsfab.study.file_check.elastic import Holding, SolidModel, compliances
-from dsfab.study.file_check.reading import read_shipped
-from dsfab.study.file_check.tetrahedra import missing, tetrahedra
+from dsfab.study.file_check.file_geometry import read_shipped
+from dsfab.study.file_check.solid_compliance import (
+    RIGID,
+    Holding,
+    SolidModel,
+    carrying,
+    compliances,
+    missing,
+    tetrahedra,
+)
 from tests.shipped import PLATE, box, preset, stl, verdicts
 
 pytestmark = pytest.mark.skipif(

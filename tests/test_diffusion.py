@@ -4,11 +4,11 @@ import igl
 import numpy as np
 import pytest
 
+from dsfab.core.errors import PatternError
 from dsfab.diffusion import DiffusionTensors, diffusion_modes, diffusion_operator, diffusion_tensors
 from dsfab.diffusion.tensors import _isotropic
-from dsfab.errors import PatternError
 from dsfab.surface import Surface
-from dsfab.surface.hats import voronoi_mass
+from dsfab.surface.fields import voronoi_mass
 from tests.zoo import ZOO, grid, jittered, sphere, zoo
 
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from dsfab.design.directions import load_axes
 from dsfab.diffusion import diffusion_modes, diffusion_operator, diffusion_tensors, reference_axes
-from dsfab.pipeline.directions import load_axes
 from dsfab.statics import Material, SheetModel, solve_statics, stress
 from dsfab.surface import LoadCase, Surface
-from dsfab.surface.hats import voronoi_mass
+from dsfab.surface.fields import voronoi_mass
 from tests.zoo import grid, jittered, lifted, sphere
 
 TURNS = [

@@ -8,12 +8,12 @@ from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
 import dsfab
+from dsfab.design import draft
 from dsfab.diffusion import layer_stress, principal_stresses
-from dsfab.pipeline import draft
-from dsfab.preset_file import load_preset
+from dsfab.preset.file import load_preset
 from dsfab.statics import sheet_stress, solve_for
 from dsfab.surface import Surface
-from dsfab.surface.hats import tangents
+from dsfab.surface.fields import tangents
 from dsfab.surface.shapes import cylinder
 from tests.zoo import grid
 

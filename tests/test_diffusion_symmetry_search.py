@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from dsfab.design.directions import load_axes
 from dsfab.diffusion import found_symmetry
-from dsfab.pipeline.directions import load_axes
 from dsfab.surface import LoadCase, Surface
-from dsfab.surface.refine import refined
+from dsfab.surface.edge_changes import refined
 from dsfab.surface.shapes import dome
 from tests.zoo import grid, jittered
 

@@ -17,14 +17,14 @@ import yaml
 
 import dsfab
 from dsfab.app.cli import main
-from dsfab.materials import MATERIALS
-from dsfab.pipeline import draft
-from dsfab.preset_list import shipped_presets
-from dsfab.proposal import propose
+from dsfab.core.materials import MATERIALS
+from dsfab.core.toml_files import shipped_presets
+from dsfab.design import draft
+from dsfab.preset.proposal import propose
 from dsfab.statics import USES
-from dsfab.study.verdict.rules import QUICK
-from dsfab.study.verification import TESTS
+from dsfab.study.verdict.estimates import QUICK
 from dsfab.surface.shapes import barrel_vault
+from dsfab.verification import TESTS
 from tests.designs import rough_presets
 from tests.own_meshes import canopy_mm
 
@@ -79,9 +79,9 @@ def desk(tmp_path, monkeypatch, rough):
         monkeypatch.setattr(f"dsfab.{module}.PRESETS", (rough,))
     hall = barrel_vault(edge=1.2)
     trimesh.Trimesh(hall.V * 1000, hall.F, process=False).export(tmp_path / "my_roof.obj")
-    monkeypatch.setattr("dsfab.proposal.sizes.MEMBERS", 8)
-    monkeypatch.setattr("dsfab.proposal.sizes.TRIANGLES", 1)  # as few as draw clean stripes
-    monkeypatch.setattr("dsfab.study.baselines.striped.PAIRS", [(1, 1), (1, 2)])
+    monkeypatch.setattr("dsfab.preset.proposal.sizes.MEMBERS", 8)
+    monkeypatch.setattr("dsfab.preset.proposal.sizes.TRIANGLES", 1)  # as few as draw clean stripes
+    monkeypatch.setattr("dsfab.study.baselines.structures.PAIRS", [(1, 1), (1, 2)])
     monkeypatch.chdir(tmp_path)
     return tmp_path
 
@@ -300,7 +300,7 @@ def test_ten_minutes_with_ones_own_roof_as_the_lesson_goes(tmp_path, monkeypatch
     are twice as far apart: what is shown of the workshop is of a rim.
     """
     shutil.copy(ROOT / "outputs" / "gallery" / "canopy.obj", tmp_path / "my_roof.obj")
-    monkeypatch.setattr("dsfab.study.baselines.striped.PAIRS", [(1, 2)])  # its answer on isotropic ones is not shown
+    monkeypatch.setattr("dsfab.study.baselines.structures.PAIRS", [(1, 2)])  # its answer on isotropic ones is not shown
     monkeypatch.chdir(tmp_path)
     shown = iter(blocks("text", LESSON))
     written = tmp_path / "my_roof.toml"

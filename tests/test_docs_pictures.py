@@ -10,7 +10,7 @@ import dsfab
 from docs import make, wires
 from docs.drawings import CONCEPTS
 from dsfab.app.hops.components import COMPONENTS
-from dsfab.preset_list import shipped_presets
+from dsfab.core.toml_files import shipped_presets
 from tests.bad_meshes import obj
 from tests.designs import rough_presets
 from tests.zoo import grid
@@ -81,7 +81,7 @@ def test_pictures_of_designs_are_drawn_small(name, rough, tmp_path, monkeypatch)
         monkeypatch.setattr(make, size, (120, 90))
     monkeypatch.setattr(make, "DESIGNS", {key: (rough / f"{key}.toml", {}) for key in make.OURS})
     monkeypatch.setattr(make, "CANOPY", rough / "canopy.toml")
-    monkeypatch.setattr("dsfab.preset_list.PRESETS", (rough / "presets",))
+    monkeypatch.setattr("dsfab.core.toml_files.PRESETS", (rough / "presets",))
     make.MAKERS[name](name)
     assert {path.name for path in tmp_path.glob("*.png")} == set(make.files(name))
 

@@ -9,17 +9,17 @@ from numpy.testing import assert_allclose
 
 from dsfab import Boundary, Force, Line, Nearest, Preset, Pressure, SelfWeight, Side, Snow, Support, Wind, load_preset
 from dsfab.app.cli import main
-from dsfab.app.editor.source import open_preset
+from dsfab.app.editor.workspace import open_preset
 from dsfab.app.options import Source
-from dsfab.errors import DsfabError, PresetError, StaticsError, SurfaceError
-from dsfab.pipeline import Design, draft, run
-from dsfab.preset_file import preset_from, preset_toml
-from dsfab.report.design import acting
+from dsfab.core.errors import DsfabError, PresetError, StaticsError, SurfaceError
+from dsfab.core.messages import force, towards
+from dsfab.design import Design, draft, run
+from dsfab.preset.file import preset_from, preset_toml
 from dsfab.report.design import facts as design_facts
-from dsfab.report.design.acting import acting_facts, acting_lines
+from dsfab.report.design import inspection
+from dsfab.report.design.inspection import acting_facts, acting_lines
 from dsfab.statics import load_entries, support_entries
 from dsfab.surface import All, Box, Surface, Vertices, load_names, support_names
-from dsfab.wording import force, towards
 from tests.presets import DOME_MODES
 from tests.zoo import ZOO, grid, sphere, zoo
 
@@ -287,8 +287,8 @@ def test_what_hangs_on_a_point_or_two_is_told_to_hold_more(indices, says):
 
 
 def test_a_build_asks_once_what_acts_and_prints_what_it_writes(monkeypatch, tmp_path, capsys):
-    asked, one = [], acting.acting_facts
-    for module in (acting, design_facts):
+    asked, one = [], inspection.acting_facts
+    for module in (inspection, design_facts):
         monkeypatch.setattr(module, "acting_facts", lambda *given: asked.append(given) or one(*given))
     words = ["--set", "surface.edge=1.2", "--format", "stl", "--no-preview", "-o", str(tmp_path / "out")]
     assert main(["build", DOME_MODES, *words]) == 0

@@ -7,8 +7,10 @@ from typing import get_args
 import numpy as np
 import pytest
 
-from dsfab.errors import PresetError, StaticsError
-from dsfab.eurocode import (
+from dsfab.core.errors import PresetError, StaticsError
+from dsfab.core.materials import MATERIALS
+from dsfab.design.member_model import rules_of
+from dsfab.members.eurocode import (
     DURATIONS,
     STEEL,
     TIMBER,
@@ -21,14 +23,12 @@ from dsfab.eurocode import (
     timber_checks,
     utilisation,
 )
-from dsfab.eurocode import steel as en1993
-from dsfab.eurocode import timber as en1995
-from dsfab.eurocode.durations import k_mod
-from dsfab.eurocode.section import Rectangle, moment_factor
-from dsfab.materials import MATERIALS
-from dsfab.pipeline.member_checks import rules_of
-from dsfab.preset_eurocode import Duration
-from dsfab.preset_file import load_preset
+from dsfab.members.eurocode import steel as en1993
+from dsfab.members.eurocode import timber as en1995
+from dsfab.members.eurocode.checks import Rectangle, moment_factor
+from dsfab.members.eurocode.grades import k_mod
+from dsfab.preset.file import load_preset
+from dsfab.preset.sections import Duration
 
 N, VY, VZ, MT, MY, MZ = range(6)
 

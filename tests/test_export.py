@@ -12,8 +12,10 @@ import numpy as np
 import pytest
 import trimesh
 
-from dsfab.errors import DsfabError, ExportError
-from dsfab.export import FORMATS, Written, atomic, formats, step, step_check, write
+from dsfab.core.errors import DsfabError, ExportError
+from dsfab.export import FORMATS, Written, formats, write, writing
+from dsfab.export.cad.step import file as step
+from dsfab.export.cad.step.worker import step_facts
 from dsfab.export.part import in_single_precision, open_edges, part_of
 from dsfab.surface import Surface
 from dsfab.thickening import Solid
@@ -44,7 +46,7 @@ def torus(nu: int = 24, nv: int = 12) -> Solid:
 @pytest.fixture
 def quick_step(monkeypatch):
     """Inspect STEP files in this process: a new one takes a second to load OCCT, each time."""
-    monkeypatch.setattr(step, "inspection", lambda part, path: step_check.step_facts(path))
+    monkeypatch.setattr(step, "inspection", lambda part, path: step_facts.step_facts(path))
 
 
 def loaded(path: Path) -> trimesh.Trimesh:
@@ -190,7 +192,7 @@ def test_a_failed_write_leaves_the_folder_as_it_was(tmp_path, monkeypatch, failu
     path = tmp_path / "part.stl"
     if older:
         path.write_bytes(older)
-    monkeypatch.setattr(atomic, "open", broken_disk(failure), raising=False)
+    monkeypatch.setattr(writing, "open", broken_disk(failure), raising=False)
     with pytest.raises(raised) as caught:
         write(box(), path)
     assert said in str(caught.value)
@@ -219,7 +221,7 @@ def test_a_failed_last_step_leaves_the_older_file(tmp_path, monkeypatch):
     def refused(source, target):
         raise PermissionError(errno.EACCES, os.strerror(errno.EACCES))
 
-    monkeypatch.setattr(atomic.os, "replace", refused)
+    monkeypatch.setattr(writing.os, "replace", refused)
     with pytest.raises(ExportError, match="no permission to write there; choose another folder"):
         write(box(), path)
     assert [p.read_bytes() for p in tmp_path.iterdir()] == [b"older file"]

@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array, eye_array
 
-from dsfab.export.network import line_fits
-from dsfab.export.network.arcs import ArcsOnSkins, round_chains, with_arcs
-from dsfab.export.network.curves import SampledChain, curves_through
-from dsfab.export.network.ends import without_short_walls
-from dsfab.export.network.graph import VOID, Chain, ChainNet
-from dsfab.export.network.lines import ChainLine, NetLines
-from dsfab.export.network.quads import Quad
-from dsfab.export.network.seams import with_steep_ends
+from dsfab.export.cad.step.by_members import patch_sides
+from dsfab.export.cad.step.by_members.borders import with_steep_ends
+from dsfab.export.cad.step.by_members.curves import SampledChain, curves_through
+from dsfab.export.cad.step.by_members.fillets import without_short_walls
+from dsfab.export.cad.step.by_members.lines import ArcsOnSkins, ChainLine, NetLines, round_chains, with_arcs
+from dsfab.export.cad.step.by_members.patch_sides import Quad
+from dsfab.export.cad.step.by_members.regions import VOID, Chain, ChainNet
 from tests.test_export_network import flat_strip, lifting_of
 
 R = 30.0
@@ -127,10 +126,10 @@ def test_chords_are_round_but_not_walls_over_a_bent_mesh():
 def test_an_arc_is_no_line_with_a_border_between_members():
     net, points = corner_net((-215, -37))  # straight on from the arc's last chord
     chains = {k: sampled(points[chain.points]) for k, chain in net.chains.items()}
-    turn = line_fits._Turns(chains, 5.0)
+    turn = patch_sides._Turns(chains, 5.0)
     side = [Quad(1, ([(4, False), (2, True)], [(3, True)], [(6, True)], []))]
-    assert line_fits._links(net, side, turn, {1, 2}).keys().isdisjoint({(2, 0), (4, 0)})
-    assert line_fits._links(net, side, turn, set())[2, 0] == (4, 0)
+    assert patch_sides._links(net, side, turn, {1, 2}).keys().isdisjoint({(2, 0), (4, 0)})
+    assert patch_sides._links(net, side, turn, set())[2, 0] == (4, 0)
 
 
 @pytest.mark.parametrize(("far", "moves"), [((-200, -20), True), ((-200, 34), False)])

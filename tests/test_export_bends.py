@@ -6,15 +6,15 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array, eye_array
 
-from dsfab.errors import ExportError
-from dsfab.export.network import draft
-from dsfab.export.network.bends import LEVEL, level
-from dsfab.export.network.crossings import crossing_chains, without_crossings
-from dsfab.export.network.curves import ChainCurve
-from dsfab.export.network.draft import member_draft
-from dsfab.export.network.graph import VOID, Chain, ChainNet, net_of
-from dsfab.export.network.lifting import Lifting
-from dsfab.export.smooth.plan import SmoothPlan
+from dsfab.core.errors import ExportError
+from dsfab.export.cad.step.by_members import draft
+from dsfab.export.cad.step.by_members.borders import crossing_chains, without_crossings
+from dsfab.export.cad.step.by_members.curves import ChainCurve
+from dsfab.export.cad.step.by_members.draft import member_draft
+from dsfab.export.cad.step.by_members.region_division import LEVEL, level
+from dsfab.export.cad.step.by_members.regions import VOID, Chain, ChainNet, net_of
+from dsfab.export.cad.step.shared.lifting import Lifting
+from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
 from dsfab.surface import Surface
 from tests.test_export_network import T, draft_of, striped
 

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dsfab.errors import ExportError
-from dsfab.export.calculix import CalculixModel, cards, write_calculix
+from dsfab.core.errors import ExportError
+from dsfab.export.analysis.calculix import CalculixModel, cards, write_calculix
 from dsfab.statics import Material, SheetModel, SpreadLoad
-from dsfab.study.finite_elements import axes_of_file, in_plane, nodal_forces, six_node_model, six_node_triangles
+from dsfab.study.check_model import axes_of_file, in_plane, nodal_forces, six_node_model, six_node_triangles
 from dsfab.surface import Surface
 from tests.calculix import ccx, needs_ccx
 from tests.zoo import ZOO, grid, zoo

@@ -6,11 +6,10 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array
 
-from dsfab.errors import ExportError
+from dsfab.core.errors import ExportError
 from dsfab.export import StepOptions, write
-from dsfab.export.network.creases import crease_edges
-from dsfab.export.network.graph import net_of
-from dsfab.export.network.sides import Sides
+from dsfab.export.cad.step.by_members.regions import net_of
+from dsfab.export.cad.step.shared.lifting import Sides, crease_edges
 from dsfab.surface import SHAPES, Surface
 from tests.test_export import quick_step  # noqa: F401
 from tests.test_export_network import T, draft_of, lifting_of, striped

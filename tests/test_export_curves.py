@@ -9,18 +9,22 @@ import pytest
 from scipy.integrate import quad_vec
 from scipy.interpolate import BSpline
 
-from dsfab.delivery.files import deliverable
-from dsfab.errors import ExportError
-from dsfab.export import FORMATS, Details, along, curves, refining, step_check, step_lines, write
-from dsfab.export.along import CLOSEST, all_curves_along, check_curves, curves_along, joined
+from dsfab.core.errors import ExportError
+from dsfab.design import run
+from dsfab.design.output.files import deliverable
+from dsfab.export import FORMATS, Details, curves, write
+from dsfab.export import curves as along
+from dsfab.export import curves as refining
+from dsfab.export.cad.step import file
+from dsfab.export.cad.step.worker import step_facts
+from dsfab.export.curves import CLOSEST, all_curves_along, check_curves, curves_along, joined
 from dsfab.export.part import part_of
 from dsfab.export.splines import LeastSquares
 from dsfab.pattern import Stripes
-from dsfab.pipeline import run
-from dsfab.preset_file import load_preset
+from dsfab.preset.file import load_preset
 from dsfab.slicing import cut
-from dsfab.slicing.lines import centre_lines, edge_lines
-from dsfab.surface.lines import StructureLine, _from_segment, polyline_length
+from dsfab.slicing.measures.lines import centre_lines, edge_lines
+from dsfab.surface.fields import StructureLine, _from_segment, polyline_length
 from tests.presets import DOME_MODES
 from tests.zoo import grid, lifted
 
@@ -118,7 +122,7 @@ def rhino_points(curve) -> list[np.ndarray]:
 
 
 def test_step_wires_are_near_the_exact_lines(tmp_path, monkeypatch):
-    monkeypatch.setattr(step_lines, "inspection", lambda part, path: step_check.step_facts(path))
+    monkeypatch.setattr(file, "inspection", lambda part, path: step_facts.step_facts(path))
     from build123d import import_step
 
     sheet, details = DOMED

@@ -6,14 +6,15 @@ import numpy as np
 import pytest
 import trimesh
 
-from dsfab.app.step_options import StepFlags
-from dsfab.errors import ExportError
-from dsfab.export import STEP_FACES, StepOptions, budget, estimate, ladder, simplify, step, step_estimates, write
+from dsfab.app.options import StepFlags
+from dsfab.core.errors import ExportError
+from dsfab.core.limits import CHANGED_VOLUME
+from dsfab.export import STEP_FACES, StepOptions, step_estimates, write
+from dsfab.export.cad.step import file, file_size, strategies
+from dsfab.export.cad.step.entities import faceted_bytes
+from dsfab.export.cad.step.planar import polyhedron
+from dsfab.export.mesh.soundness import solids_of
 from dsfab.export.part import open_edges, part_of
-from dsfab.export.planar import polyhedron
-from dsfab.export.shells import solids_of
-from dsfab.export.step_text import faceted_bytes
-from dsfab.limits import CHANGED_VOLUME
 from dsfab.thickening import offsets, thicken
 from tests.test_app_cli import run
 from tests.test_export import box, quick_step, torus  # noqa: F401
@@ -22,7 +23,7 @@ from tests.zoo import ZOO, lifted
 
 
 def prepared(solid, faces=STEP_FACES):
-    return ladder.prepare(part_of(solid, "part", faces))
+    return strategies.prepare(part_of(solid, "part", faces))
 
 
 def finely(solid):
@@ -48,7 +49,7 @@ def test_the_size_of_a_faceted_file_is_known_to_a_tenth(name):
     surface = ZOO[name]()
     part = prepared(thicken(surface, offsets(surface, 0.02).D))
     shape = polyhedron(part.V, part.F, solids_of(part)[0])
-    assert faceted_bytes(shape) == pytest.approx(sum(map(len, step.encode(part))), rel=0.1)
+    assert faceted_bytes(shape) == pytest.approx(sum(map(len, file.encode(part))), rel=0.1)
 
 
 def test_estimates_count_what_the_files_have(tmp_path, quick_step):  # noqa: F811
@@ -59,7 +60,7 @@ def test_estimates_count_what_the_files_have(tmp_path, quick_step):  # noqa: F81
         text = write(solid, tmp_path / f"{way}.step", step=way).read_bytes()
         assert found[way].faces == text.count(b"=ADVANCED_FACE(")
         assert found[way].size == pytest.approx(len(text), rel=0.15 if way == "planar" else 0.4)
-        assert found[way].write_seconds > estimate.START
+        assert found[way].write_seconds > strategies.START
         assert found[way].memory > 0 < found[way].open_seconds
     assert {one.way for one in step_estimates(solid, step="faceted") if one.chosen} == {"faceted"}
 
@@ -68,9 +69,9 @@ def test_members_asked_for_by_name_take_the_time_of_eight_cuts():
     """`barrel_vault`, 912 faces: 53 s of the processor by name, 12 unasked; `dome`, 5051 faces: 24 unasked."""
     part = part_of(torus(), "a", STEP_FACES)
     unasked = replace(part, hurry=1)
-    assert 26 < budget.writing(part, "members", 912) < 106
-    assert 6 < budget.writing(unasked, "members", 912) < 24
-    assert 12 < budget.writing(unasked, "members", 5051) < 48
+    assert 26 < file_size.writing(part, "members", 912) < 106
+    assert 6 < file_size.writing(unasked, "members", 912) < 24
+    assert 12 < file_size.writing(unasked, "members", 5051) < 48
 
 
 def test_estimates_say_what_cannot_be_and_what_is_too_much():
@@ -87,7 +88,7 @@ def test_estimates_say_what_cannot_be_and_what_is_too_much():
 
 def test_simplified_solids_are_closed_and_as_near_as_they_say():
     part = prepared(finely(torus(48, 24)))
-    simple = simplify.simplified_part(part, 5.0)
+    simple = file_size.simplified_part(part, 5.0)
     assert len(simple.F) < 0.3 * len(part.F)
     assert open_edges(simple.F) == 0
     assert simple.volume == pytest.approx(part.volume, rel=CHANGED_VOLUME)
@@ -100,10 +101,10 @@ def test_simplified_solids_are_closed_and_as_near_as_they_say():
 
 def test_distances_between_surfaces_are_measured_both_ways():
     one, two = box(size=np.ones(3)), box(size=np.array([1.0, 1.0, 1.2]))
-    assert simplify.distance(one.V, one.F, two.V, two.F) == pytest.approx(0.2)
+    assert file_size.distance(one.V, one.F, two.V, two.F) == pytest.approx(0.2)
     both = np.r_[one.V, one.V + 5]
-    assert simplify.distance(one.V, one.F, both, np.r_[one.F, one.F + 8]) == pytest.approx(np.sqrt(75))
-    assert simplify.distance(both, np.r_[one.F, one.F + 8], one.V, one.F) == pytest.approx(np.sqrt(75))
+    assert file_size.distance(one.V, one.F, both, np.r_[one.F, one.F + 8]) == pytest.approx(np.sqrt(75))
+    assert file_size.distance(both, np.r_[one.F, one.F + 8], one.V, one.F) == pytest.approx(np.sqrt(75))
 
 
 def test_a_tolerance_makes_faceted_files_simpler_and_they_say_by_how_much(tmp_path, quick_step):  # noqa: F811

@@ -6,7 +6,7 @@ import ezdxf
 import numpy as np
 import pytest
 
-from dsfab.errors import ExportError
+from dsfab.core.errors import ExportError
 from dsfab.export import FlatCircle, FlatDrawing, FlatLine, check_flat_dxf, flat_dxf, flat_svg
 
 DRAWING = FlatDrawing(

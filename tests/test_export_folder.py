@@ -9,11 +9,10 @@ from pathlib import Path
 
 import pytest
 
-from dsfab.errors import ExportError
-from dsfab.export import folder as folders
+from dsfab.core.errors import ExportError
 from dsfab.export import replacing
-from dsfab.export.folder import DESIGN, JOURNAL, complete, manifest, whole_or_nothing
-from dsfab.export.partial import abandoned, partial_name
+from dsfab.export import writing as folders
+from dsfab.export.writing import DESIGN, JOURNAL, abandoned, complete, manifest, partial_name, whole_or_nothing
 
 LINUX = pytest.mark.skipif(sys.platform != "linux", reason="the step in which two folders change places")
 OLD = {"a.stl": "old a", "b.step": "old b", "preset.toml": "old"}
@@ -167,7 +166,7 @@ KILLED = """
 import json, os, shutil, sys
 from pathlib import Path
 from tests.test_export_folder import NEW, OLD, OWN, delivered, held
-from dsfab.export.folder import complete
+from dsfab.export.writing import complete
 
 home, inside = Path(sys.argv[1]), sys.argv[2] == "inside"
 old, new = {**OLD, **OWN}, {**NEW, **OWN}

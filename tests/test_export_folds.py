@@ -9,14 +9,13 @@ import numpy as np
 import pytest
 from scipy.sparse import csr_array, eye_array
 
-from dsfab.delivery.files import curved_sheet
+from dsfab.design.output.files import curved_sheet
 from dsfab.export import StepOptions, write
-from dsfab.export.folds import flat_facets, folded_shape, folded_sheet
-from dsfab.export.folds_text import planar_file
-from dsfab.export.ladder import attempts, prepare
-from dsfab.export.network import use_check
+from dsfab.export.cad.step.folded_sheets import flat_facets, folded_shape, folded_sheet, planar_file
+from dsfab.export.cad.step.strategies import attempts, prepare
+from dsfab.export.cad.step.worker import use_check
 from dsfab.export.part import part_of
-from dsfab.export.program import run_program
+from dsfab.export.subprocesses import run_program
 from dsfab.slicing import Sheet, cut
 from dsfab.surface import SHAPES, Surface
 from dsfab.thickening import offsets, thicken
@@ -140,7 +139,7 @@ def test_the_mesh_of_a_curved_sheet_is_told_before_its_outlines_are_found(monkey
     """Mitring and outlines of each triangle of a dome took seven seconds, and were not asked for."""
     surface = roof(slope=0.1)
     part, _, _ = folded(surface, openings(surface))
-    monkeypatch.setattr("dsfab.export.folds.sheet_of", lambda *_: pytest.fail("outlines were found"))
+    monkeypatch.setattr("dsfab.export.cad.step.smooth.layout.sheet_of", lambda *_: pytest.fail("outlines were found"))
     assert next(attempts(replace(part, step="auto"))).step == "smooth"
 
 

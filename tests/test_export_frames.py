@@ -9,9 +9,9 @@ import dsfab
 from dsfab.app.build import Files
 from dsfab.app.cli import main
 from dsfab.app.export import format_suffix
-from dsfab.errors import ExportError
+from dsfab.core.errors import ExportError
 from dsfab.export import FORMATS, write
-from dsfab.frame import solve_frame
+from dsfab.members.frame import solve_frame
 from dsfab.surface.shapes import plate
 from tests.calculix import needs_ccx, solved
 from tests.opensees import needs_opensees, run

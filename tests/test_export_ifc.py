@@ -5,8 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dsfab.errors import ExportError
-from dsfab.export import FORMATS, Details, ifc, write
+from dsfab.core.errors import ExportError
+from dsfab.export import FORMATS, Details, write
+from dsfab.export.bim import ifc
 from tests.test_export import box, torus
 from tests.test_export_pieces import three
 

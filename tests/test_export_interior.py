@@ -6,11 +6,11 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dsfab.errors import ExportError
-from dsfab.export.network import build
-from dsfab.export.network.interior import INNER, MORE, Interior
-from dsfab.export.network.lifting import Lifting
-from dsfab.export.smooth.plan import SmoothPlan
+from dsfab.core.errors import ExportError
+from dsfab.export.cad.step.by_members import build
+from dsfab.export.cad.step.by_members.regions import INNER, MORE, Interior
+from dsfab.export.cad.step.shared.lifting import Lifting
+from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
 from tests.test_export_network import cylinder_strip, draft_of, striped
 
 

@@ -12,17 +12,18 @@ import numpy as np
 import pytest
 import trimesh
 
-from dsfab.errors import ExportError
-from dsfab.export import FORMATS, Details, step_check, step_lines, write
-from dsfab.export.layout import MARGIN, PAPER, arranged
+from dsfab.core.errors import ExportError
+from dsfab.export import FORMATS, Details, write
+from dsfab.export.cad.step import file as step_lines
+from dsfab.export.cad.step.worker import step_facts
+from dsfab.export.drawing.svg import TITLE, scale_name
+from dsfab.export.drawing.views import PAPER, PAPER_MARGIN, arranged, views
 from dsfab.export.part import part_of
-from dsfab.export.svg import TITLE, scale_name
-from dsfab.export.views import views
 from dsfab.pattern import Stripes
 from dsfab.slicing import cut
-from dsfab.slicing.lines import centre_lines, edge_lines
+from dsfab.slicing.measures.lines import centre_lines, edge_lines
 from dsfab.surface import Surface
-from dsfab.surface.lines import StructureLine
+from dsfab.surface.fields import StructureLine
 from tests.zoo import grid, lifted, sphere
 
 LINES = [suffix for suffix, form in FORMATS.items() if form.takes == "lines"]
@@ -44,7 +45,7 @@ FLAT, ARCHED = striped(grid(16, 8, 2.0, 1.0)), striped(lifted(lambda x, y: 0.5 *
 @pytest.fixture(autouse=True)
 def _here(monkeypatch):
     """Inspect STEP curves in this process: a new one takes seconds to import build123d, each time."""
-    monkeypatch.setattr(step_lines, "inspection", lambda part, path: step_check.step_facts(path))
+    monkeypatch.setattr(step_lines, "inspection", lambda part, path: step_facts.step_facts(path))
 
 
 both = pytest.mark.parametrize("made", [FLAT, ARCHED], ids=["flat", "arched"])
@@ -143,9 +144,9 @@ def test_every_view_lies_inside_the_frame_and_off_the_title_block():
         assert float(f"{scale:.0e}"[0]) in (1, 2, 5)
         for one in placed:
             corners = np.array([one.corner, one.corner + one.size])
-            assert (corners[0] > MARGIN).all()
-            assert (corners[1] < np.array(PAPER) - MARGIN).all()
-            block = np.array(PAPER) - MARGIN - TITLE
+            assert (corners[0] > PAPER_MARGIN).all()
+            assert (corners[1] < np.array(PAPER) - PAPER_MARGIN).all()
+            block = np.array(PAPER) - PAPER_MARGIN - TITLE
             assert (corners[1] <= block).any()
         boxes = [(one.corner, one.corner + one.size) for one in placed]
         for i, (low, high) in enumerate(boxes):

@@ -12,42 +12,36 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.sparse import csr_array, eye_array
 
-from dsfab.delivery.files import curved_sheet
-from dsfab.errors import ExportError
-from dsfab.export import StepOptions, sampled_use, write
-from dsfab.export.ladder import prepare
-from dsfab.export.network import draft, line_fits, straightening, use_check
-from dsfab.export.network.build import _asked_as_a_solid, _Drawn, _RoughError
-from dsfab.export.network.covering import _beyond_mesh
-from dsfab.export.network.crossings import without_crossings
-from dsfab.export.network.curves import ChainCurve, SampledChain, curves_through, on_skins, parts_of
-from dsfab.export.network.dividing import _narrow, divided
-from dsfab.export.network.draft import ManyFacesError, member_draft
-from dsfab.export.network.fillets import without_fillets
-from dsfab.export.network.graph import VOID, Chain, ChainNet, net_of
-from dsfab.export.network.heights import _powers
-from dsfab.export.network.joining import joined_outlines, without_lenses
-from dsfab.export.network.lifting import Lifting
-from dsfab.export.network.lines import ChainLine, NetLines, with_ends_on_lines
-from dsfab.export.network.model import NetEdge, NetModel, NetPatch
-from dsfab.export.network.patches import coons, least_jacobian, pulled
-from dsfab.export.network.quads import quads_of
-from dsfab.export.network.stations import Stations, paired
-from dsfab.export.network.straightening import straightened
-from dsfab.export.network.text import NetText
-from dsfab.export.network.trimmed import SPLIT, FaceLimits, _surface, trimmed_face
-from dsfab.export.part import part_of
-from dsfab.export.plate_text import Entities
-from dsfab.export.program import run_program
-from dsfab.export.smooth import occt_check
-from dsfab.export.smooth.plan import SmoothPlan
-from dsfab.export.smooth.source import StripedSheet
+from dsfab.core.errors import ExportError
+from dsfab.core.limits import DEFLECTION
+from dsfab.design.output.files import curved_sheet
+from dsfab.export import StepOptions, write
+from dsfab.export.cad.step import soundness
+from dsfab.export.cad.step.by_members import borders, draft, patch_sides
+from dsfab.export.cad.step.by_members.borders import straightened, without_crossings
+from dsfab.export.cad.step.by_members.build import _asked_as_a_solid, _Drawn, _RoughError
+from dsfab.export.cad.step.by_members.curves import ChainCurve, SampledChain, curves_through, on_skins, parts_of
+from dsfab.export.cad.step.by_members.draft import ManyFacesError, NetText, member_draft
+from dsfab.export.cad.step.by_members.fillets import without_fillets
+from dsfab.export.cad.step.by_members.lines import ChainLine, NetLines, with_ends_on_lines
+from dsfab.export.cad.step.by_members.model import NetEdge, NetModel, NetPatch
+from dsfab.export.cad.step.by_members.patch_sides import Stations, paired, quads_of
+from dsfab.export.cad.step.by_members.patches import FaceLimits, _beyond_mesh, _powers, coons, least_jacobian, pulled
+from dsfab.export.cad.step.by_members.region_division import _narrow, divided
+from dsfab.export.cad.step.by_members.regions import VOID, Chain, ChainNet, joined_outlines, net_of, without_lenses
+from dsfab.export.cad.step.by_members.trimmed import SPLIT, _surface, trimmed_face
+from dsfab.export.cad.step.flat_sheets import Entities
+from dsfab.export.cad.step.shared.lifting import Lifting
+from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
+from dsfab.export.cad.step.strategies import prepare
+from dsfab.export.cad.step.worker import reports, use_check
+from dsfab.export.part import StripedSheet, part_of
 from dsfab.export.splines import Spline, bernstein
-from dsfab.limits import DEFLECTION
+from dsfab.export.subprocesses import run_program
 from dsfab.slicing import Sheet
 from dsfab.study.file_check import read_shipped
 from dsfab.surface import SHAPES, Surface, nearest
-from dsfab.surface.neighbours import on_boundary
+from dsfab.surface.topology import on_boundary
 from dsfab.thickening import offsets, thicken
 
 T = 0.04
@@ -413,7 +407,7 @@ def test_cubics_that_leave_the_skins_between_their_places_are_halved(wave, long,
     box, share = np.array([[-np.inf] * 3, [np.inf] * 3]), np.linspace(0, long, 4)
     poles = np.stack([share, 0 * share, 0 * share + 20, share, 0 * share, 0 * share - 20], axis=1)
     line = ChainLine([(0, True)], ChainCurve(np.array([0.0, 1]), poles[None]), np.array([0.0, 1]))
-    assert len(line_fits.LineFits(1.0, box, box, away, True)._halved([line])[0].curve.spans) == spans
+    assert len(patch_sides.LineFits(1.0, box, box, away, True)._halved([line])[0].curve.spans) == spans
 
 
 @pytest.mark.parametrize("near", [True, False])
@@ -583,7 +577,7 @@ def test_a_crossing_goes_back_to_patches_where_one_surface_is_not_near(monkeypat
     given = cylinder_strip()
     angle, x = np.arctan2(*given.centroids.T[[2, 1]]) / (np.pi / 2), given.centroids[:, 0]
     part, _, _ = draft_of(given, striped(given, label=((angle > 0.5) * (1 + (x > 0.5))).astype(np.int64)))
-    monkeypatch.setattr("dsfab.export.network.model.MOST_CELLS", 0)
+    monkeypatch.setattr("dsfab.export.cad.step.by_members.model.MOST_CELLS", 0)
     monkeypatch.setattr(draft, "_close", lambda face, plan: near)
     made = member_draft(part, SmoothPlan(part))
     assert (made.trimmed, made.faces) == (trimmed, 2 * 3 + 6)
@@ -729,7 +723,7 @@ def test_chords_of_a_straightened_chain_are_near_it(sag):
     """A quarter of a circle of 1 m."""
     h = 4 / 3 * np.tan(np.pi / 8)
     arc = Spline(np.repeat([0.0, 1], 4), 1e3 * np.array([[1, 0, 0], [1, h, 0], [h, 1, 0], [0, 1, 0]]), 3)
-    P = arc(np.linspace(0, 1, straightening._points(arc, sag)))
+    P = arc(np.linspace(0, 1, borders._points(arc, sag)))
     off = 1e3 - np.linalg.norm((P[1:] + P[:-1]) / 2, axis=1).min()
     assert sag / 4 < off < 1.1 * sag
 
@@ -742,7 +736,7 @@ def test_lines_are_as_far_off_as_the_mesh_allows_but_not_so_far_that_a_slit_clos
     net = ChainNet(csr_array(eye_array(4)), net_chains, {}, frozenset(), np.zeros(0, dtype=np.int64))
     ends = {k: P[chain.points] for k, chain in net_chains.items()}
     chains = {k: SampledChain(np.array([[*a, 1, *a, -1], [*b, 1, *b, -1]]), True, 0.3) for k, (a, b) in ends.items()}
-    assert line_fits._tolerances(net, chains, 2.0) == pytest.approx(dict.fromkeys(range(4), within))
+    assert patch_sides._tolerances(net, chains, 2.0) == pytest.approx(dict.fromkeys(range(4), within))
 
 
 def two_squares(bulge: float, corner: bool = False) -> tuple[ChainNet, dict[int, ChainCurve]]:
@@ -853,7 +847,7 @@ def test_a_grid_is_by_members_unasked_and_a_cut_of_it_is_valid(tmp_path, monkeyp
     write(solid, tmp_path / "grid.step", step=ask, note=said.append)
     assert said[0].startswith("STEP is by members")
     assert said[0].endswith("; a half-space cut valid")
-    monkeypatch.setattr(sampled_use, "MOST_FACES", 10)
+    monkeypatch.setattr(soundness, "MOST_FACES", 10)
     write(solid, tmp_path / "grid.step", step=ask, note=said.append)
     assert said[1].startswith("STEP is by members")
     assert "; not cut here, since it has more than" in said[1]
@@ -864,7 +858,7 @@ def test_members_of_which_occt_draws_no_solid_are_refused(here):
     part, _, _ = draft_of(surface := cylinder_strip(), grid(surface))
     made, off = member_draft(part, made_of := SmoothPlan(part)), DEFLECTION * made_of.limits.distance
     seen = []
-    found = occt_check.whole_findings(None, made.text, off, 60, seen.append)
+    found = reports.whole_findings(None, made.text, off, 60, seen.append)
     assert [one["valid"] for one in here] == [True]
     (mesh,) = seen
     assert mesh.solids == 1

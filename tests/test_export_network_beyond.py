@@ -8,22 +8,28 @@ from typing import Any
 import numpy as np
 import pytest
 
-from dsfab.export.network import draft, use_check
-from dsfab.export.network.beyond import CLEAR, GAP, OFF, ROUND, LongSeam, curves_beyond, with_long_seams
-from dsfab.export.network.corners import filled_corners
-from dsfab.export.network.curves import parts_of
-from dsfab.export.network.draft import member_draft
-from dsfab.export.network.following import NEARLY
-from dsfab.export.network.model import NetEdge, NetModel, NetPatch, NetWall, turned
-from dsfab.export.network.ordering import in_order
-from dsfab.export.network.text import NetText
-from dsfab.export.network.trimmed import TrimmedFace
-from dsfab.export.plate_text import Entities
-from dsfab.export.smooth.plan import SmoothPlan
-from dsfab.export.smooth.source import StripedSheet
+from dsfab.export.cad.step.by_members import draft
+from dsfab.export.cad.step.by_members.curves import parts_of
+from dsfab.export.cad.step.by_members.draft import NetText, member_draft
+from dsfab.export.cad.step.by_members.fillet_edges import (
+    CLEAR,
+    GAP,
+    NEARLY,
+    OFF,
+    ROUND,
+    LongSeam,
+    curves_beyond,
+    in_order,
+    with_long_seams,
+)
+from dsfab.export.cad.step.by_members.model import NetEdge, NetModel, NetPatch, NetWall, filled_corners, turned
+from dsfab.export.cad.step.by_members.trimmed import TrimmedFace
+from dsfab.export.cad.step.entities import closing, header
+from dsfab.export.cad.step.flat_sheets import Entities
+from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
+from dsfab.export.cad.step.worker import use_check
+from dsfab.export.part import StripedSheet
 from dsfab.export.splines import bernstein
-from dsfab.export.step_pieces import closing
-from dsfab.export.step_text import header
 from dsfab.surface import Surface
 from tests.test_export_network import RADIUS, cylinder_strip, draft_of, striped
 

@@ -4,10 +4,10 @@ from dataclasses import replace
 
 import numpy as np
 
-from dsfab.export.network.flush import CLEAR, INNER, NEARLY, flush_at_corners
-from dsfab.export.network.heights import places
-from dsfab.export.network.model import NetEdge, NetWall
-from dsfab.export.network.trimmed import SPLIT, TrimmedFace
+from dsfab.export.cad.step.by_members.model import NetEdge, NetWall
+from dsfab.export.cad.step.by_members.patches import places
+from dsfab.export.cad.step.by_members.sharp_corners import CLEAR, INNER, NEARLY, flush_at_corners
+from dsfab.export.cad.step.by_members.trimmed import SPLIT, TrimmedFace
 from dsfab.export.splines import bernstein
 from tests.test_export_network import flat_model
 
@@ -52,7 +52,7 @@ def test_inside_a_face_stays_where_it_was(monkeypatch):
     inside = np.array([[x, y, 0.0] * 2 for x in (20, 50, 80) for y in (20, 50, 80)])
     assert found.exact
     assert np.abs(found.gaps(inside) - face.gaps(inside)).max() < found.gap
-    monkeypatch.setattr("dsfab.export.network.flush.MOVED", 1e-6)
+    monkeypatch.setattr("dsfab.export.cad.step.by_members.sharp_corners.MOVED", 1e-6)
     _, (kept,) = flush_at_corners(old, [face])
     np.testing.assert_array_equal(kept.outer, face.outer)
 
@@ -60,7 +60,7 @@ def test_inside_a_face_stays_where_it_was(monkeypatch):
 def test_rims_are_moved_onto_a_face_that_stays(monkeypatch):
     """Between a corner and where it is cut; walls are along them, and what they move by fades."""
     old, face = given(0.03)
-    monkeypatch.setattr("dsfab.export.network.flush.MOVED", 1e-6)
+    monkeypatch.setattr("dsfab.export.cad.step.by_members.sharp_corners.MOVED", 1e-6)
     model, (kept,) = flush_at_corners(old, [face])
     x, at_corners = np.linspace(0, 1, 50), [e for wall in old.walls for e, _ in wall.steps]
     gaps = {e: np.abs(kept.gaps(bernstein(x) @ model.poles((e, True)))).max() for e, _ in kept.loops[0]}
@@ -76,7 +76,7 @@ def test_rims_are_moved_onto_a_face_that_stays(monkeypatch):
 
 def test_a_rim_stays_where_a_seam_ends_that_its_face_is_not_on(monkeypatch):
     old, face = given(0.03)
-    monkeypatch.setattr("dsfab.export.network.flush.MOVED", 1e-6)
+    monkeypatch.setattr("dsfab.export.cad.step.by_members.sharp_corners.MOVED", 1e-6)
     corner = old.vertices[0]
     seam = NetEdge(0, len(old.vertices), corner - np.linspace(0, 30, 4)[:, None] * np.array([1.0, 0, 0] * 2))
     more = replace(old, edges=[*old.edges, seam], vertices=[*old.vertices, seam.poles[3]])

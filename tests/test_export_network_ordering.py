@@ -5,12 +5,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dsfab.export.network import draft, use_check
-from dsfab.export.network.draft import member_draft
-from dsfab.export.network.model import NetEdge, NetModel, NetPatch, NetWall
-from dsfab.export.network.ordering import CLEAR, FAR, _stops, in_order
-from dsfab.export.network.trimmed import TrimmedFace
-from dsfab.export.smooth.plan import SmoothPlan
+from dsfab.export.cad.step.by_members import draft
+from dsfab.export.cad.step.by_members.draft import member_draft
+from dsfab.export.cad.step.by_members.fillet_edges import CLEAR_EDGE, FAR, _stops, in_order
+from dsfab.export.cad.step.by_members.model import NetEdge, NetModel, NetPatch, NetWall
+from dsfab.export.cad.step.by_members.trimmed import TrimmedFace
+from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
+from dsfab.export.cad.step.worker import use_check
 from dsfab.surface import Surface
 from tests.test_export_network import RADIUS, cylinder_strip, draft_of, flat_model, striped
 
@@ -114,7 +115,7 @@ def test_an_edge_is_cut_where_it_is_farthest_from_its_trimmed_face():
     assert sorted(found.loops[0]) == sorted(step for one in model.walls for step in one.steps)
     inside = line(model, wall.steps)[1:, 0, 1] / 100
     assert inside == pytest.approx([2 / 3], abs=1 / 128)
-    assert CLEAR * THICK < 100 * inside[0] < 100 - CLEAR * THICK
+    assert CLEAR_EDGE * THICK < 100 * inside[0] < 100 - CLEAR_EDGE * THICK
 
 
 @pytest.mark.parametrize(

@@ -5,15 +5,21 @@ import re
 import numpy as np
 import pytest
 
-from dsfab.export.network.curves import ChainCurve
-from dsfab.export.network.draft import _narrow, member_draft
-from dsfab.export.network.model import NetEdge, NetModel, NetPatch
-from dsfab.export.network.parabolas import BOW, OFF, fewest, lowered, lowered_patches, with_parabolas
-from dsfab.export.network.patches import coons
-from dsfab.export.network.text import NetText
-from dsfab.export.network.trimmed import FaceLimits, _surface
-from dsfab.export.plate_text import Entities
-from dsfab.export.smooth.plan import SmoothPlan
+from dsfab.export.cad.step.by_members.curves import (
+    BOW,
+    OFF,
+    ChainCurve,
+    fewest,
+    lowered,
+    lowered_patches,
+    with_parabolas,
+)
+from dsfab.export.cad.step.by_members.draft import NetText, _narrow, member_draft
+from dsfab.export.cad.step.by_members.model import NetEdge, NetModel, NetPatch
+from dsfab.export.cad.step.by_members.patches import FaceLimits, coons
+from dsfab.export.cad.step.by_members.trimmed import _surface
+from dsfab.export.cad.step.flat_sheets import Entities
+from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
 from dsfab.export.splines import bernstein
 from tests.test_export_network import cylinder_strip, draft_of, grid
 

@@ -5,9 +5,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dsfab.export.network.model import NetWall
-from dsfab.export.network.sampling import PLACES, with_sampled_peaks
-from dsfab.export.network.trimmed import SPLIT, TrimmedFace
+from dsfab.export.cad.step.by_members.model import NetWall
+from dsfab.export.cad.step.by_members.trimmed import SPLIT, TrimmedFace
+from dsfab.export.cad.step.by_members.trimmed_corrections import SAMPLES, with_sampled_peaks
 from dsfab.export.splines import bernstein
 from tests.test_export_network import flat_model
 
@@ -36,7 +36,7 @@ def given(bumps: list[float], steep: float = 0.0):
 def short(model, face, step):
     """By what share the widest of the places at which OCCT looks is less than the widest gap of an edge."""
     P = model.poles(step)
-    dense, seen = (np.abs(face.gaps(bernstein(np.linspace(0, 1, k)) @ P)).max(axis=0) for k in (4001, PLACES))
+    dense, seen = (np.abs(face.gaps(bernstein(np.linspace(0, 1, k)) @ P)).max(axis=0) for k in (4001, SAMPLES))
     return float((1 - seen / dense).max())
 
 

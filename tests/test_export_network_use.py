@@ -3,10 +3,10 @@
 import numpy as np
 import pytest
 
-from dsfab.errors import ExportError
-from dsfab.export import sampled_use
-from dsfab.export.network import build
-from dsfab.export.network.use_check import ADDS, ALONE, INVALID, Missed, _across, _as_one, _missed, _volume
+from dsfab.core.errors import ExportError
+from dsfab.export.cad.step import soundness
+from dsfab.export.cad.step.by_members import build
+from dsfab.export.cad.step.worker.use_check import ADDS, ALONE, INVALID, Missed, _across, _as_one, _missed, _volume
 
 SIDE = 100.0
 
@@ -97,5 +97,5 @@ def test_a_cut_that_misses_volume_is_not_said_to_be_invalid(said, words):
 
 def test_a_cut_unasked_says_what_its_halves_miss(tmp_path, monkeypatch):
     said = '{"halves": true, "off": 0.00015, "box": []}'
-    monkeypatch.setattr(sampled_use, "last_line", lambda *_, seconds: said)
-    assert sampled_use.cut_fault(tmp_path, 1)[0].startswith("its halves miss 1.5e-04 of its volume")
+    monkeypatch.setattr(soundness, "last_line", lambda *_, seconds: said)
+    assert soundness.cut_fault(tmp_path, 1)[0].startswith("its halves miss 1.5e-04 of its volume")

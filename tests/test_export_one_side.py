@@ -11,15 +11,13 @@ import pytest
 from scipy.sparse import csr_array, eye_array
 
 import dsfab
-from dsfab.delivery.files import curved_sheet
-from dsfab.delivery.opened import opened
-from dsfab.errors import ExportError
-from dsfab.export.ladder import prepare
-from dsfab.export.network.build import member_file
-from dsfab.export.network.draft import member_draft, member_plan
-from dsfab.export.part import part_of
-from dsfab.export.smooth.build import smooth_file
-from dsfab.export.smooth.source import StripedSheet
+from dsfab.core.errors import ExportError
+from dsfab.design.output.files import curved_sheet, opened
+from dsfab.export.cad.step.by_members.build import member_file
+from dsfab.export.cad.step.by_members.draft import member_draft, member_plan
+from dsfab.export.cad.step.smooth.build import smooth_file
+from dsfab.export.cad.step.strategies import prepare
+from dsfab.export.part import StripedSheet, part_of
 from dsfab.slicing import Sheet
 from dsfab.surface import Surface
 from dsfab.surface.topology import misoriented_edges
@@ -118,7 +116,7 @@ def test_a_strip_with_one_side_has_no_two_smooth_skins():
 
 def test_a_file_of_a_strip_with_one_side_is_compared_with_what_it_was_cut_open_to(monkeypatch):
     part, _ = part_with_ladder()
-    distance = import_module("dsfab.study.file_check.distance")
+    distance = import_module("dsfab.study.file_check.file_geometry")
     monkeypatch.setattr(distance, "curved_design", lambda design: part.curved())
     design = SimpleNamespace(preset=dsfab.load_preset("dome"), surface=ladder()[0])
     allowed = distance.Allowance.of(SimpleNamespace(reader="OCCT", deflection=1e-4), design)

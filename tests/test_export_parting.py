@@ -6,13 +6,13 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dsfab.export.network import chords, parting, trimmed
-from dsfab.export.network.chords import HalvedOutline
-from dsfab.export.network.model import NetModel, NetPatch, NetWall
-from dsfab.export.network.parting import allowance_used, parted
-from dsfab.export.network.trimmed import SPLIT, FaceLimits, trimmed_face
+from dsfab.core.limits import DEFLECTION
+from dsfab.export.cad.step.by_members import trimmed, trimmed_division
+from dsfab.export.cad.step.by_members.model import NetModel, NetPatch, NetWall
+from dsfab.export.cad.step.by_members.patches import FaceLimits
+from dsfab.export.cad.step.by_members.trimmed import SPLIT, trimmed_face
+from dsfab.export.cad.step.by_members.trimmed_division import HalvedOutline, allowance_used, parted
 from dsfab.export.splines import bernstein
-from dsfab.limits import DEFLECTION
 from tests.test_export_network import flat_model
 
 LIMITS = FaceLimits(0.01, 1.0, np.array([[-np.inf] * 3, [np.inf] * 3]))
@@ -82,8 +82,8 @@ def test_a_part_may_have_a_wider_gap_where_no_edge_could_be_split_before(monkeyp
     model, loop = folded_model(HALVES, 1)
     face = replace(trimmed_face(model, [loop], np.zeros((0, 6)), LIMITS), gap=gap * SPLIT, off=5.0)
     some = [replace(face, gap=share * SPLIT, off=0.5, loops=[each]) for share, each in ((1.2, loop), (0.1, loop))]
-    monkeypatch.setattr(parting._Parting, "_faces", lambda *given: some)
-    two = parting._Parting(model, np.zeros_like, LIMITS)._two(face, np.zeros((0, 6)))
+    monkeypatch.setattr(trimmed_division._Parting, "_faces", lambda *given: some)
+    two = trimmed_division._Parting(model, np.zeros_like, LIMITS)._two(face, np.zeros((0, 6)))
     assert (len(two) or 1) == parts
 
 
@@ -96,7 +96,7 @@ def test_a_region_without_a_gap_stays_as_it_is():
 
 
 def test_a_region_whose_inside_strays_is_divided_though_it_meets_its_edges(monkeypatch):
-    monkeypatch.setattr(parting, "SPLIT", 1e3)
+    monkeypatch.setattr(trimmed_division, "SPLIT", 1e3)
     model, loop = folded_model(HALVES, 1)
     x, y = (some.ravel() for some in np.meshgrid(np.linspace(30, 570, 19), np.linspace(20, 180, 9)))
     outer = np.stack([x, y, 20 + np.maximum(x - 300, 0) / 10], axis=1)
@@ -121,7 +121,7 @@ def folded_mesh(points: np.ndarray) -> np.ndarray:
 def test_a_region_that_strays_from_the_mesh_where_nothing_holds_it_is_divided_where_that_is_asked(
     monkeypatch, mesh, parts
 ):
-    monkeypatch.setattr(parting, "SPLIT", 1e3)
+    monkeypatch.setattr(trimmed_division, "SPLIT", 1e3)
     model, loop = folded_model(HALVES, 1)
     limits, nothing = replace(LIMITS, beyond_mesh=mesh), np.zeros((0, 6))
     face = trimmed_face(model, [loop], nothing, limits)
@@ -131,12 +131,12 @@ def test_a_region_that_strays_from_the_mesh_where_nothing_holds_it_is_divided_wh
 
 
 @pytest.mark.parametrize(
-    ("mesh", "tried"), [(None, 1), (lambda points: np.ones(len(points)), sum(range(1, parting.TIMES + 1)))]
+    ("mesh", "tried"), [(None, 1), (lambda points: np.ones(len(points)), sum(range(1, trimmed_division.TIMES + 1)))]
 )
 def test_more_seams_are_tried_where_the_usual_ones_do_not_help_and_the_mesh_counts(monkeypatch, mesh, tried):
     model, loop = folded_model(HALVES, 1)
     limits, nothing, times = replace(LIMITS, beyond_mesh=mesh), np.zeros((0, 6)), list[int]()
-    work = parting._Parting(model, np.zeros_like, limits)
+    work = trimmed_division._Parting(model, np.zeros_like, limits)
     monkeypatch.setattr(work, "_two", lambda *given: times.append(work.times) or [])
     face = replace(trimmed_face(model, [loop], nothing, limits), gap=9 * SPLIT)
     assert len(work.parts(face, nothing)) == 1
@@ -146,7 +146,7 @@ def test_more_seams_are_tried_where_the_usual_ones_do_not_help_and_the_mesh_coun
 @pytest.mark.parametrize(("times", "gap"), [(1, 0.8), (2, 0.3)])
 def test_of_many_seams_the_best_is_taken_and_else_the_first_that_helps(monkeypatch, times, gap):
     model, loop = folded_model(HALVES, 1)
-    edges, work, nothing = len(model.edges), parting._Parting(model, np.zeros_like, LIMITS), np.zeros((0, 6))
+    edges, work, nothing = len(model.edges), trimmed_division._Parting(model, np.zeros_like, LIMITS), np.zeros((0, 6))
     work.times, face = times, replace(trimmed_face(model, [loop], nothing, LIMITS), gap=9 * SPLIT)
     shares = {1: 0.8, 2: 0.3, 3: 0.5}
     seams = [((0, 2 * k), np.full((1, 4, 6), k)) for k in shares]
@@ -160,7 +160,11 @@ def test_of_many_seams_the_best_is_taken_and_else_the_first_that_helps(monkeypat
 def test_an_edge_that_a_neighbour_halved_is_not_halved_again(monkeypatch):
     """A cow's nostril had two faces beside a seam, each with halves of its own of it, and OCCT read an open shell."""
     model, loop = folded_model(HALVES, 1)
-    work, nothing, seen = parting._Parting(model, np.zeros_like, LIMITS), np.zeros((0, 6)), list[HalvedOutline]()
+    work, nothing, seen = (
+        trimmed_division._Parting(model, np.zeros_like, LIMITS),
+        np.zeros((0, 6)),
+        list[HalvedOutline](),
+    )
     face = trimmed_face(model, [loop], nothing, LIMITS)
     work._halve(1)
     monkeypatch.setattr(work, "_seams", lambda outline, points: seen.append(outline) or [])
@@ -177,7 +181,9 @@ def test_seams_keep_to_the_mesh_where_that_is_asked():
     model, loop = folded_model(HALVES, 1)
     outline, nothing, through = HalvedOutline.of(model, loop), np.zeros((0, 6)), list[bool]()
     for mesh in (None, off_mesh):
-        seams = parting._Parting(model, np.zeros_like, replace(LIMITS, beyond_mesh=mesh))._seams(outline, nothing)
+        seams = trimmed_division._Parting(model, np.zeros_like, replace(LIMITS, beyond_mesh=mesh))._seams(
+            outline, nothing
+        )
         points = [(bernstein(np.linspace(0, 1, 99)) @ poles).reshape(-1, 3) for _, poles in seams]
         through.append(any((off_mesh(P) > 0).any() for P in points))
         assert seams
@@ -194,11 +200,11 @@ def test_the_worst_misfit_of_outlines_is_given_up_once_it_is_too_large(monkeypat
     asked_of, inside = list[int](), np.array([[150, 150, 20, 150, 150, -20.0]])
     given = trimmed._misfit
     monkeypatch.setattr(trimmed, "_misfit", lambda *some: asked_of.append(1) or given(*some))
-    worst = parting._worst_misfit(inside, [flat, waved], np.inf)
+    worst = trimmed_division._worst_misfit(inside, [flat, waved], np.inf)
     assert 0.2 < worst < 2
     assert len(asked_of) == 4
-    assert parting._worst_misfit(inside, [flat, waved], 1.01 * worst) == worst
-    assert parting._worst_misfit(inside, [waved, flat], worst / 2) == np.inf
+    assert trimmed_division._worst_misfit(inside, [flat, waved], 1.01 * worst) == worst
+    assert trimmed_division._worst_misfit(inside, [waved, flat], worst / 2) == np.inf
     assert len(asked_of) == 4 + 4 + 1
 
 
@@ -207,14 +213,14 @@ def test_a_face_is_asked_for_its_gap_its_inside_and_its_poles():
     face = trimmed_face(model, [loop], np.zeros((0, 6)), LIMITS)
     assert allowance_used(face, LIMITS) < 1
     assert allowance_used(replace(face, gap=2 * SPLIT), LIMITS) == 2
-    assert allowance_used(replace(face, off=3.0), LIMITS) == 3 / parting.OFF
+    assert allowance_used(replace(face, off=3.0), LIMITS) == 3 / trimmed_division.OFF
     assert allowance_used(replace(face, astray=3.0), LIMITS) == 4 + DEFLECTION
     box = np.array([[0.0, 0, -100], [600, 200, 100]]) + np.array([[-2.0], [2.0]])
     diagonal = np.linalg.norm(box[1] - box[0])
     out = face.inner + np.array([30.0, 0, 0])
     beyond = out[..., 0].max() - 602
     found = allowance_used(replace(face, inner=out), replace(LIMITS, box=box))
-    np.testing.assert_allclose(found, beyond / (parting.OUT * diagonal))
+    np.testing.assert_allclose(found, beyond / (trimmed_division.OUT * diagonal))
     assert found > 1
 
 
@@ -237,7 +243,7 @@ def test_chords_are_inside_of_the_outline_and_clear_of_it():
 def test_no_chord_cuts_off_a_narrow_lens_beside_an_edge_that_wiggles(monkeypatch):
     """An edge of 2 mm that bows out by .5 mm: its own chord is clear of it, and cuts off a face of two edges that
     OCCT draws no triangles of."""
-    monkeypatch.setattr(chords, "TRIED", 1000)
+    monkeypatch.setattr(trimmed_division, "TRIED", 1000)
     model, loop = flat_model(np.array([[0, 0], [150, 0], [152, 0], [300, 0], [300, 200], [0, 200]], dtype=float))
     poles = model.edges[1].poles.copy()
     poles[1:3, [1, 4]] -= 0.75
@@ -267,7 +273,7 @@ def test_a_seam_over_skins_that_wave_is_several_cubics(height, cubics):
     model, loop = flat_model(np.array(HALVES, dtype=float))
     model.vertices = [edge.poles[0] for edge in model.edges]
     away, edges = to_waves(height), len(model.edges)
-    work = parting._Parting(model, away, LIMITS)
+    work = trimmed_division._Parting(model, away, LIMITS)
     chord = (model.vertices[0], model.vertices[2] + np.array([0, 90.0, 0, 0, 90, 0]))
     (seam,) = work._on_skins([chord])
     assert seam.shape == (cubics, 4, 6)
@@ -275,7 +281,7 @@ def test_a_seam_over_skins_that_wave_is_several_cubics(height, cubics):
     assert [one.shape for one in work._on_skins([chord])] == [(1, 4, 6)]
     work.limits = LIMITS
     off = np.abs(away((bernstein(np.linspace(0, 1, 9)) @ seam).reshape(-1, 6))).max()
-    assert off < parting.STRAYS * LIMITS.off
+    assert off < trimmed_division.STRAYS * LIMITS.off
     loops = work._with_seam(loop, 4, 10, seam)
     assert len(model.edges) == edges + cubics
     assert len(model.vertices) == 6 + cubics - 1
@@ -292,7 +298,7 @@ def test_an_outline_goes_back_along_all_cubics_of_a_seam():
     a, b = outline.poles[2, 0], outline.poles[8, 0]
     whole = a + np.linspace(0, 1, 7)[:, None] * (b - a)
     one, two = (outline.part(2, 8, seam) for seam in (whole[None, ::2], np.stack([whole[:4], whole[3:]])))
-    steps = 2 * chords.POINTS
+    steps = 2 * trimmed_division.POINTS
     back = b + np.arange(2 * steps)[:, None] / (2 * steps) * (a - b)
     np.testing.assert_allclose(two[-2 * steps :], back, atol=1e-9)
     np.testing.assert_allclose(one[-steps:], back[::2], atol=1e-9)

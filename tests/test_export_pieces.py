@@ -5,8 +5,10 @@ import zipfile
 import numpy as np
 import pytest
 
-from dsfab.errors import ExportError
-from dsfab.export import step, step_check, step_estimates, write
+from dsfab.core.errors import ExportError
+from dsfab.export import step_estimates, write
+from dsfab.export.cad.step import file
+from dsfab.export.cad.step.worker import step_facts
 from dsfab.thickening import Solid
 from tests.test_export import box, quick_step, torus  # noqa: F401
 
@@ -48,7 +50,7 @@ def test_compressed_step_holds_the_same_file(tmp_path, quick_step):  # noqa: F81
 def test_tessellated_step_has_the_triangles_and_says_who_cannot_read_it(tmp_path, quick_step):  # noqa: F811
     said, solid = [], three()
     path = write(solid, tmp_path / "a.step", step="tessellated", note=said.append)
-    found = step_check.step_facts(path)
+    found = step_facts.step_facts(path)
     assert found["triangles"] == len(solid.F)
     assert found["volume"] == pytest.approx(solid.volume * 1e9, rel=1e-8)
     assert said == ["STEP is tessellated: only programs that know AP242 tessellated geometry open it; FreeCAD 0.20 and "
@@ -60,9 +62,9 @@ def test_tessellated_step_has_the_triangles_and_says_who_cannot_read_it(tmp_path
 
 @pytest.mark.parametrize("finding", [{"triangles": 11, "volume": 3e6}, {"triangles": 12, "volume": 4e6}])
 def test_triangles_that_read_back_different_are_refused(finding, tmp_path, monkeypatch):
-    monkeypatch.setattr(step, "inspection", lambda part, path: {"triangles": 12, "volume": 3e6})
+    monkeypatch.setattr(file, "inspection", lambda part, path: {"triangles": 12, "volume": 3e6})
     write(box(), tmp_path / "a.step", step="tessellated").unlink()
-    monkeypatch.setattr(step, "inspection", lambda part, path: finding)
+    monkeypatch.setattr(file, "inspection", lambda part, path: finding)
     with pytest.raises(ExportError):
         write(box(), tmp_path / "a.step", step="tessellated")
     assert not any(tmp_path.iterdir())

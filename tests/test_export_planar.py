@@ -11,17 +11,17 @@ from scipy.interpolate import BSpline
 from scipy.spatial import cKDTree
 
 from dsfab.app.build import Files, PictureFlags, build
-from dsfab.app.options import Source
-from dsfab.app.step_options import StepFlags
-from dsfab.arrays import Floats
-from dsfab.errors import ExportError
-from dsfab.export import StepOptions, ladder, step, step_check, write
-from dsfab.export.curves import SPANS, Curve, curves_through, fitted, halves, of_few_spans, turning
+from dsfab.app.options import Source, StepFlags
+from dsfab.core.arrays import Floats
+from dsfab.core.errors import ExportError
+from dsfab.export import StepOptions, write
+from dsfab.export.cad.step import file, strategies
+from dsfab.export.cad.step.flat_sheets import outlines_of, plate
+from dsfab.export.cad.step.worker import step_facts
+from dsfab.export.curves import SPANS, Curve, SampledLine, _Rows, curves_through, fitted, halves, of_few_spans, turning
 from dsfab.export.part import part_of
-from dsfab.export.plate import outlines_of, plate
-from dsfab.export.refining import SampledLine, _Rows
 from dsfab.slicing import cut
-from dsfab.slicing.corners import outline_corners
+from dsfab.slicing.measures.lines import outline_corners
 from dsfab.surface import Surface
 from dsfab.thickening import Solid, thicken
 from tests.zoo import grid, sphere
@@ -33,7 +33,7 @@ THICKNESS = 0.02
 def here(monkeypatch):
     """Inspect in this process (a new one takes seconds to import build123d); gives the last findings."""
     found: dict = {}
-    monkeypatch.setattr(step, "inspection", lambda part, path: found.update(step_check.step_facts(path)) or found)
+    monkeypatch.setattr(file, "inspection", lambda part, path: found.update(step_facts.step_facts(path)) or found)
     return found
 
 
@@ -104,7 +104,7 @@ def test_curves_in_the_file_keep_the_tolerance_both_ways(tmp_path, here, toleran
     sheet = holed_sheet()
     path = write(thickened(sheet), tmp_path / "plate.step", step=StepOptions("planar", tolerance=tolerance / 1000))
     points, _ = outline_in(path, 1000 * THICKNESS / 2)
-    loops = outlines_of(ladder.prepare(part_of(thickened(sheet), "a", 99))).pieces[0]
+    loops = outlines_of(strategies.prepare(part_of(thickened(sheet), "a", 99))).pieces[0]
     assert len(loops) == 4
     off = np.min([distances(points, loop) for loop in loops], axis=0).max()
     assert 0.3 * tolerance < off <= tolerance + 1e-5
@@ -257,9 +257,9 @@ def test_a_refused_file_is_made_again_closer_and_then_faceted(tmp_path, monkeypa
 
     def doubtful(part, path):
         asked.append(part.step)
-        return step_check.step_facts(path) | ({"valid": False} if len(asked) <= refusals else {})
+        return step_facts.step_facts(path) | ({"valid": False} if len(asked) <= refusals else {})
 
-    monkeypatch.setattr(step, "inspection", doubtful)
+    monkeypatch.setattr(file, "inspection", doubtful)
     lines: list[str] = []
     write(thickened(holed_sheet(8)), tmp_path / "a.step", note=lines.append)
     assert asked == ["planar", "planar", "faceted"][: refusals + 1]

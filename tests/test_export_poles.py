@@ -5,12 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dsfab.export.network.covering import Covering, _strays
-from dsfab.export.network.curves import ChainCurve
-from dsfab.export.network.draft import member_draft
-from dsfab.export.network.lines import ChainLine
-from dsfab.export.network.trimmed import FaceLimits, _surface
-from dsfab.export.smooth.plan import SmoothPlan
+from dsfab.export.cad.step.by_members.curves import ChainCurve
+from dsfab.export.cad.step.by_members.draft import member_draft
+from dsfab.export.cad.step.by_members.lines import ChainLine
+from dsfab.export.cad.step.by_members.patches import Covering, FaceLimits, _strays
+from dsfab.export.cad.step.by_members.trimmed import _surface
+from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
 from tests.test_export_network import cylinder_strip, draft_of, striped
 
 
@@ -88,7 +88,7 @@ def test_a_region_whose_patches_are_beside_the_skins_is_trimmed(monkeypatch):
     assert member_draft(part, SmoothPlan(part)).trimmed == 0
     limit = SmoothPlan(part).limits.distance
     off = limit * np.array([1.0, 1.1])
-    monkeypatch.setattr("dsfab.export.network.covering._strays", lambda patches, _: off[-len(patches) :])
+    monkeypatch.setattr("dsfab.export.cad.step.by_members.patches._strays", lambda patches, _: off[-len(patches) :])
     assert member_draft(part, SmoothPlan(part)).trimmed == 2
 
 

@@ -19,9 +19,9 @@ import ezdxf
 import numpy as np
 import pytest
 
-from dsfab.delivery.files import curved_sheet
+from dsfab.design.output.files import curved_sheet
 from dsfab.export import Details, StepOptions, write
-from dsfab.surface.lines import StructureLine
+from dsfab.surface.fields import StructureLine
 from dsfab.surface.shapes.roofs import barrel_vault
 from dsfab.thickening import Solid, offsets, thicken
 from tests.smooth import THICKNESS, holed, thickened

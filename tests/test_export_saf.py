@@ -8,13 +8,13 @@ import pytest
 from dsfab.app.build import Files
 from dsfab.app.cli import main
 from dsfab.app.export import format_suffix
-from dsfab.delivery.beam_records import frame_records
-from dsfab.errors import ExportError
+from dsfab.core.errors import ExportError
+from dsfab.design import Design
+from dsfab.design.member_model import action_cases
+from dsfab.design.output.records import frame_records
 from dsfab.export import FORMATS, Details, write
-from dsfab.frame import solve_frame
-from dsfab.pipeline import Design
-from dsfab.pipeline.beam_model import action_cases
-from dsfab.preset_file import load_preset
+from dsfab.members.frame import solve_frame
+from dsfab.preset.file import load_preset
 from dsfab.surface import Cladding, Combination, Pressure, SelfWeight, Snow
 from dsfab.surface.shapes import plate
 from tests.designs import coarse_design

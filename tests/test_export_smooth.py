@@ -6,22 +6,22 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dsfab.delivery.files import curved_sheet
-from dsfab.errors import ExportError
-from dsfab.export import sampled_use, write
-from dsfab.export.smooth import acceptance, build, edges, outline, plan
-from dsfab.export.smooth.dense import dense, excess, prisms
-from dsfab.export.smooth.fits import splines_through
-from dsfab.export.smooth.layout import layout
-from dsfab.export.smooth.nodes import Nodes
-from dsfab.export.smooth.outline import WALL, OutlineRun
-from dsfab.export.smooth.patch_fits import patch_through
-from dsfab.export.smooth.patches import Patch
-from dsfab.export.splines import Spline, basis, hats, straight
+from dsfab.core.errors import ExportError
+from dsfab.design.output.files import curved_sheet
+from dsfab.export import write
+from dsfab.export.cad.step import soundness
+from dsfab.export.cad.step.shared.skins import dense, excess, prisms
+from dsfab.export.cad.step.smooth import acceptance, build, edges
+from dsfab.export.cad.step.smooth import acceptance as plan
+from dsfab.export.cad.step.smooth import layout as outline
+from dsfab.export.cad.step.smooth.charts import Patch, patch_through
+from dsfab.export.cad.step.smooth.edges import Nodes
+from dsfab.export.cad.step.smooth.layout import WALL, OutlineRun, layout
+from dsfab.export.splines import Spline, basis, hats, splines_through, straight
 from dsfab.slicing import cut
 from dsfab.surface import Surface
 from dsfab.surface.shapes.roofs import barrel_vault
-from dsfab.surface.shapes.turned import dome
+from dsfab.surface.shapes.round_shapes import dome
 from dsfab.thickening import thicken
 from tests.smooth import THICKNESS, holed, written
 from tests.zoo import grid, sphere
@@ -93,7 +93,7 @@ def test_a_surface_through_a_cubic_is_that_cubic_and_finds_its_nearest_points():
 def test_a_patch_with_two_holes_is_two_skins_and_their_walls(
     tmp_path, here, monkeypatch, make_surface, centres, radius, step
 ):
-    monkeypatch.setattr(sampled_use, "MOST_FACES", 0)
+    monkeypatch.setattr(soundness, "MOST_FACES", 0)
     surface = make_surface()
     sheet = holed(surface, centres, radius)
     solid, shape, said = written(surface, sheet, tmp_path / "a.step", step)

@@ -6,18 +6,17 @@ from functools import partial
 import numpy as np
 import pytest
 
-from dsfab.delivery.files import _where_largest, curved_sheet
-from dsfab.errors import ExportError
+from dsfab.core.errors import ExportError
+from dsfab.design.output.files import _where_largest, curved_sheet
 from dsfab.export import StepOptions, write
-from dsfab.export.part import part_of
-from dsfab.export.smooth import charts, plan, points
-from dsfab.export.smooth.charts import Atlas
-from dsfab.export.smooth.limits import Limits
-from dsfab.export.smooth.outline import WALL, sheet_of
-from dsfab.export.smooth.patch_fits import fitted
-from dsfab.export.smooth.plan import SmoothPlan
-from dsfab.export.smooth.seams import run_key
-from dsfab.export.smooth.source import DividedSheet
+from dsfab.export.cad.step.shared.skins import Limits
+from dsfab.export.cad.step.smooth import acceptance, charts
+from dsfab.export.cad.step.smooth import charts as points
+from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
+from dsfab.export.cad.step.smooth.charts import Atlas, fitted
+from dsfab.export.cad.step.smooth.edges import run_key
+from dsfab.export.cad.step.smooth.layout import WALL, sheet_of
+from dsfab.export.part import DividedSheet, part_of
 from dsfab.slicing import Sheet, cut
 from dsfab.surface import Surface
 from dsfab.thickening import offsets, thicken
@@ -157,7 +156,7 @@ def test_runs_of_a_wall_end_where_a_seam_touches_it():
 @pytest.mark.slow
 def test_a_chart_that_fails_costs_its_pieces_only(tmp_path, here, monkeypatch):
     """A fold at x = 1.5 in one of two pieces."""
-    monkeypatch.setattr(plan, "LAYOUTS", plan.LAYOUTS[:1])
+    monkeypatch.setattr(acceptance, "LAYOUTS", acceptance.LAYOUTS[:1])
     monkeypatch.setattr(charts, "HALVED", 2)
     flat = grid(16, 6, 2.0, 1.0)
     surface = Surface(flat.V + np.c_[np.zeros((flat.n, 2)), np.abs(flat.V[:, 0] - 1.5)], flat.F)

@@ -6,17 +6,16 @@ from scipy.interpolate import BSpline
 from scipy.sparse import csc_array, diags_array
 from scipy.sparse.linalg import spsolve
 
-from dsfab.export.plate_text import Entities, step_list
-from dsfab.export.smooth import fits, layout, patch_fits, touching
-from dsfab.export.smooth.dense import prisms
-from dsfab.export.smooth.edges import by_chart, spread
-from dsfab.export.smooth.fits import splines_through
-from dsfab.export.smooth.occt_check import distinct_points
-from dsfab.export.smooth.solid import SmoothModel
-from dsfab.export.smooth.text import SmoothText
-from dsfab.surface.neighbours import faces_at
-from dsfab.surface.shapes.closed import sphere
-from dsfab.surface.topology import edge_table
+from dsfab.export import splines
+from dsfab.export.cad.step.flat_sheets import Entities, step_list
+from dsfab.export.cad.step.shared.skins import prisms
+from dsfab.export.cad.step.smooth import charts, layout, solid
+from dsfab.export.cad.step.smooth.edges import by_chart, spread
+from dsfab.export.cad.step.smooth.solid import SmoothModel, SmoothText
+from dsfab.export.cad.step.worker.reports import distinct_points
+from dsfab.export.splines import splines_through
+from dsfab.surface.shapes.round_shapes import sphere
+from dsfab.surface.topology import edge_table, faces_at
 from tests.zoo import grid
 
 
@@ -38,7 +37,7 @@ def test_many_curves_at_once_are_those_found_one_by_one(monkeypatch, at_once):
     rng = np.random.default_rng(0)
     samples = list(wavy(rng, 40, 6))
     wanted = 10 ** rng.uniform(-4, 0, len(samples))
-    monkeypatch.setattr(fits, "AT_ONCE", at_once)
+    monkeypatch.setattr(splines, "AT_ONCE", at_once)
     for (x, Q), tolerance, (curve, off) in zip(samples, wanted, splines_through(samples, wanted, 2), strict=True):
         alone, far = spline_through(x, Q, tolerance, 2)
         assert (curve.degree, curve.knots.tolist()) == (alone.degree, alone.knots.tolist())
@@ -75,7 +74,7 @@ def test_normal_equations_by_cells_are_those_of_all_points():
     rng, p, q = np.random.default_rng(0), 7, 9
     knots = [np.r_[[0.0] * 3, np.linspace(0, 1, n - 2), [1.0] * 3] for n in (p, q)]
     uv, Q, weight = rng.random((400, 2)), rng.random((400, 6)), rng.random(400)
-    cells = patch_fits._Cells.of(uv, *knots)
+    cells = charts._Cells.of(uv, *knots)
     band, right = cells.normal(weight, Q, p, q)
     u, v = (BSpline.design_matrix(uv[:, k], knots[k], 3).toarray() for k in (0, 1))
     A = np.einsum("kp,kq->kpq", u, v).reshape(-1, p * q)
@@ -97,7 +96,7 @@ def test_roughness_is_the_sum_of_squared_second_differences(p, q):
     poles = np.random.default_rng(0).random((p, q))
     differences = (np.diff(poles, 2, axis=0), np.diff(poles, 2, axis=1), np.diff(np.diff(poles, axis=0), axis=1))
     wanted = sum(weight * (D**2).sum() for D, weight in zip(differences, (1, 1, 2), strict=True))
-    rows, rough = patch_fits._roughness(p, q)
+    rows, rough = charts._roughness(p, q)
     band = np.zeros((3 * q + 4, p * q))
     band[rows] = rough
     assert poles.ravel() @ full(band) @ poles.ravel() == pytest.approx(wanted)
@@ -106,7 +105,7 @@ def test_roughness_is_the_sum_of_squared_second_differences(p, q):
 def test_nearest_points_of_many_are_those_of_each():
     rng = np.random.default_rng(0)
     uv = rng.uniform(-1, 1, (500, 2))
-    patch = patch_fits.patch_through(uv, np.c_[uv, 0.3 * uv[:, 0] ** 2], np.ones(500), (8, 8), 1e-9)
+    patch = charts.patch_through(uv, np.c_[uv, 0.3 * uv[:, 0] ** 2], np.ones(500), (8, 8), 1e-9)
     at = rng.uniform(-0.9, 0.9, (40, 2))
     P = np.c_[at, 0.3 * at[:, 0] ** 2 + rng.uniform(-0.2, 0.2, 40)]
     found = patch.nearest(P, at)
@@ -185,8 +184,8 @@ def test_chords_that_cross_are_those_of_all_pairs():
     pairs = pairs[:, np.all(apart, axis=0)]
     crossing = [
         {tuple(sorted(pair)) for pair in np.transpose([one, two])[found].tolist()}
-        for one, two in (pairs, touching._near(start, end))
-        for found in [touching._across(start, end, one, two) & touching._across(start, end, two, one)]
+        for one, two in (pairs, solid._near(start, end))
+        for found in [solid._across(start, end, one, two) & solid._across(start, end, two, one)]
     ]
     assert len(crossing[0]) > 50
     assert crossing[0] == crossing[1]
@@ -232,15 +231,15 @@ def tried(monkeypatch, side, offs, stretch=(1.0, 1.0), **how):
 
     def through(_uv, _Q, given, count, smoothing):
         assert given is weight
-        assert smoothing == patch_fits.SMOOTHING
+        assert smoothing == charts.SMOOTHING
         counts.append(count)
         found, off = Q.copy(), left.pop(0) / 2
         found[7] += off * np.array([0.0, 0.3, 0.4, 0.6, 0.0, 0.8])
         found[0] += 100.0
         return None, found
 
-    monkeypatch.setattr(patch_fits, "_through", through)
-    fit = patch_fits.fitted(uv, Q, inside, weight, 0.5, **how)
+    monkeypatch.setattr(charts, "_through", through)
+    fit = charts.fitted(uv, Q, inside, weight, 0.5, **how)
     assert left == []
     assert fit.off == offs[-1] / 2
     return counts, fit

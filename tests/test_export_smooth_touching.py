@@ -7,15 +7,14 @@ import numpy as np
 import pytest
 
 import dsfab
-from dsfab.delivery.files import curved_design
-from dsfab.export.ladder import prepare
+from dsfab.design.output.files import curved_design
+from dsfab.export.cad.step.shared.skins import Limits
+from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
+from dsfab.export.cad.step.smooth.build import astray, untangle
+from dsfab.export.cad.step.smooth.edges import Edge
+from dsfab.export.cad.step.smooth.solid import SmoothPiece, SmoothSkin, crossings
+from dsfab.export.cad.step.strategies import prepare
 from dsfab.export.part import part_of
-from dsfab.export.smooth.build import astray, untangle
-from dsfab.export.smooth.edges import Edge
-from dsfab.export.smooth.limits import Limits
-from dsfab.export.smooth.plan import SmoothPlan
-from dsfab.export.smooth.solid import SmoothPiece, SmoothSkin
-from dsfab.export.smooth.touching import crossings
 from dsfab.export.splines import Spline, straight
 from tests.presets import DOME_MODES
 

@@ -8,14 +8,14 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dsfab.errors import ExportError
-from dsfab.export import STEP_FACES, StepOptions, ladder, step, step_check, write
-from dsfab.export.coplanar import FLATNESS
-from dsfab.export.loops import outline_of
+from dsfab.core.errors import ExportError
+from dsfab.export import STEP_FACES, StepOptions, write
+from dsfab.export.cad.step import file, strategies
+from dsfab.export.cad.step.entities import quoted
+from dsfab.export.cad.step.planar import FLATNESS, Polyhedron, _corners, outline_of, polyhedron
+from dsfab.export.cad.step.worker import step_facts
+from dsfab.export.mesh.soundness import solids_of, winding
 from dsfab.export.part import part_of
-from dsfab.export.planar import Polyhedron, _corners, polyhedron
-from dsfab.export.shells import solids_of, winding
-from dsfab.export.step_pieces import quoted
 from dsfab.surface import Surface
 from dsfab.surface.topology import edge_table, pieces
 from dsfab.thickening import Solid, thicken
@@ -27,12 +27,12 @@ from tests.zoo import grid, sphere
 def here(monkeypatch):
     """Inspect in this process (a new one takes seconds to import build123d); gives the last findings."""
     found: dict = {}
-    monkeypatch.setattr(step, "inspection", lambda part, path: found.update(step_check.step_facts(path)) or found)
+    monkeypatch.setattr(file, "inspection", lambda part, path: found.update(step_facts.step_facts(path)) or found)
     return found
 
 
 def joined(solid: Solid) -> Polyhedron:
-    part = ladder.prepare(part_of(solid, "test", STEP_FACES))
+    part = strategies.prepare(part_of(solid, "test", STEP_FACES))
     return polyhedron(part.V, part.F, pieces(part.F, edge_table(part.F))[1])
 
 
@@ -229,9 +229,9 @@ def test_a_thickened_sphere_is_one_solid_with_a_void(tmp_path, here):
 def test_a_void_is_written_as_a_shell_that_faces_outwards(monkeypatch):
     """ISO 10303-42 reverses it by its orientation .F.; OCCT would forgive the opposite, others may not."""
     given_shapes = []
-    monkeypatch.setattr(step, "entities", lambda shape, solids, name: given_shapes.append((shape, solids)) or [])
+    monkeypatch.setattr(file, "entities", lambda shape, solids, name: given_shapes.append((shape, solids)) or [])
     ball = sphere(1)
-    list(step.encode(ladder.prepare(part_of(thicken(ball, 0.1 * ball.vertex_normals), "a", 1000))))
+    list(file.encode(strategies.prepare(part_of(thicken(ball, 0.1 * ball.vertex_normals), "a", 1000))))
     shape, [[outer, void]] = given_shapes[0]
     for shell in (outer, void):
         of = shape.shell == shell
@@ -309,14 +309,14 @@ def test_an_edge_with_four_triangles_is_refused(tmp_path):
     ids=["metres", "open", "no solid", "crossing", "dented"],
 )
 def test_a_spoilt_file_is_not_kept(tmp_path, monkeypatch, here, pattern, by, said):
-    entities = step.entities
+    entities = file.entities
 
     def spoilt(*arguments):
         text, count = re.subn(pattern, by, "".join(entities(*arguments)))
         assert count == 1
         yield text
 
-    monkeypatch.setattr(step, "entities", spoilt)
+    monkeypatch.setattr(file, "entities", spoilt)
     with pytest.raises(ExportError) as caught:
         write(box(), tmp_path / "box.step", step="faceted")
     assert said in str(caught.value)
@@ -334,17 +334,17 @@ def test_a_spoilt_file_is_not_kept(tmp_path, monkeypatch, here, pattern, by, sai
 )
 def test_what_the_checker_says_is_believed(tmp_path, monkeypatch, finding, said):
     said_of_a_box = {"solids": 1, "faces": 6, "valid": True, "tessellates": True, "volume": 3e6}
-    monkeypatch.setattr(step, "inspection", lambda part, path: said_of_a_box)
+    monkeypatch.setattr(file, "inspection", lambda part, path: said_of_a_box)
     write(box(), tmp_path / "box.step").unlink()
-    monkeypatch.setattr(step, "inspection", lambda part, path: said_of_a_box | finding)
+    monkeypatch.setattr(file, "inspection", lambda part, path: said_of_a_box | finding)
     with pytest.raises(ExportError, match=said):
         write(box(), tmp_path / "box.step")
     assert not any(tmp_path.iterdir())
 
 
 def test_a_check_that_does_not_end_is_said_and_nothing_is_kept(tmp_path, monkeypatch):
-    monkeypatch.setattr(step, "CHECK_SECONDS", 0.05)
-    monkeypatch.setattr(step, "CHECK_SECONDS_PER_FACE", 0.0)
+    monkeypatch.setattr(file, "CHECK_SECONDS", 0.05)
+    monkeypatch.setattr(file, "CHECK_SECONDS_PER_FACE", 0.0)
     with pytest.raises(ExportError, match="'box' did not end within 0 s"):
         write(box(), tmp_path / "box.step")
     assert not any(tmp_path.iterdir())
@@ -354,12 +354,12 @@ def test_a_check_that_does_not_end_is_said_and_nothing_is_kept(tmp_path, monkeyp
 def test_a_check_that_fails_gives_its_reason(tmp_path):
     part = part_of(box(), "box", 10)
     with pytest.raises(ExportError, match=r"OCCT could not read the STEP file of 'box' \(.*missing.step"):
-        step.inspection(part, tmp_path / "missing.step")
+        file.inspection(part, tmp_path / "missing.step")
 
 
 def test_the_checker_runs_alone(tmp_path):
     """It is started as a program and must not import dsfab, whose modules it would shadow."""
-    assert "dsfab" not in re.findall(r"^\s*(?:from|import) (\w+)", Path(step_check.__file__).read_text(), re.M)
+    assert "dsfab" not in re.findall(r"^\s*(?:from|import) (\w+)", Path(step_facts.__file__).read_text(), re.M)
 
 
 def test_names_are_written_as_iso_10303_21_says():

@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dsfab.export import ladder, step, write
+from dsfab.export import write
+from dsfab.export.cad.step import file, strategies
+from dsfab.export.cad.step.entities import FACETED_DIGITS
 from dsfab.export.part import part_of
-from dsfab.export.step_text import FACETED_DIGITS
 from dsfab.thickening import Solid
 from tests.test_export import torus
 from tests.test_export_programs import module
@@ -26,8 +27,8 @@ def turned(solid: Solid, seed: int = 0) -> Solid:
 
 def entities(solid: Solid) -> dict[int, tuple[str, str]]:
     """Word and arguments of every entity by its number."""
-    part = replace(ladder.prepare(part_of(solid, "a", 10**6)), step="faceted")
-    text = b"".join(step.encode(part)).decode()
+    part = replace(strategies.prepare(part_of(solid, "a", 10**6)), step="faceted")
+    text = b"".join(file.encode(part)).decode()
     return {int(k): (word, rest) for k, word, rest in re.findall(r"^#(\d+)=([A-Z_0-9]+)\((.*)\);$", text, re.M)}
 
 
@@ -95,10 +96,10 @@ def test_corners_nearer_than_the_decimals_become_one(tmp_path, here):  # noqa: F
 
 
 def test_a_face_takes_less_than_900_bytes_and_the_same_solid_gives_the_same_ones():
-    part = replace(ladder.prepare(part_of(turned(torus()), "a", 10**6)), step="faceted")
-    text = b"".join(step.encode(part))
+    part = replace(strategies.prepare(part_of(turned(torus()), "a", 10**6)), step="faceted")
+    text = b"".join(file.encode(part))
     assert len(text) < 900 * len(part.F)
-    assert b"".join(step.encode(part)) == text
+    assert b"".join(file.encode(part)) == text
 
 
 @module("gmsh")

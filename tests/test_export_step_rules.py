@@ -10,13 +10,13 @@ from functools import cache, partial
 
 import pytest
 
-from dsfab.delivery.files import curved_sheet
-from dsfab.export import ladder, step
-from dsfab.export.folds_text import planar_file
-from dsfab.export.network.draft import member_draft
+from dsfab.design.output.files import curved_sheet
+from dsfab.export.cad.step import file, strategies
+from dsfab.export.cad.step.by_members.draft import member_draft
+from dsfab.export.cad.step.folded_sheets import planar_file
+from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
+from dsfab.export.cad.step.smooth.solid import file_text
 from dsfab.export.part import part_of
-from dsfab.export.smooth.file import file_text
-from dsfab.export.smooth.plan import SmoothPlan
 from dsfab.surface.shapes.roofs import barrel_vault
 from tests.smooth import THICKNESS, holed, thickened
 from tests.test_export_folds import folded, openings, roof
@@ -85,13 +85,13 @@ def knotted(word: str, rest: str) -> bool:
 
 
 def faceted() -> str:
-    part = replace(ladder.prepare(part_of(plate_with_hole(), "a", 10**6)), step="faceted")
-    return b"".join(step.encode(part)).decode()
+    part = replace(strategies.prepare(part_of(plate_with_hole(), "a", 10**6)), step="faceted")
+    return b"".join(file.encode(part)).decode()
 
 
 def planar() -> str:
-    part = ladder.prepare(part_of(thickened_plate(holed_sheet()), "a", 10**6))
-    return b"".join(step.encode(replace(part, step="planar", tolerance=0.2))).decode()
+    part = strategies.prepare(part_of(thickened_plate(holed_sheet()), "a", 10**6))
+    return b"".join(file.encode(replace(part, step="planar", tolerance=0.2))).decode()
 
 
 def at_folds() -> str:
@@ -108,7 +108,7 @@ def smooth(traced: bool) -> str:
     surface = barrel_vault(2.0, 3.0, 0.7, 0.15)
     sheet = holed(surface, [[0.0, 0.3, 0.7]], 0.4)
     made = partial(curved_sheet, surface, sheet, THICKNESS)
-    part = replace(ladder.prepare(part_of(thickened(surface, sheet), "a", 10**6)), curved=made, step="smooth")
+    part = replace(strategies.prepare(part_of(thickened(surface, sheet), "a", 10**6)), curved=made, step="smooth")
     model = (plan := SmoothPlan(part)).built(next(plan.layouts())).model
     model.pieces[:] = [replace(piece, traced=traced) for piece in model.pieces]
     return file_text(part, [(model, k) for k in range(len(model.pieces))])

@@ -5,10 +5,10 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dsfab.export import step_soundness
-from dsfab.export.step_read import StepMesh, drawn_anew, read_step
-from dsfab.export.step_soundness import FINER, curved_soundness, step_triangles
-from dsfab.units import MM_PER_M
+from dsfab.core.units import MM_PER_M
+from dsfab.export.cad.step import soundness
+from dsfab.export.cad.step.soundness import FINER, curved_soundness, step_triangles
+from dsfab.export.cad.step.worker.reports import StepMesh, drawn_anew, read_step
 
 DEFLECTION, SIDES = 0.04, 12
 """Metres, and how many sides a ring of radius 1 m has when it is drawn to that."""
@@ -53,14 +53,14 @@ def drawn(gap, asked=None, spoil=lambda mesh: mesh):
 def judged(monkeypatch, gap, **how):
     """The verdict, the first triangles, and which faces were drawn anew."""
     asked: list = []
-    monkeypatch.setattr(step_soundness, "drawn_anew", drawn(gap, asked, **how))
+    monkeypatch.setattr(soundness, "drawn_anew", drawn(gap, asked, **how))
     first = step_triangles(drawn(gap)(b"", DEFLECTION * MM_PER_M))
     return curved_soundness(first, DEFLECTION, b""), first, asked
 
 
 def test_only_faces_that_cross_and_those_they_could_meet_are_drawn_finer(monkeypatch):
     """Chords of the tube reach into the pin; the collar is as near as two deflections, and the last ring is not."""
-    first = step_soundness.soundness(*step_triangles(drawn(0.01)(b"", DEFLECTION * MM_PER_M))[:2])
+    first = soundness.soundness(*step_triangles(drawn(0.01)(b"", DEFLECTION * MM_PER_M))[:2])
     assert [fault.kind for fault in first.faults] == ["crossing"]
     sound, _, asked = judged(monkeypatch, 0.01)
     assert sound.sound
@@ -75,7 +75,7 @@ def test_faces_that_cross_however_finely_they_are_drawn_are_a_fault(monkeypatch)
     assert asked == [[0, 1, 2]] * FINER
     (fault,) = sound.faults
     assert fault.kind == "crossing"
-    assert fault.count == len(sound.crossings) > len(step_soundness.soundness(first.V, first.F).crossings)
+    assert fault.count == len(sound.crossings) > len(soundness.soundness(first.V, first.F).crossings)
     assert np.hypot(*fault.place[:2]) < 1.01
 
 
@@ -111,4 +111,4 @@ def test_faces_have_the_same_numbers_when_they_are_drawn_alone(tmp_path, here):
         assert np.allclose([alone.V.min(axis=0), alone.V.max(axis=0)], [used.min(axis=0), used.max(axis=0)], atol=0.2)
     finer = step_triangles(drawn_anew(whole.shape, 0.01, np.array([1, 2, 3])))
     assert len(finer.F) > len(whole.F) - (whole.face == 0).sum()
-    assert step_soundness.soundness(finer.V, finer.F).sound
+    assert soundness.soundness(finer.V, finer.F).sound

@@ -6,9 +6,9 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dsfab.arrays import Floats
-from dsfab.export.network.strays import without_strays
-from dsfab.export.network.trimmed import trimmed_face
+from dsfab.core.arrays import Floats
+from dsfab.export.cad.step.by_members.trimmed import trimmed_face
+from dsfab.export.cad.step.by_members.trimmed_corrections import without_strays
 from tests.test_export_network import asked, flat_model
 
 SQUARE = np.array([[0, 0], [200, 0], [200, 200], [0, 200.0]])

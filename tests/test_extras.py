@@ -8,13 +8,13 @@ import trimesh
 
 import dsfab
 from dsfab.app.cli import main
-from dsfab.arrays import closed_length
-from dsfab.errors import PresetError, SolidError
+from dsfab.core.arrays import closed_length
+from dsfab.core.errors import PresetError, SolidError
 from dsfab.surface import Surface
-from dsfab.surface.pickers import All, Ball, Side
+from dsfab.surface.loads.pickers import All, Ball, Side
 from dsfab.thickening import Base, Feet, Holes, Ring, Solid, SplitBodies, Trim, offsets, parts, thicken, with_extras
 from dsfab.thickening.extras.bodies import ROUND
-from dsfab.thickening.intersect import intersecting_pairs
+from dsfab.thickening.self_intersection import intersecting_pairs
 from tests.zoo import grid, jittered, moebius, sphere
 
 

@@ -8,19 +8,18 @@ import pytest
 
 import dsfab
 from dsfab.app.cli import main
-from dsfab.errors import PatternError
-from dsfab.pipeline import Design, finishing
-from dsfab.pipeline.patterns import member_widths
-from dsfab.pipeline.workshop_widths import least_widths, usual_gap
-from dsfab.preset_file import load_preset, overridden, preset_from, preset_toml
-from dsfab.report.design.fabrication import fabrication_facts, fabrication_lines
+from dsfab.core.errors import PatternError
+from dsfab.core.messages import length
+from dsfab.design import Design, finishing
+from dsfab.design.finishing import least_widths, usual_gap
+from dsfab.design.stripe_pattern import member_widths
+from dsfab.preset.file import load_preset, overridden, preset_from, preset_toml
+from dsfab.report.design.inspection import fabrication_facts, fabrication_lines
 from dsfab.slicing import cut, with_least_widths
-from dsfab.slicing.features import features, kept_cells
-from dsfab.slicing.openings import filled_openings
-from dsfab.slicing.quality import quality
-from dsfab.study.fabrication import fabrication, refusals, require_fit
-from dsfab.study.fix import fixed_design
-from dsfab.wording import length
+from dsfab.slicing.finishing.mesh_quality import quality
+from dsfab.slicing.finishing.openings import filled_openings
+from dsfab.slicing.measures.widths import features, kept_cells
+from dsfab.study.fabrication import fabrication, fixed_design, refusals, require_fit
 from tests.meshes import mesh_file
 from tests.presets import GLOBE_MODES
 from tests.zoo import grid, jittered

@@ -5,14 +5,14 @@ import pytest
 import trimesh
 from scipy.spatial import cKDTree
 
-from dsfab.pattern.width import slopes
+from dsfab.pattern.widths import slopes
 from dsfab.slicing import cut
-from dsfab.slicing.features import Features, features, kept_cells, under
-from dsfab.study.file_check.walls import clearances
+from dsfab.slicing.measures.widths import Features, features, kept_cells, under
+from dsfab.study.file_check.file_geometry import clearances
 from dsfab.surface import Surface
 from dsfab.surface.topology import pieces
 from dsfab.thickening import Solid, offsets, thicken
-from dsfab.thickening.wall import thinnest_wall
+from dsfab.thickening.wall_thickness import thinnest_wall
 from tests.zoo import grid, jittered, lifted, sphere
 
 

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 import dsfab
-from dsfab.errors import StaticsError
-from dsfab.frame import BeamMaterial, Frame, FrameAgreement, agreement, frame_of, solve_frame
+from dsfab.core.errors import StaticsError
+from dsfab.core.toml_files import shipped_presets
 from dsfab.members import MemberGraph
-from dsfab.preset_list import shipped_presets
+from dsfab.members.frame import BeamMaterial, Frame, FrameAgreement, agreement, frame_of, solve_frame
 from tests.designs import coarse_design
 from tests.pynite import solved
 

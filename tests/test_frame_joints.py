@@ -8,10 +8,9 @@ import pytest
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from dsfab.frame import BeamMaterial, Frame, frame_of, solve_frame
-from dsfab.frame.ends import join_ends
-from dsfab.frame.joints import found_joints
 from dsfab.members import Member, MemberGraph
+from dsfab.members.frame import BeamMaterial, Frame, frame_of, solve_frame
+from dsfab.members.frame.joints import found_joints, join_ends
 from dsfab.surface import LoadCase, Surface
 from tests.test_member_forces import axis
 from tests.zoo import grid

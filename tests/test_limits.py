@@ -5,9 +5,9 @@ from types import SimpleNamespace
 
 import pytest
 
-from dsfab import limits
-from dsfab.errors import StaticsError
-from dsfab.limits import BALANCE, RESIDUAL, worst
+from dsfab.core import limits
+from dsfab.core.errors import StaticsError
+from dsfab.core.limits import BALANCE, RESIDUAL, worst
 from dsfab.report.compliance.findings import Findings
 from dsfab.statics.solve import _require_solved
 from tests.test_architecture import modules, nodes

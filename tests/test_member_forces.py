@@ -8,13 +8,13 @@ import openpyxl
 import pytest
 
 import dsfab
-from dsfab.delivery.bar_records import found_records
-from dsfab.errors import ExportError, StaticsError
-from dsfab.eurocode import MemberBays, Rules, utilisation
+from dsfab.core.errors import ExportError, StaticsError
+from dsfab.design.output.records import found_records
 from dsfab.export import Details
-from dsfab.export.bars_workbook import sheet_names
-from dsfab.frame import forces_along
+from dsfab.export.tables.forces import sheet_names
 from dsfab.members import Member, MemberAxis, MemberGraph
+from dsfab.members.eurocode import MemberBays, Rules, utilisation
+from dsfab.members.frame import forces_along
 from dsfab.statics import Material
 from dsfab.surface import Surface
 from tests.test_section_forces import forces_of, short_tube, strip

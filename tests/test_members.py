@@ -10,12 +10,12 @@ from hypothesis import strategies as st
 from scipy.sparse import csr_array, vstack
 
 from dsfab import preset_for
+from dsfab.core.toml_files import shipped_presets
+from dsfab.design import Design
 from dsfab.members import member_graph
-from dsfab.members.order import along_structure
-from dsfab.members.regions import _without_slivers
-from dsfab.pipeline import Design
-from dsfab.preset_file import load_preset, overridden
-from dsfab.preset_list import shipped_presets
+from dsfab.members.assembly import along_structure
+from dsfab.members.components import _without_slivers
+from dsfab.preset.file import load_preset, overridden
 from dsfab.results import PatternResult
 from dsfab.slicing import Sheet, cut
 from dsfab.surface import CornerField, Surface

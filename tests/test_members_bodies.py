@@ -9,10 +9,10 @@ import pytest
 import trimesh
 
 from dsfab.app.cli import main
-from dsfab.delivery import body_details, write
-from dsfab.errors import ExportError
+from dsfab.core.errors import ExportError
+from dsfab.design.output import body_details, write
 from dsfab.export import FORMATS
-from dsfab.preset_file import load_preset
+from dsfab.preset.file import load_preset
 from dsfab.surface import signed_volume, total_area
 from dsfab.workshop import drawing_files, workshop_plan
 from tests.designs import sliced

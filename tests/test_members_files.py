@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 
 from dsfab.app.cli import main
-from dsfab.delivery import write
-from dsfab.errors import ExportError
+from dsfab.core.errors import ExportError
+from dsfab.design.output import write
 from dsfab.export.formats import FORMATS, suffix_of
-from dsfab.preset_file import load_preset
+from dsfab.preset.file import load_preset
 from tests.designs import sliced
 
 SMALL = {"surface.edge": 0.4}

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import dsfab
-from dsfab.preset_list import headline, shipped_presets
-from dsfab.study.paper import FIGURES
+from dsfab.core.toml_files import headline, shipped_presets
+from dsfab.reproduction.published import FIGURES
 
 COARSER = 2.2
 """The presets' edges times this: a fifth of the vertices."""

@@ -6,15 +6,14 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dsfab.pipeline import draft
-from dsfab.preset_file import load_preset, overridden, parse_override
-from dsfab.report.paper.drawing import PaperPicture
-from dsfab.report.paper.figures import FigurePictures, RenditionPicture
-from dsfab.report.paper.findings import finding
-from dsfab.report.paper.measures import COLUMNS, measured, rendition_facts
-from dsfab.study.paper import FIGURES
-from dsfab.study.renditions import LETTER, Rendition, departures, measured_rendition, renditions
-from dsfab.study.webs import Web, links, loaded_patches, nearby, web
+from dsfab.design import draft
+from dsfab.preset.file import load_preset, overridden, parse_override
+from dsfab.reproduction.captions import Web, finding, links, loaded_patches, nearby, web
+from dsfab.reproduction.drawing import PaperPicture
+from dsfab.reproduction.figures import FigurePictures, RenditionPicture
+from dsfab.reproduction.page import COLUMNS, measured, rendition_facts
+from dsfab.reproduction.published import FIGURES
+from dsfab.reproduction.renditions import LETTER, Rendition, departures, measured_rendition, renditions
 from tests.zoo import grid
 
 

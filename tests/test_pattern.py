@@ -5,9 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dsfab.errors import PatternError
+from dsfab.core.errors import PatternError
 from dsfab.pattern import Stripes, distance_to_boundary, distance_to_vertices, wave
-from dsfab.pattern.wave import GLSL
+from dsfab.pattern.stripes import GLSL
 from tests.zoo import ZOO, grid, sphere
 
 

@@ -4,13 +4,13 @@ import numpy as np
 import pytest
 
 import dsfab
-from dsfab.delivery.archive_even import even_arrays, even_of
+from dsfab.design.directions import Steering
+from dsfab.design.even_stripes import _directions
+from dsfab.design.output.archive import even_arrays, even_of
+from dsfab.design.pattern_measures import pattern_chart
 from dsfab.pattern import Frames, Images, StressDirections, crossed_over
-from dsfab.pipeline.courses import _directions
-from dsfab.pipeline.measures import pattern_chart
-from dsfab.pipeline.steering import Steering
-from dsfab.preset import Pattern
-from dsfab.preset_file import load_preset, overridden
+from dsfab.preset.file import load_preset, overridden
+from dsfab.preset.model import Pattern
 from dsfab.surface import Surface
 from tests.zoo import grid, jittered, two_pieces
 

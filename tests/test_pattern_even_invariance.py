@@ -8,11 +8,12 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from dsfab import load_preset
-from dsfab.pipeline import draft
-from dsfab.pipeline.even import even_stripes
-from dsfab.pipeline.log import Log
-from dsfab.pipeline.patterns import kept_regions, pattern_step
-from dsfab.preset_file import overridden
+from dsfab.design import draft
+from dsfab.design.even_stripes import even_stripes
+from dsfab.design.kept_material import kept_regions
+from dsfab.design.log import Log
+from dsfab.design.stripe_pattern import pattern_step
+from dsfab.preset.file import overridden
 from dsfab.results import CaseResult, EvenStripes, StaticsResult, StressedSurface
 from dsfab.slicing import cut
 from dsfab.statics import Material, SheetModel, solve_statics, stress

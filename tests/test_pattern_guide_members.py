@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from dsfab.errors import PatternError, PresetError
+from dsfab.core.errors import PatternError, PresetError
 from dsfab.pattern import Guide, Stripes
 from dsfab.pattern.guides import GuideError
-from dsfab.preset_file import load_preset
-from dsfab.surface.nearest import nearest
+from dsfab.preset.file import load_preset
+from dsfab.surface.mesh import nearest
 from tests.test_pattern_steering import plate, towards
 
 MIDDLE = np.array([1.5, 1.5, 0.0])

@@ -7,15 +7,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import Delaunay
 
+from dsfab.design import run
 from dsfab.pattern import face_points, kept_layers, material_points
-from dsfab.pattern.curve_fields import EVEN, FINEST, curve_fields
-from dsfab.pattern.keep import boundary_origins, patches
-from dsfab.pipeline import run
-from dsfab.preset_file import load_preset
+from dsfab.pattern.kept_regions import EVEN, FINEST, boundary_origins, curve_fields, patches
+from dsfab.preset.file import load_preset
 from dsfab.slicing import Sheet, cut, material_area
 from dsfab.surface import Surface
-from dsfab.surface.corner_field import CornerField
-from dsfab.surface.divided import Divided, DividedField
+from dsfab.surface.fields import CornerField, Divided, DividedField
 from tests.test_slicing import check_laws
 from tests.test_surface_geodesic import prism
 from tests.zoo import ZOO, grid, jittered, sphere, zoo

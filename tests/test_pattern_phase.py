@@ -6,9 +6,9 @@ from scipy.sparse import csr_array, eye_array
 from scipy.sparse.csgraph import breadth_first_order
 from threadpoolctl import threadpool_info
 
-from dsfab.arrays import weighted_quantile
+from dsfab.core.arrays import weighted_quantile
+from dsfab.core.errors import PatternError
 from dsfab.diffusion.symmetry import _point_map, face_tree
-from dsfab.errors import PatternError
 from dsfab.pattern import (
     Flow,
     Frames,
@@ -23,11 +23,10 @@ from dsfab.pattern import (
     signs_with_short_seams,
     through_peaks,
 )
-from dsfab.pattern.corners import _carry
-from dsfab.pattern.phase import krylov_power
-from dsfab.pattern.twisted import FEW
+from dsfab.pattern.frames import FEW
+from dsfab.pattern.phases import _carry, krylov_power
 from dsfab.surface import Surface
-from dsfab.surface.hats import hat_gradients
+from dsfab.surface.fields import hat_gradients
 from tests.zoo import ZOO, grid, jittered, sphere, zoo
 
 

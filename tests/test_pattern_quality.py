@@ -9,18 +9,18 @@ from scipy.sparse import csr_array, eye_array
 
 from dsfab import load_preset
 from dsfab.app.build import Files, PictureFlags, build
-from dsfab.app.editor.figures import cut_as_built, figures
+from dsfab.app.editor.drafts import cut_as_built, figures
 from dsfab.app.listing import inspect
 from dsfab.app.options import Source
+from dsfab.design import Design, draft, run
+from dsfab.design.pattern_measures import cut_error, symmetry_error
 from dsfab.diffusion.symmetry import symmetry_under
-from dsfab.pipeline import Design, draft, run
-from dsfab.pipeline.measures import cut_error, symmetry_error
-from dsfab.report.compliance.document import Numbers
 from dsfab.report.compliance.tables import pattern_table
-from dsfab.report.design.pattern import quality_facts, quality_lines
+from dsfab.report.design.inspection import quality_facts, quality_lines
+from dsfab.report.html_pages import Numbers
 from dsfab.slicing import Chart, cut
-from dsfab.slicing.drawn import Drawn
-from dsfab.slicing.pattern_quality import pattern_quality
+from dsfab.slicing.measures.chart import Drawn
+from dsfab.slicing.measures.pattern_quality import pattern_quality
 from dsfab.study.comparison import comparison
 from dsfab.study.sweeps import METRICS
 from dsfab.surface import Surface

@@ -7,14 +7,14 @@ from hypothesis import strategies as st
 from scipy.spatial import Delaunay
 
 import dsfab
-from dsfab.app.editor.payload import model
-from dsfab.errors import DsfabError, PatternError, PresetError, SurfaceError
-from dsfab.pattern.region_layers import outline_edges, region_bands
-from dsfab.pipeline import draft
-from dsfab.pipeline.buildable import objections
-from dsfab.pipeline.regions import one_sided_words
+from dsfab.app.editor.drafts import model
+from dsfab.core.errors import DsfabError, PatternError, PresetError, SurfaceError
+from dsfab.design import draft
+from dsfab.design.buildability import objections
+from dsfab.design.regions_and_loads import one_sided_words
+from dsfab.pattern.kept_regions import outline_edges, region_bands
 from dsfab.render.striped_mesh import distances
-from dsfab.report.design.acting import acting_facts
+from dsfab.report.design.inspection import acting_facts
 from dsfab.slicing import cut
 from dsfab.study.fabrication import fabrication
 from dsfab.surface import (
@@ -30,10 +30,8 @@ from dsfab.surface import (
     refined,
     with_regions,
 )
-from dsfab.surface.outline_cut import with_outline
-from dsfab.surface.outlined import EVEN
-from dsfab.surface.picker import extent_of
-from dsfab.surface.plane_loops import depth_in, enclosed_area
+from dsfab.surface.loads.outline_cuts import EVEN, with_outline
+from dsfab.surface.loads.outlines import depth_in, enclosed_area, extent_of
 from dsfab.surface.topology import manifold_faults
 from tests.presets import DOME_MODES
 from tests.test_surface_outlines import DOOR, star
@@ -323,7 +321,7 @@ def test_a_load_that_a_void_takes_away_says_so():
 
 
 def test_what_is_told_of_supports_is_of_those_that_are_left():
-    from dsfab.report.design.balance import balance
+    from dsfab.report.design.statics import balance
 
     load = [{"kind": "self_weight"}]
     design = draft(dsfab.load_preset(DOME_MODES, {**DOME, "pattern.region": [TOP], "surface.load": load}))

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 import dsfab
-from dsfab.errors import PatternError, PresetError
+from dsfab.core.errors import PatternError, PresetError
+from dsfab.design import draft
 from dsfab.pattern import Stripes, frequency_for
-from dsfab.pipeline import draft
-from dsfab.preset_file import preset_toml
+from dsfab.preset.file import preset_toml
 from dsfab.surface import Surface
 from tests.zoo import grid, jittered
 

@@ -8,27 +8,27 @@ import numpy as np
 import pytest
 
 import dsfab
-from dsfab import pipeline
-from dsfab.delivery.archive import read_archive, write_archive
-from dsfab.delivery.lines import design_lines
+from dsfab import design
+from dsfab.core.errors import DsfabError, PatternError
+from dsfab.design.design import Design
+from dsfab.design.directions import _same_guides, _same_sense
+from dsfab.design.even_stripes import even_stripes
+from dsfab.design.log import Log
+from dsfab.design.output.archive import read_archive, write_archive
+from dsfab.design.output.fields import design_lines
+from dsfab.design.stripe_pattern import pattern_step, stripe_stresses
 from dsfab.diffusion import symmetry_of
-from dsfab.errors import DsfabError, PatternError
 from dsfab.pattern import Frames, Guidance, Guide, relative_stresses
-from dsfab.pipeline.design import Design
-from dsfab.pipeline.even import even_stripes
-from dsfab.pipeline.log import Log
-from dsfab.pipeline.patterns import pattern_step, stripe_stresses
-from dsfab.pipeline.steering import _same_guides, _same_sense
-from dsfab.preset_file import load_preset, overridden, preset_toml
-from dsfab.report.compliance.document import Numbers
+from dsfab.preset.file import load_preset, overridden, preset_toml
 from dsfab.report.compliance.tables import pattern_table
-from dsfab.report.design.pattern import quality_facts, quality_lines
+from dsfab.report.design.inspection import quality_facts, quality_lines
+from dsfab.report.html_pages import Numbers
 from dsfab.results import CaseResult, StaticsResult, StressedSurface
 from dsfab.slicing import material_area
-from dsfab.slicing.pattern_quality import pattern_quality
+from dsfab.slicing.measures.pattern_quality import pattern_quality
 from dsfab.statics import Equilibrium
 from dsfab.study.baselines import ComparisonTask
-from dsfab.study.baselines.striped import isotropic
+from dsfab.study.baselines.structures import isotropic
 from dsfab.study.sweeps.metrics import metric_value
 from dsfab.surface import All, Ball, LoadCase, Surface
 from tests.presets import DOME_MODES
@@ -464,7 +464,7 @@ def test_another_angle_guide_or_family_makes_stripes_anew(ribs):
         {"pattern.guide.0.weight": 2 * guide.weight},
     ):
         preset = overridden(ribs.preset, change)
-        made, fresh = pipeline.draft(preset, old=ribs), pipeline.draft(preset)
+        made, fresh = design.draft(preset, old=ribs), design.draft(preset)
         assert made.pattern.even is not ribs.pattern.even
         k = 0 if "pattern.families" in change else 1
         assert not np.array_equal(made.pattern.even.phases[k].value, ribs.pattern.even.phases[k].value)
@@ -501,7 +501,7 @@ def test_one_family_on_modes_by_every_width_rule(rule):
 def test_only_what_is_drawn_is_chosen():
     asked = {"surface.edge": 0.9, "pattern.families": "minor"}
     asked |= {f"pattern.{name}.phase": "auto" for name in ("major", "minor")}
-    found = pipeline.draft(load_preset(DOME_MODES, asked)).pattern.choice.candidates
+    found = design.draft(load_preset(DOME_MODES, asked)).pattern.choice.candidates
     assert len(found) < 12
     assert {one.phase[0] for one in found} == {0.0}
 

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 import dsfab
-from dsfab.errors import PatternError
+from dsfab.core.errors import PatternError
+from dsfab.design.mode_search import Stressed
+from dsfab.design.stripe_pattern import _reached
 from dsfab.pattern import evened
-from dsfab.pipeline.patterns import _reached
-from dsfab.pipeline.stressing import Stressed
 from dsfab.study.comparison import comparison
 from tests.zoo import grid
 

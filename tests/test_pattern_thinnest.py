@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 
 from dsfab import load_preset
-from dsfab.errors import PresetError
-from dsfab.pipeline import draft
-from dsfab.preset import Width
+from dsfab.core.errors import PresetError
+from dsfab.design import draft
+from dsfab.preset.model import Width
 from tests.presets import DOME_MODES
 
 pytestmark = pytest.mark.slow

@@ -10,7 +10,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import dsfab
-from dsfab.errors import PatternError, PresetError
+from dsfab.core.errors import PatternError, PresetError
+from dsfab.core.messages import length
+from dsfab.design import draft
+from dsfab.design.kept_material import corrected
 from dsfab.pattern import (
     CornerPhase,
     EvenFamily,
@@ -24,12 +27,9 @@ from dsfab.pattern import (
     vertex_means,
     wave,
 )
-from dsfab.pipeline import draft
-from dsfab.pipeline.share_correction import corrected
-from dsfab.preset import Width
-from dsfab.preset_file import overridden
+from dsfab.preset.file import overridden
+from dsfab.preset.model import Width
 from dsfab.slicing import cut
-from dsfab.wording import length
 from tests.designs import sliced
 from tests.presets import DOME_MODES, GLOBE_MODES, on_modes
 from tests.zoo import ZOO, grid, jittered, zoo
@@ -607,7 +607,7 @@ def test_a_bridge_that_comes_and_goes_is_not_sought_for_longer_than_the_nearer_s
 @pytest.mark.slow
 def test_a_share_holds_where_many_bridges_are_built(monkeypatch):
     """72 of them, between meridians that all meet at a skylight, were .6 % of the surface."""
-    monkeypatch.setattr("dsfab.slicing.halving.GAIN", np.inf)
+    monkeypatch.setattr("dsfab.slicing.cutting.halving.GAIN", np.inf)
     arena = Path(__file__).parents[1] / "outputs" / "gallery" / "arena.toml"
     design = sliced(dsfab.load_preset(arena))
     assert any("bridges were built" in note.text for note in design.notes)

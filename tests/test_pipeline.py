@@ -7,9 +7,9 @@ import pytest
 import trimesh
 
 import dsfab
-from dsfab.errors import DsfabError
-from dsfab.pipeline import PARTS, ROWS, TIMED
-from dsfab.preset import STAGES
+from dsfab.core.errors import DsfabError
+from dsfab.design import PARTS, ROWS, TIMED
+from dsfab.preset.model import STAGES
 from tests.designs import sliced
 from tests.meshes import mesh_file
 from tests.presets import (

@@ -6,15 +6,14 @@ import numpy as np
 import pytest
 
 import dsfab
-from dsfab.errors import PatternError, PresetError
+from dsfab.core.errors import PatternError, PresetError
+from dsfab.design import draft
+from dsfab.design import mode_search as choosing
+from dsfab.design.mode_search import Trial
+from dsfab.design.sheet_loads import sheet_load
 from dsfab.pattern import Layer, ModeFamily, Stripes, Widths, face_points, material_points
-from dsfab.pipeline import choice as choosing
-from dsfab.pipeline import draft
-from dsfab.pipeline.choice import Trial
-from dsfab.pipeline.handover import sheet_load
-from dsfab.preset_file import load_preset, overridden, preset_toml
-from dsfab.report.design.choice import choice_facts, choice_lines
-from dsfab.report.design.facts import facts
+from dsfab.preset.file import load_preset, overridden, preset_toml
+from dsfab.report.design.facts import choice_facts, choice_lines, facts
 from dsfab.results import Candidate
 from dsfab.slicing import material_area
 from dsfab.statics import Elements, SheetModel, solve_statics

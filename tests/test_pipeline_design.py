@@ -9,11 +9,11 @@ import pytest
 import dsfab
 from dsfab.app.carrier import carried
 from dsfab.app.cli import main
-from dsfab.delivery.archive import read_archive, write_archive
-from dsfab.errors import PatternError, PresetError
+from dsfab.core.errors import PatternError, PresetError
+from dsfab.design import Design, draft
+from dsfab.design.output.archive import read_archive, write_archive
 from dsfab.export import last_line
-from dsfab.pipeline import Design, draft
-from dsfab.preset_file import load_preset, overridden
+from dsfab.preset.file import load_preset, overridden
 from dsfab.report.design import save
 from dsfab.report.design.save import said_once
 from tests.presets import DOME_MODES

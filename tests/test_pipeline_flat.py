@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import dsfab
-from dsfab.pipeline import draft
-from dsfab.preset_file import load_preset
+from dsfab.design import draft
+from dsfab.preset.file import load_preset
 from dsfab.surface import Surface
 from dsfab.surface.shapes import plate
 from tests.zoo import grid

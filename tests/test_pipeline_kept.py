@@ -1,25 +1,25 @@
 """What is kept around supports and loads: found once for a search, and anew for what is asked otherwise."""
 
 from dsfab import load_preset
-from dsfab.pipeline import draft, kept
+from dsfab.design import draft, kept_material
 from tests.presets import DOME_MODES
 
 
 def test_what_is_kept_is_found_once_for_a_load_and_what_is_asked(monkeypatch):
-    made, counted = [], kept.kept_layers
+    made, counted = [], kept_material.kept_layers
 
     def counting(*given):
         made.append(given[2:])
         return counted(*given)
 
-    monkeypatch.setattr(kept, "kept_layers", counting)
+    monkeypatch.setattr(kept_material, "kept_layers", counting)
     coarse = draft(load_preset(DOME_MODES, {"surface.edge": 0.9}))
     wider = load_preset(DOME_MODES, {"surface.edge": 0.9, "pattern.keep": 0.7})
     first, again, other = (
-        kept.kept_regions(one, coarse.surface, coarse.load) for one in (coarse.preset, coarse.preset, wider)
+        kept_material.kept_regions(one, coarse.surface, coarse.load) for one in (coarse.preset, coarse.preset, wider)
     )
     assert first is again
     assert [reach for reach, *_ in made] == [coarse.preset.pattern.keep, 0.7]
     assert other[-1].levels[0] == -0.7
     twin = draft(coarse.preset)
-    assert kept.kept_regions(coarse.preset, twin.surface, twin.load) is not first
+    assert kept_material.kept_regions(coarse.preset, twin.surface, twin.load) is not first

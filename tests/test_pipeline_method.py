@@ -6,13 +6,13 @@ import numpy as np
 import pytest
 
 import dsfab
-from dsfab.pipeline import Log, ways
-from dsfab.pipeline.method import CLOSE
-from dsfab.pipeline.stressing import Stressed
-from dsfab.report.design.choice import attempt_facts, attempt_lines
+from dsfab.design import Log, method_search
+from dsfab.design.method_search import CLOSE
+from dsfab.design.mode_search import Stressed
+from dsfab.report.design.facts import attempt_facts, attempt_lines
 from dsfab.results import Attempt
 from dsfab.study.baselines import ComparisonTask, Structure
-from dsfab.study.judging import quick
+from dsfab.study.judges import quick
 from tests.benchmarks import against_simp
 from tests.designs import sliced
 from tests.presets import DOME_MODES
@@ -98,11 +98,11 @@ def test_counted_are_those_of_the_sheet_that_would_be_built():
 def spaced(found, asked, monkeypatch, crowded=True):
     """Presets of the ways at other distances, by name, none of which is drawn."""
     even = SimpleNamespace(wanted=((np.ones(1),), ()) if crowded else ((), ()))
-    monkeypatch.setattr(ways, "even_stripes", lambda *_: even)
-    monkeypatch.setattr(ways, "_tried", lambda way, _given, _log: way)
-    best = ways.Way(asked, Attempt(found, 1.0, 1.0, 0.5), None, even)
+    monkeypatch.setattr(method_search, "even_stripes", lambda *_: even)
+    monkeypatch.setattr(method_search, "_tried", lambda way, _given, _log: way)
+    best = method_search.Way(asked, Attempt(found, 1.0, 1.0, 0.5), None, even)
     given = dsfab.pipeline.Design.of(asked).stressed
-    return {way.attempt.name: way.preset for way in ways.spaced_ways(asked, [best], given, Log(None))}
+    return {way.attempt.name: way.preset for way in method_search.spaced_ways(asked, [best], given, Log(None))}
 
 
 def test_distances_that_nobody_asked_for_are_tried_closer_and_wider(monkeypatch):
@@ -158,8 +158,10 @@ def test_a_preset_on_modes_can_be_opened_again_whatever_forces_were_asked_for(mo
     asked = dsfab.load_preset(
         "cantilever", {"surface.edge": 0.2, "pattern.method": "auto", "pattern.forces": "optimal"}
     )
-    monkeypatch.setattr(ways, "_tried", lambda way, _given, _log: way)
-    (way, *_) = ways.first_ways(asked, dsfab.pipeline.Design.of(asked).stressed, Log(None), "modes", halve=True)
+    monkeypatch.setattr(method_search, "_tried", lambda way, _given, _log: way)
+    (way, *_) = method_search.first_ways(
+        asked, dsfab.pipeline.Design.of(asked).stressed, Log(None), "modes", halve=True
+    )
     assert dsfab.Preset(**way.preset.model_dump()).pattern.method == "modes"
 
 

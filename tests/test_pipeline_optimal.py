@@ -6,12 +6,11 @@ import numpy as np
 import pytest
 
 import dsfab
-from dsfab.delivery.archive_even import even_arrays, even_of
-from dsfab.errors import PatternError, PresetError
-from dsfab.pipeline import Design
-from dsfab.pipeline.even import even_stripes, same_stripes
-from dsfab.pipeline.optimal import optimal_statics
-from dsfab.pipeline.patterns import stripe_stresses
+from dsfab.core.errors import PatternError, PresetError
+from dsfab.design import Design
+from dsfab.design.even_stripes import even_stripes, optimal_statics, same_stripes
+from dsfab.design.output.archive import even_arrays, even_of
+from dsfab.design.stripe_pattern import stripe_stresses
 from dsfab.statics import Material, SheetModel, varying_thickness
 from dsfab.surface import LoadCase, Surface
 from tests.zoo import grid

@@ -8,9 +8,9 @@ import numpy as np
 import pytest
 
 import dsfab
-from dsfab.pipeline import Design, finishing, geometry
+from dsfab.design import Design, finishing, slicing_and_thickening
 from dsfab.slicing import cut, cut_polygons
-from dsfab.surface.divided import DividedField
+from dsfab.surface.fields import DividedField
 
 COARSE = {"surface.edge": 0.6, "pattern.major.spacing": 2.0, "pattern.minor.spacing": 1.4, "pattern.keep": 0.8}
 
@@ -55,7 +55,10 @@ def test_the_sheet_is_the_same_without_a_rehearsal(dome):
 
 def test_nothing_is_cut_or_rounded_again(dome, monkeypatch):
     design = drawn(dome)
-    cuts, rounded = counting(monkeypatch, geometry, "cut"), counting(monkeypatch, finishing, "unrounded_cells")
+    cuts, rounded = (
+        counting(monkeypatch, slicing_and_thickening, "cut"),
+        counting(monkeypatch, finishing, "unrounded_cells"),
+    )
     assert design.slicing.sheet.surface.m
     assert cuts == rounded == []
     assert design.surface not in finishing._REHEARSALS
@@ -69,7 +72,7 @@ def test_other_terms_are_cut_anew(dome, change, monkeypatch):
     other = dsfab.load_preset("dome", COARSE | change)
     rehearsed, plain = drawn(other), drawn(other)
     del finishing._REHEARSALS[plain.surface]
-    cuts = counting(monkeypatch, geometry, "cut")
+    cuts = counting(monkeypatch, slicing_and_thickening, "cut")
     assert_same(rehearsed, plain)
     assert cuts == ["cut", "cut"]
 

@@ -4,11 +4,11 @@ import numpy as np
 import pytest
 
 import dsfab
-from dsfab.errors import PatternError
-from dsfab.pipeline import Design, Log, ways, weight_rounds
-from dsfab.pipeline.directions import followed_stress
-from dsfab.pipeline.even import even_stripes, same_stripes
-from dsfab.pipeline.weight_rounds import drawn_share, turned, weighed_statics
+from dsfab.core.errors import PatternError
+from dsfab.design import Design, Log, method_search, pattern_stage
+from dsfab.design.directions import followed_stress
+from dsfab.design.even_stripes import even_stripes, same_stripes
+from dsfab.design.pattern_stage import drawn_share, turned, weighed_statics
 from dsfab.surface import Surface
 from tests.benchmarks.weight_rounds import compliance, plain
 
@@ -114,9 +114,9 @@ def test_where_no_width_keeps_what_is_asked_the_stripes_before_stay(vault, monke
         except StopIteration:
             raise PatternError("too wide") from None
 
-    monkeypatch.setattr(weight_rounds, "drawn_share", refused)
+    monkeypatch.setattr(pattern_stage, "drawn_share", refused)
     log = Log(None)
-    found = weight_rounds.weighed_stripes(vault.preset.with_pattern(weight_rounds=2), vault.stressed, log)
+    found = pattern_stage.weighed_stripes(vault.preset.with_pattern(weight_rounds=2), vault.stressed, log)
     assert f"directions were not sought {told}: too wide" in [note.text for note in log.notes]
     assert np.array_equal(found.phases[1].value, vault.pattern.even.phases[1].value) is (after == 0)
 
@@ -131,8 +131,8 @@ def test_on_modes_it_has_no_effect_and_that_is_told(vault):
 def test_of_several_methods_each_is_tried_without_it(vault, monkeypatch):
     """What is settled makes the same design again, whichever width was the best."""
     asked = vault.preset.with_pattern(method="auto", weight_rounds=1)
-    monkeypatch.setattr(ways, "_tried", lambda way, _given, _log: way)
-    (way, *_) = ways.first_ways(asked, vault.stressed, Log(None), "stripes", halve=True)
+    monkeypatch.setattr(method_search, "_tried", lambda way, _given, _log: way)
+    (way, *_) = method_search.first_ways(asked, vault.stressed, Log(None), "stripes", halve=True)
     assert way.preset.pattern.weight_rounds == 0
     assert np.array_equal(way.even.phases[1].value, vault.pattern.even.phases[1].value)
 

@@ -9,21 +9,14 @@ import pytest
 import tomli_w
 
 from dsfab import run
-from dsfab.app.editor.source import open_preset
-from dsfab.delivery.archive import sections
-from dsfab.errors import DsfabError, PresetError
-from dsfab.materials import KEYS, MATERIALS
-from dsfab.preset import STAGES, Preset
-from dsfab.preset_file import (
-    load_preset,
-    overridden,
-    parse_override,
-    preset_from,
-    preset_toml,
-    require_mesh,
-)
-from dsfab.preset_list import headline, shipped_presets
-from dsfab.preset_surface import FileSurface
+from dsfab.app.editor.workspace import open_preset
+from dsfab.core.errors import DsfabError, PresetError
+from dsfab.core.materials import KEYS, MATERIALS
+from dsfab.core.toml_files import headline, shipped_presets
+from dsfab.design.output.archive import sections
+from dsfab.preset.file import load_preset, overridden, parse_override, preset_from, preset_toml, require_mesh
+from dsfab.preset.model import STAGES, Preset
+from dsfab.preset.surface_section import FileSurface
 
 SHIPPED = sorted(shipped_presets())
 
@@ -65,7 +58,7 @@ def test_short_lists_are_written_on_one_line(tmp_path):
     (tmp_path / "again.toml").write_text(text)
     assert preset_toml(load_preset(tmp_path / "again.toml")) == text
     odd = {"a": ['x, "]', "y\\"], "b": [[1.0, 2.0], [3.0, 4.0]], "c": [10**12] * 9, "d": []}
-    from dsfab.preset_file import _short_lists
+    from dsfab.preset.file import _short_lists
 
     written = _short_lists(tomli_w.dumps(odd))
     assert tomllib.loads(written) == odd
@@ -251,8 +244,8 @@ def test_a_preset_waits_for_a_mesh_until_it_lies_beside_it(tmp_path, monkeypatch
 def test_surfaces_are_derived_with_the_preset_alone():
     """Twenty shapes of which each derives supports and loads of its own take longer than all else of the import."""
     code = (
-        "from dsfab.preset_surface import SHAPE_SECTIONS as s, FileSurface, MeshSurface;"
-        "from dsfab.preset_file import load_preset; load_preset('dome');"
+        "from dsfab.preset.surface_section import SHAPE_SECTIONS as s, FileSurface, MeshSurface;"
+        "from dsfab.preset.file import load_preset; load_preset('dome');"
         "every = (*s.values(), FileSurface, MeshSurface);"
         "print(sum(m.__pydantic_complete__ for m in every), s['dome'](span=3.0).span)"
     )

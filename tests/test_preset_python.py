@@ -14,11 +14,11 @@ import trimesh
 import dsfab
 from dsfab.app.carrier import carried
 from dsfab.app.cli import main
-from dsfab.app.editor.source import Opened
-from dsfab.delivery.archive import MESH, read_archive
-from dsfab.errors import DsfabError, PresetError, SurfaceError
-from dsfab.preset_file import overridden, preset_from, preset_toml
-from dsfab.preset_surface import FileSurface, MeshSurface
+from dsfab.app.editor.workspace import Opened
+from dsfab.core.errors import DsfabError, PresetError, SurfaceError
+from dsfab.design.output.archive import MESH, read_archive
+from dsfab.preset.file import overridden, preset_from, preset_toml
+from dsfab.preset.surface_section import FileSurface, MeshSurface
 from dsfab.surface import SHAPES, Surface
 from tests.zoo import ZOO
 

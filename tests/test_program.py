@@ -5,8 +5,8 @@ import time
 
 import pytest
 
-from dsfab.export import program as programs
-from dsfab.export.program import Ahead, ProgramError, last_line, meanwhile
+from dsfab.export import subprocesses as programs
+from dsfab.export.subprocesses import Ahead, ProgramError, last_line, meanwhile
 
 ECHO = "import json, sys\nprint('loaded')\nprint(*reversed(json.loads(sys.stdin.readline())))\n"
 

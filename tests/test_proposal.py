@@ -14,22 +14,22 @@ from numpy.testing import assert_allclose
 
 import dsfab
 from dsfab.app.cli import main
-from dsfab.app.editor.source import open_preset
+from dsfab.app.editor.workspace import open_preset
 from dsfab.app.new import bearing
 from dsfab.app.options import Source
-from dsfab.errors import PresetError, SurfaceError
-from dsfab.pipeline import Design
-from dsfab.pipeline.measures import cut_error, used_symmetry
-from dsfab.preset_file import load_preset
-from dsfab.proposal import decisions, preset_for, propose
-from dsfab.proposal.feet import feet
-from dsfab.proposal.reading import preset_name
-from dsfab.proposal.sizes import is_figure, sizes
-from dsfab.proposal.stems import stems
-from dsfab.proposal.vertical import is_nearly_closed, likely_up
-from dsfab.slicing.features import features, kept_cells
-from dsfab.surface import Boundary, Box, Snow, Surface, Wind, files, mend, read_surface, upright
-from dsfab.surface.reader import normalized
+from dsfab.core.errors import PresetError, SurfaceError
+from dsfab.design import Design
+from dsfab.design.pattern_measures import cut_error, used_symmetry
+from dsfab.preset.file import load_preset
+from dsfab.preset.proposal import decisions, preset_for, propose
+from dsfab.preset.proposal.feet import feet, stems
+from dsfab.preset.proposal.reading import is_nearly_closed, likely_up, preset_name
+from dsfab.preset.proposal.sizes import is_figure, sizes
+from dsfab.slicing.measures.widths import features, kept_cells
+from dsfab.surface import Boundary, Box, Snow, Surface, Wind, read_surface, upright
+from dsfab.surface.clean import repair
+from dsfab.surface.files import mesh_files
+from dsfab.surface.files.reader import normalized
 from dsfab.surface.shapes import barrel_vault, cylinder, dome, plate, sphere, torus, tower
 from tests.canopy import canopy
 from tests.designs import sliced
@@ -368,12 +368,12 @@ def test_whether_it_carries_snow_is_decided_once(monkeypatch):
 @pytest.mark.parametrize("unit", [None, "mm"])
 def test_a_file_is_read_and_mended_once(tmp_path, monkeypatch, unit):
     path, read, merged = tmp_path / "cap.obj", [], []
-    cap, one, two = dome(edge=1.2), files._POLYGONS[".obj"], mend.merged
+    cap, one, two = dome(edge=1.2), mesh_files._POLYGONS[".obj"], repair.merged
     torn = cap.F.copy()
     torn[0, 0] = cap.n
     obj(path, Surface(np.vstack([cap.V, cap.V[cap.F[0, :1]]]), torn), 1000.0)
-    monkeypatch.setitem(files._POLYGONS, ".obj", lambda *given: read.append(given) or one(*given))
-    monkeypatch.setattr(mend, "merged", lambda *given: merged.append(given) or two(*given))
+    monkeypatch.setitem(mesh_files._POLYGONS, ".obj", lambda *given: read.append(given) or one(*given))
+    monkeypatch.setattr(repair, "merged", lambda *given: merged.append(given) or two(*given))
     proposal = propose(path, unit)
     assert (len(read), len(merged)) == (1, 1)
     surface = proposal.given.surface
@@ -843,6 +843,6 @@ def test_a_low_window_of_a_tower_is_no_foot(sill):
     turn, z = flat.V[:, 0], flat.V[:, 1]
     V = np.column_stack([6 * np.cos(turn), 6 * np.sin(turn), z])
     x, y = flat.centroids[:, :2].T
-    raw = mend.mended(V, flat.F[~((np.abs(x - 1 - 0.3 * (y - sill)) < 0.2) & (y > sill) & (y < sill + 0.8))])
+    raw = repair.mended(V, flat.F[~((np.abs(x - 1 - 0.3 * (y - sill)) < 0.2) & (y > sill) & (y < sill + 0.8))])
     assert len(Surface(raw.V, raw.F).loops) == 3
     assert names(Surface(raw.V, raw.F)) == ["base ring"]

@@ -13,9 +13,9 @@ import trimesh
 
 from dsfab import load_preset
 from dsfab.app.cli import main
-from dsfab.errors import StaticsError
-from dsfab.pipeline import draft
-from dsfab.statics import factor, solve
+from dsfab.core.errors import StaticsError
+from dsfab.design import draft
+from dsfab.statics import factorisation, solve
 from dsfab.surface import Surface
 from tests.presets import DOME_MODES, ROOF_MODES
 from tests.zoo import grid, sphere
@@ -205,7 +205,7 @@ def test_needles_are_counted_and_the_worst_is_shown(tmp_path, monkeypatch):
     assert worst
     assert abs(float(worst[1]) - 0.6) < 0.003
     assert abs(float(worst[2]) - 1.0) < 0.21
-    monkeypatch.setattr(factor, "REFINEMENTS", 0)  # longer numbers would solve even these
+    monkeypatch.setattr(factorisation, "REFINEMENTS", 0)  # longer numbers would solve even these
     with pytest.raises(StaticsError, match=r"solved to \d.*20 of 200 triangles are needles"):
         drafted(with_needles(0.0001), tmp_path / "needles.obj")
 
@@ -221,19 +221,19 @@ def test_a_thick_sheet_is_told(tmp_path):
 @pytest.mark.parametrize(("share", "says"), [(1 - 4e-8, "solved to 4.0e-08"), (1 - 4e-9, "")])
 def test_a_rough_solution_is_told_with_its_case_and_a_poor_one_refused(share, says, tmp_path, monkeypatch):
     """A solver that is off by d leaves an error of d on a machine that has no longer numbers to refine with."""
-    factorise = factor.factorise
-    monkeypatch.setattr(factor, "REFINEMENTS", 0)
+    factorise = factorisation.factorise
+    monkeypatch.setattr(factorisation, "REFINEMENTS", 0)
 
     def careless(*args, **more):
         exact = factorise(*args, **more)
         return lambda b: share * exact(b)
 
-    monkeypatch.setattr(factor, "factorise", careless)
+    monkeypatch.setattr(factorisation, "factorise", careless)
     snow = {"kind": "snow", "pressure": 500.0, "case": "snow"}
     told = drafted(grid(6, 6, 2.0, 2.0), tmp_path / "plate.obj", **{"surface.load": [{"kind": "self_weight"}, snow]})
     assert (says in told) if says else "solved to" not in told
     assert ("under load" in told or "under snow" in told) == bool(says)
-    monkeypatch.setattr(factor, "factorise", lambda *args, **more: lambda b: 0.99 * factorise(*args, **more)(b))
+    monkeypatch.setattr(factorisation, "factorise", lambda *args, **more: lambda b: 0.99 * factorise(*args, **more)(b))
     monkeypatch.setattr(solve, "BALANCE", 1.0)
     with pytest.raises(StaticsError, match=r"solved to 1\.0e-02 only"):
         drafted(grid(6, 6, 2.0, 2.0), tmp_path / "plate.obj")

@@ -4,10 +4,10 @@ from pathlib import Path
 
 import pytest
 
-from dsfab.errors import DsfabError
-from dsfab.pipeline import run
-from dsfab.preset_file import load_preset, overridden
-from dsfab.render import finished, opengl
+from dsfab.core.errors import DsfabError
+from dsfab.design import run
+from dsfab.preset.file import load_preset, overridden
+from dsfab.render import design_picture, opengl
 from dsfab.render.picture import Look
 
 SMALL = Look((160, 120))
@@ -21,7 +21,7 @@ def vault():
 @pytest.fixture(scope="module")
 def expected(vault, tmp_path_factory):
     path = tmp_path_factory.mktemp("here") / "preview.png"
-    finished.write_picture(vault, path, SMALL)
+    design_picture.write_picture(vault, path, SMALL)
     return path.read_bytes()
 
 
@@ -30,20 +30,20 @@ def test_another_process_draws_the_same_picture_and_one_that_was_started_ahead_d
     vault, expected, tmp_path, monkeypatch
 ):
     """It loads what draws while there is no design yet."""
-    monkeypatch.setattr(finished.os, "cpu_count", lambda: 2)
-    monkeypatch.setattr(finished, "write_picture", None)  # nobody draws here
-    started, one, path = list[str](), finished.Ahead, tmp_path / "preview.png"
-    monkeypatch.setattr(finished, "Ahead", lambda program: started.append(program) or one(program))
-    with finished.picture_ahead():
+    monkeypatch.setattr(design_picture.os, "cpu_count", lambda: 2)
+    monkeypatch.setattr(design_picture, "write_picture", None)  # nobody draws here
+    started, one, path = list[str](), design_picture.Ahead, tmp_path / "preview.png"
+    monkeypatch.setattr(design_picture, "Ahead", lambda program: started.append(program) or one(program))
+    with design_picture.picture_ahead():
         assert len(started) == 1  # before there is anything to draw
         for count in (1, 2):
-            with finished.picture_meanwhile(vault, path, SMALL) as finish:
+            with design_picture.picture_meanwhile(vault, path, SMALL) as finish:
                 finish()
             assert path.read_bytes() == expected
             assert len(started) == count
             assert list(tmp_path.iterdir()) == [path]
             path.unlink()
-    with finished.picture_meanwhile(vault, path, SMALL):
+    with design_picture.picture_meanwhile(vault, path, SMALL):
         assert len(started) == 3
 
 
@@ -52,43 +52,46 @@ def test_another_process_draws_the_same_picture_and_one_that_was_started_ahead_d
 def test_it_is_drawn_here_where_the_other_process_fails(program, vault, expected, tmp_path, monkeypatch):
     file = tmp_path / "program.py"
     file.write_text(program)
-    monkeypatch.setattr(finished.os, "cpu_count", lambda: 2)
-    monkeypatch.setattr(finished, "SECONDS", 0.5)
-    monkeypatch.setattr(finished.picture_program, "__file__", str(file))
-    with finished.picture_meanwhile(vault, tmp_path / "preview.png", SMALL) as finish:
+    monkeypatch.setattr(design_picture.os, "cpu_count", lambda: 2)
+    monkeypatch.setattr(design_picture, "SECONDS", 0.5)
+    monkeypatch.setattr(design_picture.picture_program, "__file__", str(file))
+    with design_picture.picture_meanwhile(vault, tmp_path / "preview.png", SMALL) as finish:
         finish()
     assert (tmp_path / "preview.png").read_bytes() == expected
 
 
 def test_one_core_draws_last_and_starts_nothing(vault, expected, tmp_path, monkeypatch):
-    monkeypatch.setattr(finished.os, "cpu_count", lambda: 1)
-    monkeypatch.setattr(finished, "Ahead", None)
-    with finished.picture_meanwhile(vault, tmp_path / "preview.png", SMALL) as finish:
+    monkeypatch.setattr(design_picture.os, "cpu_count", lambda: 1)
+    monkeypatch.setattr(design_picture, "Ahead", None)
+    with design_picture.picture_meanwhile(vault, tmp_path / "preview.png", SMALL) as finish:
         assert not list(tmp_path.iterdir())
         finish()
     assert (tmp_path / "preview.png").read_bytes() == expected
 
 
 def test_a_mistake_inside_ends_the_other_process(vault, tmp_path, monkeypatch):
-    monkeypatch.setattr(finished.os, "cpu_count", lambda: 2)
-    started = list[finished.Ahead]()
+    monkeypatch.setattr(design_picture.os, "cpu_count", lambda: 2)
+    started = list[design_picture.Ahead]()
 
-    class Seen(finished.Ahead):
+    class Seen(design_picture.Ahead):
         def __init__(self, program: str) -> None:
             super().__init__(program)
             started.append(self)
 
-    monkeypatch.setattr(finished, "Ahead", Seen)
-    with pytest.raises(KeyError), finished.picture_meanwhile(vault, tmp_path / "preview.png", SMALL):
+    monkeypatch.setattr(design_picture, "Ahead", Seen)
+    with pytest.raises(KeyError), design_picture.picture_meanwhile(vault, tmp_path / "preview.png", SMALL):
         raise KeyError
     assert started[0]._run.returncode is not None
     assert not Path(tmp_path / "preview.png").exists()
 
 
 def test_where_nothing_can_be_drawn_it_is_said_before_a_process_starts(vault, tmp_path, monkeypatch):
-    monkeypatch.setattr(finished.os, "cpu_count", lambda: 2)
-    monkeypatch.setattr(finished, "Ahead", None)
+    monkeypatch.setattr(design_picture.os, "cpu_count", lambda: 2)
+    monkeypatch.setattr(design_picture, "Ahead", None)
     monkeypatch.setattr(opengl, "_draws", lambda name: False)
     monkeypatch.setattr(opengl, "_KNOWN", set())
-    with pytest.raises(DsfabError, match="cannot be drawn"), finished.picture_meanwhile(vault, tmp_path / "a.png"):
+    with (
+        pytest.raises(DsfabError, match="cannot be drawn"),
+        design_picture.picture_meanwhile(vault, tmp_path / "a.png"),
+    ):
         pass

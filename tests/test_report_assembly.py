@@ -10,22 +10,22 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from dsfab.design import Design
 from dsfab.export import MemberShape
 from dsfab.export.part import open_edges
-from dsfab.pipeline import Design
-from dsfab.preset_file import load_preset, overridden
+from dsfab.preset.file import load_preset, overridden
 from dsfab.render import PAPER
 from dsfab.report.assembly import assembly_page, assembly_pdf, assembly_steps
 from dsfab.report.assembly.axonometry import Axonometry, MemberFaces, member_faces, painted
-from dsfab.report.assembly.bars import _bar_row, bar_steps
+from dsfab.report.assembly.bar_pages import _bar_row, bar_steps
 from dsfab.report.assembly.book import book_pages
+from dsfab.report.assembly.overview import refolded_pages, strip_quads
 from dsfab.report.assembly.paper import HIGH, WIDE, Fitted, Paper, PaperBox, usual_scale
-from dsfab.report.assembly.refolding import refolded_pages, strip_quads
 from dsfab.surface import Surface, signed_volume
 from dsfab.thickening import closed_skin
 from dsfab.workshop import FlatPart, Layering, built_shapes, layer_numbers, refolded, workshop_plan
 from dsfab.workshop.bars import bar_body
-from dsfab.workshop.built import strip_body
+from dsfab.workshop.bodies import strip_body
 from tests.browser import browser, opened
 from tests.designs import sliced
 

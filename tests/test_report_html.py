@@ -5,10 +5,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dsfab.report.compliance.document import Document, Numbers, ReportSection, Table
-from dsfab.report.compliance.html import page
 from dsfab.report.compliance.tables import reactions_table
-from dsfab.report.html import COLOURS, html_page, image, style, why
+from dsfab.report.html_pages import COLOURS, Document, Numbers, ReportSection, Table, html_page, image, page, style, why
 from tests.browser import browser, opened
 
 

@@ -10,10 +10,10 @@ from numpy.testing import assert_allclose
 
 import dsfab
 from dsfab.app.cli import main
-from dsfab.errors import ExportError
+from dsfab.core.errors import ExportError
 from dsfab.export import FORMATS
 from dsfab.statics import CONVENTION, Elements, Material, SectionForces, section_forces
-from dsfab.statics.sections import local_frames
+from dsfab.statics.internal_forces import local_frames
 from dsfab.surface import Surface
 from tests.test_statics_modes import hold, order, rim
 from tests.test_statics_stress import BEST, H, solved

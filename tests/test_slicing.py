@@ -6,12 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import Delaunay
 
-from dsfab.errors import PatternError
+from dsfab.core.errors import PatternError
 from dsfab.slicing import Sheet, cut
-from dsfab.slicing.cells import Cells
-from dsfab.slicing.clean import Snapping, clean_split
-from dsfab.slicing.cut import filled_polygons
-from dsfab.slicing.triangulate import LARGEST, triangulate
+from dsfab.slicing.cutting.cells import LARGEST, Cells, triangulate
+from dsfab.slicing.cutting.cut import filled_polygons
+from dsfab.slicing.cutting.split import Snapping, clean_split
 from dsfab.surface import Surface
 from dsfab.surface.topology import euler_characteristic, pieces
 from tests.zoo import ZOO, grid, jittered, sphere, zoo

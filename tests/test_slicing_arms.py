@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
-from dsfab.slicing.arms import arms
+from dsfab.slicing.measures.pattern_quality import arms
 from dsfab.surface import Surface
 from tests.zoo import grid, jittered
 

@@ -6,9 +6,9 @@ from hypothesis import assume, example, given, settings
 from hypothesis import strategies as st
 from scipy.spatial import Delaunay
 
-from dsfab.errors import PatternError
+from dsfab.core.errors import PatternError
 from dsfab.slicing import cut, material_area, resolve_pinches
-from dsfab.slicing.cut import LEVEL_GAP
+from dsfab.slicing.cutting.cut import LEVEL_GAP
 from dsfab.surface import Surface
 from dsfab.surface.topology import euler_characteristic, manifold_faults, pieces
 from tests.test_slicing import check_laws, points_in_cells

@@ -9,12 +9,12 @@ from hypothesis import strategies as st
 
 from dsfab.pattern import Flow, Frames, corner_phase
 from dsfab.slicing import cut
-from dsfab.slicing.parts import part_of
-from dsfab.slicing.polygon_mesh import PolygonMesh
-from dsfab.slicing.seen import Seen
-from dsfab.slicing.split import SideValues, split_cells
+from dsfab.slicing.cutting.corner_fields import Seen
+from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
+from dsfab.slicing.cutting.sheet import part_of
+from dsfab.slicing.cutting.split import SideValues, split_cells
 from dsfab.surface import Surface, read_surface
-from dsfab.surface.corner_field import CornerField
+from dsfab.surface.fields import CornerField
 from dsfab.surface.topology import euler_characteristic, manifold_faults
 from tests.meshes import mesh_file
 from tests.zoo import ZOO, grid, jittered, sphere, zoo

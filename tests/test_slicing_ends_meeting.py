@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from dsfab.slicing import Tidy, cut
-from dsfab.slicing.polygon_mesh import PolygonMesh
-from dsfab.slicing.sheet import VOID
+from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
+from dsfab.slicing.cutting.sheet import VOID
 from dsfab.surface import Surface
-from dsfab.surface.corner_field import CornerField
+from dsfab.surface.fields import CornerField
 from dsfab.surface.topology import manifold_faults
 from tests.zoo import grid
 

@@ -6,7 +6,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from dsfab.slicing import Sheet, cut, divided_walls, faired_walls, resolve_pinches
-from dsfab.slicing.walls import Walls
+from dsfab.slicing.finishing.walls import Walls
 from dsfab.surface import Surface
 from dsfab.surface.topology import manifold_faults
 from tests.test_slicing import check_laws, material_area

@@ -8,11 +8,11 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import dsfab
-from dsfab.errors import PatternError
+from dsfab.core.errors import PatternError
 from dsfab.slicing import Sheet, cut, resolve_pinches
-from dsfab.slicing.arcs import CHORD
-from dsfab.slicing.features import features
-from dsfab.slicing.fillet import rounded_corners
+from dsfab.slicing.finishing.fillets import rounded_corners
+from dsfab.slicing.finishing.opening_corners import CHORD
+from dsfab.slicing.measures.widths import features
 from dsfab.surface import Surface
 from dsfab.surface.topology import euler_characteristic, manifold_faults
 from tests.presets import BARREL_VAULT_MODES

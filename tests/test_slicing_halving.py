@@ -9,11 +9,10 @@ import pytest
 
 from dsfab.pattern import CornerPhase, EvenFamily, Stripes, Widths
 from dsfab.slicing import chart_of, cut, halved
-from dsfab.slicing.chart import _alike
-from dsfab.slicing.closing import limit
+from dsfab.slicing.cutting.loose_ends import limit
+from dsfab.slicing.measures.chart import _alike
 from dsfab.surface import Surface
-from dsfab.surface.corner_field import CornerField
-from dsfab.surface.hats import hat_gradients
+from dsfab.surface.fields import CornerField, hat_gradients
 from tests.zoo import grid, jittered
 
 RAYS, RINGS = 32, 7
@@ -107,7 +106,7 @@ def test_lines_end_on_rings(seed):
 
 def _at_vertices(given, k: int) -> np.ndarray:
     """The snapped phase of a family, up to sign and multiples of 8."""
-    from dsfab.slicing.seen import Seen
+    from dsfab.slicing.cutting.corner_fields import Seen
 
     return Seen.of(given.mesh, given.phases[k]).values[:, 0]
 

@@ -6,13 +6,11 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import dsfab
-from dsfab.errors import PatternError
-from dsfab.preset_file import overridden
+from dsfab.core.errors import PatternError
+from dsfab.preset.file import overridden
 from dsfab.slicing import Sheet, cut, resolve_pinches
-from dsfab.slicing.corners import outline_labels
-from dsfab.slicing.improve import Improved, flipped, improved
-from dsfab.slicing.mesh_edit import Cut
-from dsfab.slicing.quality import quality
+from dsfab.slicing.finishing.mesh_quality import Cut, Improved, flipped, improved, quality
+from dsfab.slicing.measures.lines import outline_labels
 from dsfab.surface import Surface
 from dsfab.surface.topology import euler_characteristic, manifold_faults, pieces
 from tests.presets import DOME_MODES

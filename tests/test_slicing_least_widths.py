@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dsfab.slicing import Sheet, cut, resolve_pinches, with_least_widths
-from dsfab.slicing.features import Features, features
+from dsfab.slicing.measures.widths import Features, features
 from dsfab.surface import Surface
 from tests.test_slicing import material_area
 from tests.test_slicing_necks import check_bridged

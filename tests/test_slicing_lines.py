@@ -7,10 +7,9 @@ import pytest
 
 from dsfab.pattern import Stripes
 from dsfab.slicing import cut
-from dsfab.slicing.lines import centre_lines, edge_lines
+from dsfab.slicing.measures.lines import centre_lines, edge_lines
 from dsfab.surface import Surface
-from dsfab.surface.hats import hat_gradients
-from dsfab.surface.lines import chains, level_lines, polyline_length, simplified_line
+from dsfab.surface.fields import chains, hat_gradients, level_lines, polyline_length, simplified_line
 from tests.zoo import ZOO, grid, jittered, sphere, zoo
 
 

@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 
 from dsfab.slicing import chart_of, cut, halved
-from dsfab.slicing.lines import CornerLines, chart_lines, edge_lines
-from dsfab.slicing.sheet import Sheet
+from dsfab.slicing.cutting.sheet import Sheet
+from dsfab.slicing.measures.lines import CornerLines, chart_lines, edge_lines
 from dsfab.surface import Surface
-from dsfab.surface.corner_field import CornerField
+from dsfab.surface.fields import CornerField
 from tests.test_slicing_lines import tube
 from tests.zoo import grid, jittered
 

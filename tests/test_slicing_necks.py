@@ -6,11 +6,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dsfab.slicing import Sheet, bridged_gaps, bridged_necks, cut, resolve_pinches
-from dsfab.slicing.features import features
-from dsfab.slicing.fillet import rounded_corners
-from dsfab.slicing.narrow_places import narrow_gaps
-from dsfab.slicing.necks import REACH
-from dsfab.slicing.openings import Openings
+from dsfab.slicing.finishing.fillets import rounded_corners
+from dsfab.slicing.finishing.least_widths import REACH, narrow_gaps
+from dsfab.slicing.finishing.openings import Openings
+from dsfab.slicing.measures.widths import features
 from dsfab.surface import Surface
 from dsfab.surface.topology import euler_characteristic, manifold_faults
 from tests.test_slicing import check_laws, material_area

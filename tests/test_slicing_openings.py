@@ -4,9 +4,10 @@ import numpy as np
 import pytest
 
 from dsfab import load_preset
-from dsfab.pipeline.measures import largest_filling
-from dsfab.slicing import Openings, Sheet, Tidy, cut, filled_crumbs, filled_openings, filled_slits, openings
-from dsfab.slicing.openings import CRUMB, NARROWER
+from dsfab.design.pattern_measures import largest_filling
+from dsfab.slicing import Openings, Sheet, Tidy, cut, filled_crumbs, filled_openings, filled_slits
+from dsfab.slicing.finishing import openings
+from dsfab.slicing.finishing.openings import CRUMB, NARROWER
 from dsfab.surface import Surface
 from tests.designs import sliced
 from tests.meshes import mesh_file

@@ -5,8 +5,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dsfab.errors import PatternError
-from dsfab.slicing import Sheet, cut, pinch, resolve_pinches
+from dsfab.core.errors import PatternError
+from dsfab.slicing import Sheet, cut, resolve_pinches
+from dsfab.slicing.finishing import point_contacts
 from dsfab.surface import Surface
 from dsfab.surface.topology import pieces, pinches
 from tests.test_slicing import check_laws, material_area
@@ -120,7 +121,7 @@ def test_corner_cuts_finish_what_discs_leave(seed, share, monkeypatch):
     done = resolve_pinches(sheet, share * surface.mean_edge, "split")
     assert pinch_count(done.sheet) == 0
     check_laws(surface, done.sheet)
-    monkeypatch.setattr(pinch, "CORNER_ROUNDS", 0)
+    monkeypatch.setattr(point_contacts, "CORNER_ROUNDS", 0)
     with pytest.raises(PatternError, match="still meets in a single point at 1 vertices"):
         resolve_pinches(sheet, share * surface.mean_edge, "split")
 
@@ -139,8 +140,8 @@ def test_disc_that_swallows_a_neighbour_counts_once():
 @both_rules
 def test_corner_cuts_alone_need_one_round(rule, monkeypatch):
     """A corner cut makes no new pinch, whatever the radius; it reaches 0.4 of an edge at most."""
-    monkeypatch.setattr(pinch, "DISC_ROUNDS", 0)
-    monkeypatch.setattr(pinch, "CORNER_ROUNDS", 1)
+    monkeypatch.setattr(point_contacts, "DISC_ROUNDS", 0)
+    monkeypatch.setattr(point_contacts, "CORNER_ROUNDS", 1)
     for surface in (sphere(3), jittered(grid(9, 9, 1.0, 1.0))):
         sheet = noisy(surface, seed=1)
         for radius in (0.05 * surface.mean_edge, 10 * surface.mean_edge):

@@ -5,7 +5,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dsfab.slicing.straight import far_ends
+from dsfab.slicing.measures.widths import far_ends
 from dsfab.surface import Surface
 
 LONG, WIDE = 3.0, 0.7

@@ -3,11 +3,12 @@
 import numpy as np
 import pytest
 
-from dsfab.slicing import Sheet, Tidy, cut, material_area, straight_bars
-from dsfab.slicing.cells import Cells
-from dsfab.slicing.fair_bar import FairBar
-from dsfab.slicing.polygon_mesh import PolygonMesh
-from dsfab.surface.corner_field import CornerField
+from dsfab.slicing import Sheet, Tidy, cut, material_area
+from dsfab.slicing.cutting import straight_bars
+from dsfab.slicing.cutting.cells import Cells
+from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
+from dsfab.slicing.cutting.straight_bars import FairBar
+from dsfab.surface.fields import CornerField
 from dsfab.surface.topology import manifold_faults
 from tests.test_slicing_stubs import FRAME, HALF, HIGH, LONG, PLATE, blank_face, material, parts
 

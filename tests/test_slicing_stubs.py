@@ -5,15 +5,15 @@ import pytest
 from hypothesis import assume, given, settings
 from hypothesis import strategies as st
 
-from dsfab.pipeline import draft
-from dsfab.pipeline.measures import measured_pattern
-from dsfab.preset_file import overridden
-from dsfab.proposal import preset_for
+from dsfab.design import draft
+from dsfab.design.pattern_measures import measured_pattern
+from dsfab.preset.file import overridden
+from dsfab.preset.proposal import preset_for
 from dsfab.slicing import Tidy, cut, material_area
-from dsfab.slicing.sheet import Sheet
-from dsfab.slicing.stubs import LARGE, LARGER
+from dsfab.slicing.cutting.sheet import Sheet
+from dsfab.slicing.cutting.stubs import LARGE, LARGER
 from dsfab.surface import pieces
-from dsfab.surface.corner_field import CornerField
+from dsfab.surface.fields import CornerField
 from dsfab.surface.topology import manifold_faults
 from tests.meshes import mesh_file
 from tests.own_meshes import OWN
@@ -96,7 +96,7 @@ def test_what_cuts_off_an_eyelet_goes_though_the_opening_is_larger_than_most(mon
     sheet = sheet_of(posts, 2.22, 1.7)
     assert sheet.stubs == 1
     assert material(sheet) == pytest.approx(whole(posts) - 2 * HALF * 1.3, abs=1e-9)
-    monkeypatch.setattr("dsfab.slicing.stubs.EYELET", 0.0)
+    monkeypatch.setattr("dsfab.slicing.cutting.stubs.EYELET", 0.0)
     assert sheet_of(posts, 2.22, 1.7).stubs == 0
 
 
@@ -106,7 +106,7 @@ def test_what_divides_good_openings_stays(monkeypatch):
     sheet = sheet_of(posts, 1.5, 3.45)
     assert sheet.stubs == 0
     assert material(sheet) == pytest.approx(whole(posts), abs=1e-9)
-    monkeypatch.setattr("dsfab.slicing.stubs.GOOD", 9.0)
+    monkeypatch.setattr("dsfab.slicing.cutting.stubs.GOOD", 9.0)
     assert sheet_of(posts, 1.5, 3.45).stubs == 1
 
 
@@ -143,13 +143,13 @@ def test_it_is_a_whole_bar_or_nothing(steps, y, column):
 @pytest.mark.parametrize(("name", "least", "gone"), [("roof", 3, (4.16, 0.99)), ("terrain", 4, (1.4, 22.3))])
 def test_hooks_of_a_surface_of_ones_own_go_and_nothing_gets_worse(name, least, gone, tmp_path, monkeypatch):
     """A hook under a member of the roof; and an ear of two stubs that overlap at the rim of a terrain."""
-    monkeypatch.setattr("dsfab.slicing.halving.GAIN", np.inf)  # with less crowded lines both have fewer
+    monkeypatch.setattr("dsfab.slicing.cutting.halving.GAIN", np.inf)  # with less crowded lines both have fewer
     mesh = mesh_file("roof_with_opening.obj") if name == "roof" else OWN["terrain"](tmp_path)
     made = draft(overridden(preset_for(mesh), {"pattern.major.spacing": 0.3} if name == "roof" else {}))
     found = []
     for large, larger in ((0.0, 0.0), (LARGE, LARGER)):
-        monkeypatch.setattr("dsfab.slicing.stubs.LARGE", large)
-        monkeypatch.setattr("dsfab.slicing.stubs.LARGER", larger)
+        monkeypatch.setattr("dsfab.slicing.cutting.stubs.LARGE", large)
+        monkeypatch.setattr("dsfab.slicing.cutting.stubs.LARGER", larger)
         sheet = cut(made.surface, made.pattern.fields, made.pattern.levels, made.preset.slicing.snap, made.pattern.tidy)
         solid = sheet.kept().surface
         away = np.linalg.norm(solid.centroids[:, :2] - gone, axis=1).min() / made.preset.pattern.major.spacing

@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dsfab.slicing import Tidy, cut, material_area
-from dsfab.slicing.polygon_mesh import PolygonMesh
+from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
 from dsfab.surface import Surface
 from dsfab.surface.topology import manifold_faults
 from tests.zoo import grid

@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dsfab.slicing import Sheet, cut, resolve_pinches, widened_members
-from dsfab.slicing.features import features
-from dsfab.slicing.fillet import rounded_corners
-from dsfab.slicing.narrow_places import narrow_members
+from dsfab.slicing.finishing.fillets import rounded_corners
+from dsfab.slicing.finishing.least_widths import narrow_members
+from dsfab.slicing.measures.widths import features
 from dsfab.surface import Surface
 from tests.test_slicing import material_area
 from tests.test_slicing_fillet import striped_ball

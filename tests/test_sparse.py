@@ -10,26 +10,22 @@ from numpy.testing import assert_allclose
 from scipy.linalg import cho_factor, cho_solve
 from scipy.sparse import csr_array, diags_array
 
-from dsfab import sparse
-from dsfab.sparse import (
+from dsfab.core import sparse
+from dsfab.core.sparse import (
     ConvergenceError,
     FactorMemoryError,
     NotPositiveDefinite,
     OnePattern,
+    cholesky,
     factorise,
-    memory,
-    multigrid,
+    libraries,
     one_blas_thread,
-    superlu,
-    threads,
 )
-from dsfab.sparse.dissection import dissection_keys, point_graph
-from dsfab.sparse.multifrontal import Fronts, Multifrontal
-from dsfab.sparse.pardiso import Pardiso, _release
-from dsfab.sparse.superlu import SuperLU
+from dsfab.core.sparse.cholesky import Fronts, Multifrontal, dissection_keys, point_graph
+from dsfab.core.sparse.libraries import Pardiso, SuperLU, _release
 from dsfab.statics import Elements, bending_stiffness, membrane_stiffness
-from dsfab.statics.factor import factored
-from dsfab.statics.mechanisms import rigid_motions
+from dsfab.statics.boundary_conditions import rigid_motions
+from dsfab.statics.factorisation import factored
 from tests.test_statics import STEEL
 from tests.zoo import ZOO, grid, jittered, lifted, zoo
 
@@ -193,12 +189,12 @@ def test_pardiso_solves_with_the_threads_it_factorised_with(alone, monkeypatch):
     Small systems have one, on any number of cores: two take twice the time.
     """
     require("PARDISO")
-    monkeypatch.setattr("dsfab.sparse.pardiso.ALONE", alone)
+    monkeypatch.setattr("dsfab.core.sparse.libraries.ALONE", alone)
     K, points, node = system(ZOO["saddle"]())
     solve = factorise(K, points, node, "PARDISO")
     library, call, seen = solve._solver.libmkl, solve._solver._mkl_pardiso, []
     solve._solver._mkl_pardiso = lambda *given: (seen.append(library.MKL_Get_Max_Threads()), call(*given))
-    threads._pools.cache_clear()  # PARDISO's library may have been loaded since the last look
+    cholesky._pools.cache_clear()  # PARDISO's library may have been loaded since the last look
     solve(np.ones(K.shape[0]))
     with one_blas_thread():
         assert library.MKL_Get_Max_Threads() == 1
@@ -242,8 +238,8 @@ def test_the_name_is_that_of_the_solver_used(found, name, monkeypatch):
 def test_a_factor_that_does_not_fit_is_refused(solver, monkeypatch):
     require(solver)
     for module in (sparse, sparse.pardiso):
-        monkeypatch.setattr(module, "require_memory", memory.require_memory)
-    monkeypatch.setattr(memory, "free_memory", lambda: 1000)
+        monkeypatch.setattr(module, "require_memory", cholesky.require_memory)
+    monkeypatch.setattr(cholesky, "free_memory", lambda: 1000)
     monkeypatch.setattr(sparse, "solver_name", lambda: solver)
     K, points, node = system(ZOO["flat"]())
     with pytest.raises(FactorMemoryError, match=r"needs 0\.\d GiB, 0\.0 GiB are free; use a coarser mesh"):
@@ -263,9 +259,9 @@ def test_multigrid_stands_in_where_the_factor_does_not_fit(monkeypatch):
     surface, K, held = held_dome()
     direct = factored(surface, K, held)
     b = np.random.default_rng(0).standard_normal((len(direct.free), 2))
-    monkeypatch.setattr(memory, "free_memory", lambda: 1000)
+    monkeypatch.setattr(cholesky, "free_memory", lambda: 1000)
     iterative = factored(surface, K, held)
-    assert isinstance(iterative.solve, multigrid.Multigrid)
+    assert isinstance(iterative.solve, libraries.Multigrid)
     expected = direct.solve(b)
     assert_allclose(iterative.solve(b), expected, atol=1e-7 * np.abs(expected).max())
 
@@ -275,7 +271,7 @@ def test_multigrid_refuses_what_it_could_not_solve(monkeypatch):
     surface, K, held = held_dome(24)
     factor = factored(surface, K, held)
     rigid = rigid_motions(surface.V).reshape(-1, 6)[factor.free] / factor.scale[:, None]
-    monkeypatch.setattr(multigrid, "ITERATIONS", 1)
+    monkeypatch.setattr(libraries, "ITERATIONS", 1)
     solve = factorise(factor.inner, surface.V, factor.free // 3, "multigrid", rigid)
     with pytest.raises(ConvergenceError, match="stopped at a relative residual"):
         solve(np.random.default_rng(0).standard_normal(len(factor.free)))
@@ -284,7 +280,7 @@ def test_multigrid_refuses_what_it_could_not_solve(monkeypatch):
 def test_an_order_of_elimination_serves_another_matrix_of_the_same_pattern(monkeypatch):
     K, points, node = system(ZOO["dome"]())
     order = SuperLU(K, points, node).order
-    monkeypatch.setattr(superlu, "elimination_order", lambda *_: pytest.fail("found again"))
+    monkeypatch.setattr(libraries, "elimination_order", lambda *_: pytest.fail("found again"))
     twice = SuperLU(2 * K, points, node, order=order)
     b = np.ones(K.shape[0])
     assert_allclose(2 * (K @ twice(b)), b, atol=1e-8)
@@ -301,11 +297,11 @@ def test_pivots_are_read_unless_the_matrix_is_known_to_be_definite():
 def test_a_small_factor_gives_no_memory_back(monkeypatch):
     """It takes longer than the factor; after a large one it is done."""
     asked = []
-    monkeypatch.setattr(memory, "_malloc_trim", lambda: asked.append)
+    monkeypatch.setattr(cholesky, "_malloc_trim", lambda: asked.append)
     require("PARDISO")
     Pardiso(system(grid(2, 2, 1.0, 1.0))[0])
     assert asked == []
-    memory.give_back(2 * memory.LITTLE)
+    cholesky.give_back(2 * cholesky.LITTLE)
     assert asked == [0]
 
 

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from dsfab import sparse
-from dsfab.errors import StaticsError
+from dsfab.core import sparse
+from dsfab.core.errors import StaticsError
 from dsfab.statics import (
     Equilibrium,
     Material,
@@ -17,8 +17,8 @@ from dsfab.statics import (
     stress,
     von_mises,
 )
-from dsfab.statics.hinges import angle_gradients, hinges
-from dsfab.statics.mechanisms import rigid_motions
+from dsfab.statics.assembly import angle_gradients, hinges
+from dsfab.statics.boundary_conditions import rigid_motions
 from dsfab.surface import LoadCase, Surface
 from tests.zoo import ZOO, grid, jittered, zoo
 

@@ -9,8 +9,9 @@ from numpy.testing import assert_allclose
 from dsfab import load_preset
 from dsfab.app.build import Files, PictureFlags, build
 from dsfab.app.options import Source
-from dsfab.errors import PresetError
-from dsfab.pipeline import draft
+from dsfab.core.errors import PresetError
+from dsfab.core.units import GRAVITY
+from dsfab.design import draft
 from dsfab.statics import (
     PAPER,
     Ask,
@@ -19,15 +20,14 @@ from dsfab.statics import (
     SheetModel,
     buckling,
     elements_of,
-    factor,
     factored,
+    factorisation,
     frequencies,
     sheet_stiffness,
     solve_statics,
     spread_load,
 )
 from dsfab.statics.modes import _normalised
-from dsfab.units import GRAVITY
 from tests.presets import DOME_MODES
 from tests.test_statics_modes import STEEL, hold, rim
 from tests.zoo import grid
@@ -42,13 +42,13 @@ ALL = {"statics.strength": 235e6, "statics.frequencies": 2, "statics.buckling": 
 def factorisations(monkeypatch):
     """Sizes of the matrices that statics factorise; modes of the pattern have their own."""
     made = []
-    original = factor.factorise
+    original = factorisation.factorise
 
     def counted(K, *rest, **more):
         made.append(len(rest[1]))
         return original(K, *rest, **more)
 
-    monkeypatch.setattr(factor, "factorise", counted)
+    monkeypatch.setattr(factorisation, "factorise", counted)
     return made
 
 
@@ -261,7 +261,7 @@ def test_a_build_that_asks_nothing_tells_no_stress_by_hinges(tmp_path, capsys):
 
 def test_of_many_vertices_no_better_elements_are_asked(monkeypatch, factorisations):
     """At 250 000 they took 17 GB where all else took 3.6, and a million was killed."""
-    monkeypatch.setattr("dsfab.pipeline.answers.ANSWERED", 50)
+    monkeypatch.setattr("dsfab.design.surface_and_statics.ANSWERED", 50)
     made = small(thickness=0.002, strength=1e3, frequencies=1)
     assert made.surface.n > 50
     assert len(factorisations) == 1

@@ -7,11 +7,11 @@ import pytest
 from numpy.testing import assert_allclose
 
 from dsfab import load_preset, run
-from dsfab.report.design.balance import case_lines
+from dsfab.core.messages import force
 from dsfab.report.design.facts import facts
+from dsfab.report.design.statics import case_lines
 from dsfab.statics import Elements, Material, SheetModel, resultant, solve_statics, spread_load, support_reactions
 from dsfab.surface import Box, Line, LoadCase, Side, Snow, Support, Vertices
-from dsfab.wording import force
 from tests.presets import BARREL_VAULT_MODES
 from tests.zoo import ZOO, grid, zoo
 

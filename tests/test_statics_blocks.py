@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dsfab.arrays import complement, distinct
+from dsfab.core.arrays import complement, distinct
 from dsfab.statics import (
     PAPER,
     Elements,
@@ -14,8 +14,7 @@ from dsfab.statics import (
     membrane_stiffness,
     sheet_stiffness,
 )
-from dsfab.statics.blocks import vertex_pairs
-from dsfab.statics.hinges import angle_gradients, hinges
+from dsfab.statics.assembly import angle_gradients, hinges, vertex_pairs
 from dsfab.statics.membrane import corner_strains
 from dsfab.surface import Surface
 from tests.zoo import ZOO

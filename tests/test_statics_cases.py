@@ -5,13 +5,23 @@ import pytest
 from numpy.testing import assert_allclose
 
 from dsfab import load_preset, revise, run
+from dsfab.core.errors import PresetError, StaticsError, SurfaceError
 from dsfab.diffusion import combined_stress, diffusion_tensors
-from dsfab.errors import PresetError, StaticsError, SurfaceError
 from dsfab.pattern import relative_stresses
-from dsfab.preset_file import overridden, preset_toml
-from dsfab.report.design.balance import case_lines
+from dsfab.preset.file import overridden, preset_toml
 from dsfab.report.design.facts import facts
-from dsfab.statics import Elements, Material, SheetModel, factor, solve, solve_cases, solve_statics, spread_load, stress
+from dsfab.report.design.statics import case_lines
+from dsfab.statics import (
+    Elements,
+    Material,
+    SheetModel,
+    factorisation,
+    solve,
+    solve_cases,
+    solve_statics,
+    spread_load,
+    stress,
+)
 from dsfab.study.comparison import comparison
 from dsfab.surface import Boundary, Force, LoadCase, Side, Snow, Support, Vertices, Wind, load_cases, together
 from tests.presets import DOME_MODES
@@ -47,7 +57,7 @@ def solved(surface, elements, loads=LOADS, sums=SUMS):
 def test_cases_and_their_combinations_are_what_each_gives_alone(elements, solver, monkeypatch):
     if solver == "PARDISO":
         pytest.importorskip("pypardiso")
-    monkeypatch.setattr("dsfab.sparse.solver_name", lambda: solver)
+    monkeypatch.setattr("dsfab.core.sparse.solver_name", lambda: solver)
     surface = ZOO["dome"]()
     cases, spreads, answers = solved(surface, elements)
     assert list(answers) == ["snow", "wind", "crane", "uls", "lift"]
@@ -77,22 +87,22 @@ def same(one, other, share):
 
 
 def test_many_cases_are_factorised_once(monkeypatch):
-    count, factorise = [], factor.factorise
-    monkeypatch.setattr(factor, "factorise", lambda *args, **more: count.append(1) or factorise(*args, **more))
+    count, factorise = [], factorisation.factorise
+    monkeypatch.setattr(factorisation, "factorise", lambda *args, **more: count.append(1) or factorise(*args, **more))
     solved(ZOO["dome"](), PAIRS[0])
     assert len(count) == 1
 
 
 def test_the_residual_of_a_combination_bounds_the_true_one(monkeypatch):
     """A solver that is off by d leaves every case with an error of d, if nothing is refined, and so the sum of two."""
-    surface, factorise = grid(4, 4, 1.0, 1.0), factor.factorise
+    surface, factorise = grid(4, 4, 1.0, 1.0), factorisation.factorise
 
     def careless(*args, **more):
         exact = factorise(*args, **more)
         return lambda b: 0.9999 * exact(b)
 
-    monkeypatch.setattr(factor, "factorise", careless)
-    monkeypatch.setattr(factor, "REFINEMENTS", 0)
+    monkeypatch.setattr(factorisation, "factorise", careless)
+    monkeypatch.setattr(factorisation, "REFINEMENTS", 0)
     monkeypatch.setattr(solve, "BALANCE", 1.0)
     monkeypatch.setattr(solve, "RESIDUAL", 1.0)
     loads = [Force(Side("x", "max"), (0.0, 0.0, -f), case=name) for name, f in (("a", 1.0), ("b", 3.0))]

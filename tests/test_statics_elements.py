@@ -9,8 +9,10 @@ from hypothesis import strategies as st
 from scipy.sparse import eye_array
 from scipy.spatial.transform import Rotation
 
-from dsfab import load_preset, run, sparse
-from dsfab.errors import StaticsError
+from dsfab import load_preset, run
+from dsfab.core import sparse
+from dsfab.core.errors import StaticsError
+from dsfab.core.units import GRAVITY
 from dsfab.statics import (
     PAPER,
     Elements,
@@ -20,20 +22,20 @@ from dsfab.statics import (
     bending_stiffness,
     elements_of,
     equilibrium,
-    factor,
+    factorisation,
     membrane_stiffness,
     solve,
     solve_statics,
     spread_load,
     stress,
 )
+from dsfab.statics.boundary_conditions import held_on_edges
 from dsfab.statics.elements import edge_frames
-from dsfab.statics.supports import held_on_edges
-from dsfab.study.verification import TESTS
 from dsfab.surface import LoadCase, Surface
-from dsfab.surface.loads import Force, Pressure, SelfWeight, Support
-from dsfab.surface.pickers import Boundary, Box
-from dsfab.units import GRAVITY
+from dsfab.surface.loads.load_case import Force, Pressure, SelfWeight
+from dsfab.surface.loads.pickers import Boundary, Box
+from dsfab.surface.loads.supports import Support
+from dsfab.verification import TESTS
 from tests.presets import DOME_MODES
 from tests.test_statics import STEEL, H, case
 from tests.zoo import ZOO, grid, jittered, lifted, sphere
@@ -366,19 +368,19 @@ def test_a_poor_solution_is_refined_or_refused(share, says, monkeypatch):
     """A solver that is off by d leaves an error of d^k after k steps: refused where that does not halve it."""
     surface = grid(4, 4, 1.0, 1.0)
     load = case(surface, [(surface.V[:, 0] < 1e-9, "xy")], [(surface.V[:, 0] > 1 - 1e-9, (1.0, 0, 0))])
-    factorise = factor.factorise
+    factorise = factorisation.factorise
 
     def careless(*args, **kwargs):
         exact = factorise(*args, **kwargs)
         return lambda b: share * exact(b)
 
-    monkeypatch.setattr(factor, "factorise", careless)
+    monkeypatch.setattr(factorisation, "factorise", careless)
     monkeypatch.setattr(solve, "BALANCE", 1.0)
     if says:
         with pytest.raises(StaticsError, match=says):
             solve_statics(SheetModel(surface, STEEL, H), load)
     else:
-        assert solve_statics(SheetModel(surface, STEEL, H), load).residual <= factor.ACCURATE
+        assert solve_statics(SheetModel(surface, STEEL, H), load).residual <= factorisation.ACCURATE
 
 
 def test_long_beams_of_many_cells_are_not_taken_for_mechanisms():

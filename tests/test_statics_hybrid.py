@@ -9,7 +9,7 @@ from dsfab.statics import (
     SheetModel,
     SpreadLoad,
     elements_of,
-    hybrid,
+    membrane,
     membrane_stiffness,
     membrane_strains,
     membrane_stresses,
@@ -17,9 +17,9 @@ from dsfab.statics import (
     solve_statics,
     stress,
 )
-from dsfab.statics.hybrid import AIRY, hybrid_rigidity
-from dsfab.study.verification import TESTS
+from dsfab.statics.membrane import AIRY, hybrid_rigidity
 from dsfab.surface import Surface
+from dsfab.verification import TESTS
 from tests.test_statics import STEEL, H, case
 from tests.zoo import grid, jittered
 
@@ -57,7 +57,7 @@ def test_every_stress_is_in_equilibrium_and_compatible():
     h = 0.5  # differences of quadratics are exact
 
     def at(x: float, y: float) -> np.ndarray:
-        return np.einsum("p,pik->ik", [x**a * y**b for a, b in hybrid.MONOMIALS], hybrid.STRESSES)
+        return np.einsum("p,pik->ik", [x**a * y**b for a, b in membrane.MONOMIALS], membrane.STRESSES)
 
     x, y = 0.7, -0.4
     dx, dy = (at(x + h, y) - at(x - h, y)) / (2 * h), (at(x, y + h) - at(x, y - h)) / (2 * h)
@@ -66,7 +66,7 @@ def test_every_stress_is_in_equilibrium_and_compatible():
     trace = lambda *p: at(*p)[:2].sum(axis=0)  # noqa: E731
     laplacian = trace(x + h, y) + trace(x - h, y) + trace(x, y + h) + trace(x, y - h) - 4 * trace(x, y)
     assert np.abs(laplacian).max() <= 1e-12
-    assert np.linalg.matrix_rank(hybrid.STRESSES.reshape(18, -1)) == len(AIRY) == 11
+    assert np.linalg.matrix_rank(membrane.STRESSES.reshape(18, -1)) == len(AIRY) == 11
 
 
 def test_it_is_never_stiffer_than_the_quadratic_triangle_and_never_collapses(monkeypatch):
@@ -74,7 +74,7 @@ def test_it_is_never_stiffer_than_the_quadratic_triangle_and_never_collapses(mon
     assert weakest(triangles(*SHAPES)) > 0.1
     # one pair of quartic stresses would do on most triangles, and lets the right isosceles one collapse
     pair = (*AIRY[:7], AIRY[7], {(3, 1): 1, (1, 3): 1})
-    monkeypatch.setattr(hybrid, "STRESSES", hybrid._stresses(pair))
+    monkeypatch.setattr(membrane, "STRESSES", membrane._stresses(pair))
     assert weakest(triangles(RIGHT)) == pytest.approx(0, abs=1e-9)
 
 
@@ -82,7 +82,7 @@ def test_with_all_linear_stresses_it_is_the_quadratic_triangle(monkeypatch):
     linear = np.zeros((6, 3, 9))
     for k in range(9):
         linear[k // 3, k % 3, k] = 1
-    monkeypatch.setattr(hybrid, "STRESSES", linear)
+    monkeypatch.setattr(membrane, "STRESSES", linear)
     surface = triangles(*SHAPES)
     mass = np.kron((np.eye(3) + 1) / 12, C) * surface.areas[:, None, None]
     assert np.abs(hybrid_rigidity(surface, C) - mass).max() <= 1e-10 * np.abs(mass).max()

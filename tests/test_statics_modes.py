@@ -5,8 +5,8 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.linalg import eigh
 
-from dsfab import sparse
-from dsfab.errors import StaticsError
+from dsfab.core import sparse
+from dsfab.core.errors import StaticsError
 from dsfab.statics import (
     Elements,
     Material,

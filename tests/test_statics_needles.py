@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dsfab.errors import StaticsError
+from dsfab.core.errors import StaticsError
 from dsfab.statics import Material, SheetModel, elements_of, solve_cases, solve_for
 from dsfab.surface import LoadCase, Surface
 from tests.zoo import lifted

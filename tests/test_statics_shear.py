@@ -6,7 +6,7 @@ from numpy.testing import assert_allclose
 
 from dsfab.statics import Elements, ShearRecovery, section_forces
 from dsfab.surface import Surface
-from dsfab.surface.hats import hat_gradients, tangents
+from dsfab.surface.fields import hat_gradients, tangents
 from tests.test_section_forces import carried, forces_of, short_tube
 from tests.test_statics_elements import flipped
 from tests.test_statics_modes import hold, order, rim

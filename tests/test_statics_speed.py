@@ -8,13 +8,21 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.sparse import coo_array, csr_array, diags_array
 
-from dsfab import sparse
 from dsfab.app import bench
-from dsfab.errors import DsfabError
-from dsfab.sparse.pardiso import Pardiso
-from dsfab.statics import PAPER, Elements, SheetModel, bending_stiffness, factor, membrane_stiffness, sheet_stiffness
+from dsfab.core import sparse
+from dsfab.core.errors import DsfabError
+from dsfab.core.sparse.libraries import Pardiso
+from dsfab.statics import (
+    PAPER,
+    Elements,
+    SheetModel,
+    bending_stiffness,
+    factorisation,
+    membrane_stiffness,
+    sheet_stiffness,
+)
 from dsfab.statics.elements import assembled, edge_frames
-from dsfab.statics.factor import factored, refined_solution
+from dsfab.statics.factorisation import factored, refined_solution
 from tests.test_statics import STEEL
 from tests.zoo import ZOO, zoo
 
@@ -77,7 +85,7 @@ def test_refinement_reaches_what_double_precision_cannot():
     plain += solver(b - K @ plain)  # a step of refinement with a residual in double precision
     x, residual = refined_solution(K, b, solver)
     long = K.astype(np.longdouble)
-    off, told = (factor._energy_share(*true_residual(long, solver, b, y), b, y) for y in (plain, x))
+    off, told = (factorisation._energy_share(*true_residual(long, solver, b, y), b, y) for y in (plain, x))
     assert residual.shape == (2,)
     assert_allclose(residual, told, rtol=1e-6)
     assert (residual <= 1e-8).all()
@@ -86,10 +94,10 @@ def test_refinement_reaches_what_double_precision_cannot():
 
 
 def test_longer_numbers_are_made_of_a_few_rows_at_a_time(monkeypatch):
-    monkeypatch.setattr(factor, "ROWS", 7)
+    monkeypatch.setattr(factorisation, "ROWS", 7)
     rng = np.random.default_rng(0)
     K, free, scale = csr_array(rng.random((30, 30)) / 3), np.arange(1, 30, 2), rng.random(15)
-    long, x = factor.Scaled(K, free, scale).astype(np.longdouble), rng.random((15, 2))
+    long, x = factorisation.Scaled(K, free, scale).astype(np.longdouble), rng.random((15, 2))
     full = np.zeros((30, 2))
     full[free] = scale[:, None] * x
     exact = scale[:, None] * (K.astype(np.longdouble) @ full)[free]
@@ -135,7 +143,7 @@ def test_the_factor_takes_its_memory_when_the_scaled_copy_is_gone(monkeypatch):
     pytest.importorskip("pypardiso")
     surface = ZOO["dome"]()
     alive, made = [], []
-    original, call = factor._restricted, Pardiso._call
+    original, call = factorisation._restricted, Pardiso._call
 
     def restricted(*args):
         matrix = original(*args)
@@ -146,7 +154,7 @@ def test_the_factor_takes_its_memory_when_the_scaled_copy_is_gone(monkeypatch):
         alive.append((phase, sum(matrix() is not None for matrix in made)))
         return call(self, phase, b)
 
-    monkeypatch.setattr(factor, "_restricted", restricted)
+    monkeypatch.setattr(factorisation, "_restricted", restricted)
     monkeypatch.setattr(Pardiso, "_call", watched)
     held = np.repeat(surface.V[:, 2] < 1e-9, 3)
     K = sheet_stiffness(SheetModel(surface, STEEL, 0.01), PAPER)

@@ -7,8 +7,8 @@ import pytest
 from numpy.testing import assert_allclose
 from scipy.spatial.transform import Rotation
 
-from dsfab.errors import StaticsError
-from dsfab.limits import FACETS
+from dsfab.core.errors import StaticsError
+from dsfab.core.limits import FACETS
 from dsfab.statics import (
     LAYERS,
     Elements,
@@ -26,13 +26,12 @@ from dsfab.statics import (
     stress,
     von_mises,
 )
-from dsfab.statics.curvature import face_moments, facet_number
+from dsfab.statics.bending import CONDENSED, curvatures, moment_loads
+from dsfab.statics.bending_moments import face_moments, facet_number
 from dsfab.statics.elements import edge_frames
-from dsfab.statics.hhj import CONDENSED, moment_loads
-from dsfab.statics.midedge import curvatures
-from dsfab.statics.recovery import averaged
+from dsfab.statics.stress import averaged
 from dsfab.surface import LoadCase, Surface
-from dsfab.surface.hats import tangents
+from dsfab.surface.fields import tangents
 from tests.test_statics_elements import PAIRS, SHEETS, flipped, moebius, pairs, sheets
 from tests.test_statics_modes import hold, order, rim
 from tests.zoo import grid, jittered, lifted, sphere

@@ -9,16 +9,16 @@ import pytest
 
 import dsfab
 from dsfab.app.cli import main
-from dsfab.errors import StaticsError
-from dsfab.preset_file import preset_from, preset_toml
+from dsfab.core.errors import StaticsError
+from dsfab.preset.file import preset_from, preset_toml
 from dsfab.report.compliance import sections
-from dsfab.report.compliance.document import Numbers
 from dsfab.report.compliance.findings import Findings
+from dsfab.report.html_pages import Numbers
 from dsfab.results import Candidate
 from dsfab.study import alternatives as module
 from dsfab.study.alternatives import Alternative, alternatives, design_alternatives, is_searched, losing_line
 from dsfab.study.baselines import BASELINES, ComparisonTask, Structure
-from dsfab.study.judging import quick
+from dsfab.study.judges import quick
 from dsfab.study.sweeps.metrics import METRICS
 from dsfab.surface import SHAPES, Surface
 

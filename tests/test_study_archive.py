@@ -8,13 +8,13 @@ import numpy as np
 import pytest
 
 from dsfab.app.cli import main
-from dsfab.delivery.archive import LAYOUT, MADE_BY, NAME, read_archive, write_archive
-from dsfab.delivery.files import deliverable
+from dsfab.design import design as stages
+from dsfab.design import run
+from dsfab.design.output.archive import LAYOUT, MADE_BY, NAME, read_archive, write_archive
+from dsfab.design.output.files import deliverable
 from dsfab.export import FORMATS, write
-from dsfab.pipeline import design as stages
-from dsfab.pipeline import run
-from dsfab.preset_file import load_preset
-from dsfab.surface.divided import DividedField
+from dsfab.preset.file import load_preset
+from dsfab.surface.fields import DividedField
 
 SMALL = {"surface.edge": 0.12}
 STEPS = ("surface_step", "statics_step", "diffusion_step", "pattern_stage", "slicing_step", "thickening_step")

@@ -8,17 +8,23 @@ import numpy as np
 import pytest
 
 import dsfab
-from dsfab.app.compare_one import Questions
-from dsfab.errors import DsfabError, PatternError
+from dsfab.app.compare import Questions
+from dsfab.core.errors import DsfabError, PatternError
+from dsfab.design import draft
 from dsfab.pattern import Layer, solved_factor
-from dsfab.pipeline import draft
-from dsfab.report.comparison_chart import NAMES, STYLES
+from dsfab.report.compliance.figures import NAMES, STYLES
 from dsfab.report.compliance.findings import LABELS
 from dsfab.study import compare_at
-from dsfab.study.baselines import BASELINES, SAME_MASS, ComparisonTask, Structure, matching
-from dsfab.study.baselines.matching import area_share, matched_structure, sliced_structure
-from dsfab.study.baselines.striped import principal_axes, scaled_field, turned_tensors
-from dsfab.surface.hats import voronoi_mass
+from dsfab.study.baselines import BASELINES, SAME_MASS, ComparisonTask, Structure, structures
+from dsfab.study.baselines.structures import (
+    area_share,
+    matched_structure,
+    principal_axes,
+    scaled_field,
+    sliced_structure,
+    turned_tensors,
+)
+from dsfab.surface.fields import voronoi_mass
 from tests.presets import SPHERE_GRADED_MODES
 
 CHANGES = {"surface.edge": 0.07}
@@ -125,9 +131,9 @@ def test_competitors_are_tidied_as_they_are_drawn_and_not_as_the_design_is(made,
     """Stripes that do not follow the stress of an evenly striped design would be taken off as astray of it."""
     tidied = replace(task, preset=task.preset.with_pattern(method="stripes"))
     assert tidied.preset.pattern.tidied
-    monkeypatch.setattr(matching, "matched_structure", lambda task, drawing: task)
+    monkeypatch.setattr(structures, "matched_structure", lambda task, drawing: task)
     other = replace(made.diffusion)
-    given = matching.striped_structure(tidied, tidied.preset.with_pattern(method="modes"), other)
+    given = structures.striped_structure(tidied, tidied.preset.with_pattern(method="modes"), other)
     assert not given.preset.pattern.tidied
     assert given.diffusion is other
 

@@ -11,15 +11,14 @@ import numpy as np
 import pytest
 
 import dsfab
+from dsfab.core.units import GRAVITY
 from dsfab.slicing import cut
 from dsfab.statics import Elements, Equilibrium, Material, SheetModel, elements_of, solve_statics, spread_load
-from dsfab.study import finite_elements
-from dsfab.study.check_model import cut_model
-from dsfab.study.finite_elements import nodal_forces, six_node_model
-from dsfab.study.verification import TESTS
-from dsfab.study.verification.problem import Problem
+from dsfab.study import check_model
+from dsfab.study.check_model import cut_model, nodal_forces, six_node_model
 from dsfab.surface import Boundary, LoadCase, SelfWeight, Side, Support, Surface, read_surface
-from dsfab.units import GRAVITY
+from dsfab.verification import TESTS
+from dsfab.verification.problems import Problem
 from tests.calculix import ccx, needs_ccx
 from tests.meshes import mesh_file
 from tests.zoo import grid, jittered
@@ -43,7 +42,7 @@ def ccx_value(problem: Problem, folder, element: str) -> float:
 
 def in_four(surface: Surface) -> Surface:
     """Every triangle in four on the same flat facets."""
-    V, T = finite_elements.six_node_triangles(surface)
+    V, T = check_model.six_node_triangles(surface)
     a, b, c, ab, bc, ca = T.T
     return Surface(V, np.concatenate([np.c_[a, ab, ca], np.c_[b, bc, ab], np.c_[c, ca, bc], np.c_[ab, bc, ca]]))
 
@@ -171,8 +170,8 @@ def test_thick_plane_sections_would_not_be_in_plane_stress(monkeypatch, tmp_path
     """Why the section is written thin: as thick as the sheet, CalculiX finds the cut cantilever stiffer."""
     design = dsfab.run(dsfab.load_preset("cantilever", {"surface.edge": 0.1}))
     energy = []
-    for thin in (finite_elements.THIN, 1e9):
-        monkeypatch.setattr(finite_elements, "THIN", thin)
+    for thin in (check_model.THIN, 1e9):
+        monkeypatch.setattr(check_model, "THIN", thin)
         made = cut_model(design)
         energy.append(ccx(made.model, tmp_path)[0].energy)
     assert made.model.thickness == 0.01

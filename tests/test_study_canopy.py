@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 
 import dsfab
-from dsfab.pipeline import draft
-from dsfab.pipeline.even import even_stripes
-from dsfab.pipeline.patterns import striped_families
-from dsfab.preset_file import load_preset, overridden
-from dsfab.slicing.walls import Walls
+from dsfab.design import draft
+from dsfab.design.even_stripes import even_stripes
+from dsfab.design.stripe_pattern import striped_families
+from dsfab.preset.file import load_preset, overridden
+from dsfab.slicing.finishing.walls import Walls
 from dsfab.study.baselines import ComparisonTask
-from dsfab.study.baselines.matching import striped_structure
-from dsfab.study.judging import quick
+from dsfab.study.baselines.structures import striped_structure
+from dsfab.study.judges import quick
 from tests.canopy import canopy
 
 PRESET = Path(__file__).parents[1] / "outputs" / "gallery" / "canopy.toml"

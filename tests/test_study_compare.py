@@ -9,18 +9,18 @@ import pytest
 
 import dsfab
 from dsfab.app.cli import main
-from dsfab.errors import DsfabError, StaticsError
-from dsfab.pipeline import draft
-from dsfab.pipeline.handover import lost_load, sheet_load
+from dsfab.core.errors import DsfabError, StaticsError
+from dsfab.core.messages import mass
+from dsfab.design import draft
+from dsfab.design.sheet_loads import lost_load, sheet_load
 from dsfab.slicing import cut
 from dsfab.statics import Ask, Elements, SheetModel, solve_statics
 from dsfab.study import compare_at
+from dsfab.study.alternatives import Competitor
 from dsfab.study.baselines import ComparisonTask, Structure
 from dsfab.study.comparison import comparison
-from dsfab.study.competitors import Competitor
-from dsfab.study.judging import quick
+from dsfab.study.judges import quick
 from dsfab.surface import LoadCase
-from dsfab.wording import mass
 from tests.presets import DOME_MODES, SPHERE_GRADED_MODES
 from tests.zoo import grid
 

@@ -9,21 +9,19 @@ import numpy as np
 import pytest
 
 import dsfab
-from dsfab import pipeline
-from dsfab.arrays import from_segments
-from dsfab.delivery.archive import read_archive, write_archive
-from dsfab.delivery.fields import design_fields
-from dsfab.delivery.files import deliverable
-from dsfab.delivery.lines import design_lines
-from dsfab.errors import DsfabError, PresetError
+from dsfab import design
+from dsfab.core.arrays import from_segments
+from dsfab.core.errors import DsfabError, PresetError
+from dsfab.design.design import Design
+from dsfab.design.output.archive import read_archive, write_archive
+from dsfab.design.output.fields import design_fields, design_lines
+from dsfab.design.output.files import deliverable
 from dsfab.export import write
 from dsfab.pattern import frequency_for
-from dsfab.pipeline.design import Design
-from dsfab.preset_file import load_preset, overridden, preset_toml
+from dsfab.preset.file import load_preset, overridden, preset_toml
 from dsfab.study import compare_at
 from dsfab.study.baselines import ComparisonTask
-from dsfab.study.fabrication import fabrication
-from dsfab.study.fix import _coarser
+from dsfab.study.fabrication import _coarser, fabrication
 from dsfab.study.sweeps.metrics import metric_value
 from tests.presets import DOME_MODES
 
@@ -216,17 +214,17 @@ def test_another_width_keeps_the_stripes(change, dome):
     ],
 )
 def test_another_distance_or_load_makes_the_stripes_anew(change, dome):
-    made = pipeline.draft(overridden(dome.preset, change), old=dome)
+    made = design.draft(overridden(dome.preset, change), old=dome)
     assert made.pattern.even is not dome.pattern.even
-    fresh = pipeline.draft(overridden(dome.preset, change))
+    fresh = design.draft(overridden(dome.preset, change))
     for ours, theirs in zip(made.pattern.even.phases, fresh.pattern.even.phases, strict=True):
         assert np.array_equal(ours.value, theirs.value)
 
 
 def test_stripes_come_back_after_modes(dome):
-    modes = pipeline.draft(overridden(dome.preset, {"pattern.method": "modes"}), old=dome)
+    modes = design.draft(overridden(dome.preset, {"pattern.method": "modes"}), old=dome)
     assert modes.pattern.even is None
-    back = pipeline.draft(dome.preset, old=modes)
+    back = design.draft(dome.preset, old=modes)
     assert np.array_equal(back.pattern.even.slope, dome.pattern.even.slope)
 
 
@@ -239,7 +237,7 @@ def test_competitors_share_the_mean_distance(dome):
     given = task.on_modes.pattern
     assert (given.method, given.major.spacing, given.minor.spacing) == ("modes", 1.6, 1.0)
     assert given.width == dome.preset.pattern.width
-    on_modes = ComparisonTask.of(pipeline.draft(load_preset(DOME_MODES, {"surface.edge": 1.2})), 60.0)
+    on_modes = ComparisonTask.of(design.draft(load_preset(DOME_MODES, {"surface.edge": 1.2})), 60.0)
     assert on_modes.on_modes is on_modes.preset
 
 
@@ -322,4 +320,4 @@ def test_one_of_two_keys_takes_the_place_of_the_other_and_both_are_refused():
 )
 def test_what_is_typed_wrong_is_told_in_a_sentence(changes, told):
     with pytest.raises(DsfabError, match=told):
-        pipeline.draft(load_preset(DOME_MODES, SMALL | changes))
+        design.draft(load_preset(DOME_MODES, SMALL | changes))

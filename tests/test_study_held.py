@@ -4,12 +4,11 @@ import numpy as np
 import pytest
 
 import dsfab
-from dsfab.pipeline import held_vertices, sheet_load
-from dsfab.pipeline.regions import acting_on
+from dsfab.design import held_vertices, sheet_load
+from dsfab.design.regions_and_loads import acting_on
 from dsfab.slicing import cut
 from dsfab.study.verdict import whole_sheet
-from dsfab.study.verdict.finer import finer
-from dsfab.study.verdict.smooth import SmoothSurface
+from dsfab.study.verdict.levels import SmoothSurface, finer
 from dsfab.surface import (
     All,
     Ball,

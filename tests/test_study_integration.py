@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dsfab.study.integration import across, integrated_field, signed, typical_slope
+from dsfab.reproduction.earlier_methods import across, integrated_field, signed, typical_slope
 from tests.zoo import grid
 
 

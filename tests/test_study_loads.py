@@ -9,20 +9,21 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import dsfab
-from dsfab.errors import StaticsError, SurfaceError
-from dsfab.pipeline import Design, loads_on, sheet_load
-from dsfab.pipeline.tributary import Tributary, nearest_faces
-from dsfab.report.compliance.document import Numbers
+from dsfab.core.errors import StaticsError, SurfaceError
+from dsfab.core.messages import force
+from dsfab.core.units import GRAVITY
+from dsfab.design import Design, loads_on, sheet_load
+from dsfab.design.sheet_loads import Tributary, nearest_faces
 from dsfab.report.compliance.findings import Findings
 from dsfab.report.compliance.tables import acting_table, loads_table
-from dsfab.report.design.acting import acting_facts, acting_lines
-from dsfab.report.design.balance import cut_load_facts
+from dsfab.report.design.inspection import acting_facts, acting_lines
+from dsfab.report.design.statics import cut_load_facts
+from dsfab.report.html_pages import Numbers
 from dsfab.slicing import cut
 from dsfab.study.check_model import cut_model
 from dsfab.study.comparison import comparison
 from dsfab.study.verdict import LoadedSurface, whole_sheet
-from dsfab.study.verdict.finer import meshes, on_mesh, shares
-from dsfab.study.verdict.smooth import SmoothSurface
+from dsfab.study.verdict.levels import SmoothSurface, meshes, on_mesh, shares
 from dsfab.surface import (
     All,
     Ball,
@@ -40,8 +41,6 @@ from dsfab.surface import (
     load_cases,
     together,
 )
-from dsfab.units import GRAVITY
-from dsfab.wording import force
 from tests.designs import sliced
 from tests.meshes import mesh_file
 from tests.presets import DOME_MODES

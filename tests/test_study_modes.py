@@ -8,21 +8,20 @@ from scipy.sparse import csc_array
 from scipy.sparse.linalg import eigsh
 
 import dsfab
-from dsfab.report.design.answers import mode_facts, mode_lines
+from dsfab.core.messages import bounded
+from dsfab.report.design.statics import mode_facts, mode_lines
 from dsfab.slicing import cut
 from dsfab.statics import Ask, Material, SheetMaterial, SpreadLoad, mode_supports
-from dsfab.statics.out_of_plane import HELD, UPRIGHT
+from dsfab.statics.modes import HELD, UPRIGHT
+from dsfab.study.alternatives import Competitor
 from dsfab.study.baselines import ComparisonTask, Structure
 from dsfab.study.check_model import uncut_model
-from dsfab.study.competitors import Competitor
-from dsfab.study.judges import full
-from dsfab.study.judging import quick
+from dsfab.study.judges import full, quick
 from dsfab.study.verdict import LoadedSurface, mode_intervals, whole_sheet
+from dsfab.study.verdict.estimates import FLOOR, mode_estimate
 from dsfab.study.verdict.modes import PAIR, mode_level
-from dsfab.study.verdict.rules import FLOOR, mode_estimate
-from dsfab.study.verification import TESTS
 from dsfab.surface import LoadCase, Surface
-from dsfab.wording import bounded
+from dsfab.verification import TESTS
 from tests.zoo import grid
 
 BOTH = Ask(frequencies=1, buckling=1)

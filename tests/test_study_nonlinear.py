@@ -17,12 +17,18 @@ import trimesh
 import dsfab
 from dsfab.app.cli import main
 from dsfab.app.terminal import signals_as_interrupts
-from dsfab.errors import StaticsError
+from dsfab.core.errors import StaticsError
 from dsfab.statics import Material
-from dsfab.study.nonlinear import NonlinearCheck, limit_of, nonlinear_check, solid_check, solid_model
-from dsfab.study.nonlinear.calculix import LoadPath, load_path
-from dsfab.study.nonlinear.limit import last_of, softest, without_fillets
-from dsfab.study.nonlinear.running import CcxFiles, run_ccx
+from dsfab.study.calculix import CcxFiles, LoadPath, load_path, run_ccx, solid_model
+from dsfab.study.nonlinear import (
+    NonlinearCheck,
+    last_of,
+    limit_of,
+    nonlinear_check,
+    softest,
+    solid_check,
+    without_fillets,
+)
 from dsfab.surface import LoadCase, Surface
 from tests.calculix import needs_ccx
 from tests.designs import sliced

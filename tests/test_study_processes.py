@@ -6,8 +6,9 @@ import time
 
 import pytest
 
-from dsfab.errors import DsfabError
-from dsfab.study import fitting_processes, made_in_processes, processes
+from dsfab.core.errors import DsfabError
+from dsfab.study import fitting_processes, made_in_processes
+from dsfab.study.sweeps import workers
 
 
 def test_one_worker_is_this_process():
@@ -49,6 +50,6 @@ def test_a_process_that_ends_before_its_time_is_told():
     [(17, 2, 20e9, 2), (1, 8, 20e9, 1), (17, 8, 7e9, 2), (17, 8, 1e9, 1), (17, 4, 0, 4)],
 )
 def test_as_many_fit_as_there_are_cores_and_memory(monkeypatch, count, cores, free, expected):
-    monkeypatch.setattr(processes, "cores", lambda: cores)
-    monkeypatch.setattr(processes, "free_memory", lambda: int(free))
+    monkeypatch.setattr(workers, "cores", lambda: cores)
+    monkeypatch.setattr(workers, "free_memory", lambda: int(free))
     assert fitting_processes(count) == expected

@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 
 import dsfab
-from dsfab.errors import StaticsError
-from dsfab.pipeline import draft
-from dsfab.pipeline.handover import sheet_load
+from dsfab.core.errors import StaticsError
+from dsfab.design import draft
+from dsfab.design.sheet_loads import sheet_load
 from dsfab.statics import Elements, FaceStiffness, Material, SheetModel, solve_statics
 from dsfab.study.baselines import BASELINES, ComparisonTask, Structure
-from dsfab.study.baselines.optimised import level_line, optimised_densities
-from dsfab.study.judging import quick
-from dsfab.study.simp import Simp, densities, face_filter
+from dsfab.study.baselines.topology_optimisation import Simp, densities, face_filter, level_line, optimised_densities
+from dsfab.study.judges import quick
 from dsfab.surface import LoadCase, Surface
 from tests.zoo import grid, lifted
 

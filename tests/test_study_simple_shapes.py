@@ -4,17 +4,17 @@ from typing import NamedTuple
 
 import pytest
 
-from dsfab.pipeline import draft
-from dsfab.pipeline.design import Design
-from dsfab.pipeline.even import even_stripes
-from dsfab.pipeline.log import Log
-from dsfab.pipeline.patterns import striped_families
-from dsfab.pipeline.stressing import stressed_step
-from dsfab.preset import Preset
-from dsfab.preset_file import load_preset, overridden
+from dsfab.design import draft
+from dsfab.design.design import Design
+from dsfab.design.even_stripes import even_stripes
+from dsfab.design.log import Log
+from dsfab.design.mode_search import stressed_step
+from dsfab.design.stripe_pattern import striped_families
+from dsfab.preset.file import load_preset, overridden
+from dsfab.preset.model import Preset
 from dsfab.study.baselines import ComparisonTask, Structure
-from dsfab.study.baselines.matching import striped_structure, widened_structure
-from dsfab.study.judging import quick
+from dsfab.study.baselines.structures import striped_structure, widened_structure
+from dsfab.study.judges import quick
 from tests.meshes import mesh_file
 from tests.presets import BARREL_VAULT_MODES, DOME_MODES, GLOBE_MODES, ROOF_MODES
 

@@ -3,9 +3,9 @@
 import pytest
 
 import dsfab
-from dsfab.pipeline import Design, draft
+from dsfab.design import Design, draft
 from dsfab.study.baselines import BASELINES, ComparisonTask, Structure
-from dsfab.study.judging import quick
+from dsfab.study.judges import quick
 from dsfab.surface import Surface
 from tests.zoo import grid
 

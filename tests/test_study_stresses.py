@@ -6,7 +6,7 @@ import pytest
 import dsfab
 from dsfab.statics import Material, SheetModel, sheet_stress, solve_statics
 from dsfab.study.sweeps.metrics import ABOUT, metric_value
-from dsfab.study.verdict.stresses import (
+from dsfab.study.verdict.estimates import (
     extreme,
     inward_corners,
     off_corners,

@@ -5,10 +5,10 @@ from types import SimpleNamespace
 import pytest
 
 import dsfab
-from dsfab.errors import PresetError, StaticsError
-from dsfab.pipeline.design import Design
+from dsfab.core.errors import PresetError, StaticsError
+from dsfab.design.design import Design
 from dsfab.study.sweeps import BASIC, METRICS
-from dsfab.study.sweeps.cut_sheet import cut_equilibria
+from dsfab.study.sweeps.metrics import cut_equilibria
 from dsfab.study.verdict import check
 from tests.presets import DOME_MODES
 
@@ -69,13 +69,13 @@ def test_metrics_can_be_functions():
     ],
 )
 def test_mistakes_are_told_before_anything_is_built(vary, metrics, says, monkeypatch):
-    monkeypatch.setattr("dsfab.study.sweeps.plain.draft", None)
+    monkeypatch.setattr("dsfab.design.draft", None)
     with pytest.raises(PresetError, match=says):
         dsfab.sweep(PRESET, vary, metrics)
 
 
 def test_metrics_by_name_make_only_the_stages_that_they_need(monkeypatch):
-    monkeypatch.setattr("dsfab.pipeline.design.thickening_step", None)
+    monkeypatch.setattr("dsfab.design.slicing_and_thickening.thickening_step", None)
     (run,) = dsfab.sweep(PRESET, {"pattern.major.phase": [0.1]}, ["area", "pieces", "min_width", "compliance"])
     assert run.error == ""
     assert len(run.metrics) == 4

@@ -11,11 +11,9 @@ from dataclasses import replace
 
 import pytest
 
-from dsfab.errors import DsfabError
-from dsfab.study.sweeps.cluster import DaskWorkers
-from dsfab.study.sweeps.folder import SweepFolder, prepare, sweep_folder
-from dsfab.study.sweeps.lock import only_coordinator
-from dsfab.study.sweeps.worker import execute
+from dsfab.core.errors import DsfabError
+from dsfab.study.sweeps.folder import SweepFolder, only_coordinator, prepare, sweep_folder
+from dsfab.study.sweeps.workers import DaskWorkers, execute
 from tests.presets import ROOF_MODES
 from tests.test_study_sweep_folder import measured, plan, swept
 from tests.zoo import ZOO
@@ -59,7 +57,7 @@ def cluster(folder):
 
 
 def test_without_a_scheduler_it_says_so(tmp_path, monkeypatch):
-    monkeypatch.setattr("dsfab.study.sweeps.cluster.SECONDS", 0.3)
+    monkeypatch.setattr("dsfab.study.sweeps.workers.SECONDS", 0.3)
     with pytest.raises(DsfabError, match="no Dask scheduler answers at tcp://127"):
         DaskWorkers(None, "tcp://127.0.0.1:9")
 

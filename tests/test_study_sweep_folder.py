@@ -15,17 +15,22 @@ from pathlib import Path
 
 import pytest
 
-from dsfab.errors import DsfabError, PresetError
-from dsfab.study.sweeps import local
-from dsfab.study.sweeps.folder import SweepFolder, prepare, sweep_folder
-from dsfab.study.sweeps.local import LocalWorkers, cores, free_memory
-from dsfab.study.sweeps.lock import only_coordinator
-from dsfab.study.sweeps.plan import Plan
-from dsfab.study.sweeps.plan_file import load_plan, plan_from
-from dsfab.study.sweeps.results import best, pareto, records, write_tables
+from dsfab.core.errors import DsfabError, PresetError
+from dsfab.study.sweeps import workers as local
+from dsfab.study.sweeps.folder import (
+    SweepFolder,
+    best,
+    only_coordinator,
+    pareto,
+    prepare,
+    records,
+    sweep_folder,
+    write_tables,
+)
+from dsfab.study.sweeps.plan import Plan, load_plan, plan_from
+from dsfab.study.sweeps.runs import RunRow, Store
 from dsfab.study.sweeps.scheduler import TRIES
-from dsfab.study.sweeps.store import RunRow, Store
-from dsfab.study.sweeps.worker import Outcome, execute
+from dsfab.study.sweeps.workers import LocalWorkers, Outcome, cores, execute, free_memory
 from tests.presets import DOME_MODES
 
 PHASES = [0.0, 0.2, 0.4, 0.6]
@@ -340,7 +345,7 @@ def test_what_was_measured_before_a_failure_is_kept(tmp_path):
 
 
 def test_a_mistake_of_ours_ends_one_run_only(tmp_path, monkeypatch):
-    from dsfab.study.sweeps import worker
+    from dsfab.study.sweeps import workers as worker
 
     def broken(name, made):
         if made.preset.pattern.major.phase == 0.4:
@@ -406,7 +411,7 @@ def test_wrong_values_leave_nothing_behind(tmp_path):
 def test_two_coordinators_are_refused(tmp_path):
     with only_coordinator(tmp_path):
         code = (
-            "import sys; from pathlib import Path; from dsfab.study.sweeps.lock import only_coordinator\n"
+            "import sys; from pathlib import Path; from dsfab.study.sweeps.folder import only_coordinator\n"
             "with only_coordinator(Path(sys.argv[1])): pass"
         )
         other = subprocess.run([sys.executable, "-c", code, str(tmp_path)], capture_output=True, text=True, check=False)
@@ -418,7 +423,7 @@ def test_two_coordinators_are_refused(tmp_path):
 
 def test_the_lock_of_a_coordinator_that_was_killed_is_open(tmp_path):
     code = (
-        "import sys, time; from pathlib import Path; from dsfab.study.sweeps.lock import only_coordinator\n"
+        "import sys, time; from pathlib import Path; from dsfab.study.sweeps.folder import only_coordinator\n"
         "with only_coordinator(Path(sys.argv[1])): print('held', flush=True); time.sleep(60)"
     )
     with subprocess.Popen([sys.executable, "-c", code, str(tmp_path)], stdout=subprocess.PIPE, text=True) as holder:

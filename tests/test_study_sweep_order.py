@@ -4,7 +4,7 @@ from itertools import pairwise
 
 import pytest
 
-from dsfab.study.sweeps.order import Rows, signature, stage_order
+from dsfab.study.sweeps.in_memory import Rows, signature, stage_order
 
 
 def grid(surfaces: int, gammas: int, phases: int) -> list[dict]:

@@ -6,11 +6,9 @@ import numpy as np
 import pytest
 
 import dsfab
-from dsfab.errors import PresetError
-from dsfab.study.sweeps.constraints import Constraint
-from dsfab.study.sweeps.plan_file import load_plan, plan_from, plan_toml, read_plan
-from dsfab.study.sweeps.sampling import check_points, digest, points
-from dsfab.study.sweeps.values import Range
+from dsfab.core.errors import PresetError
+from dsfab.study.sweeps.plan import Constraint, Range, load_plan, plan_from, plan_toml, read_plan
+from dsfab.study.sweeps.runs import check_points, digest, points
 from tests.presets import DOME_MODES
 
 BASE = {"preset": "dome", "vary": {"pattern.major.phase": [0.0, 0.5]}}

@@ -4,14 +4,9 @@ from math import exp
 
 import pytest
 
-from dsfab.study.sweeps.constraints import Constraint
-from dsfab.study.sweeps.folder import SweepFolder, prepare
-from dsfab.study.sweeps.plan import Plan
-from dsfab.study.sweeps.plan_file import plan_from
-from dsfab.study.sweeps.results import best
-from dsfab.study.sweeps.sampling import digest
-from dsfab.study.sweeps.search import FAILED, MISSED, NOT_MADE, cost, search
-from dsfab.study.sweeps.store import RunRow
+from dsfab.study.sweeps.folder import SweepFolder, best, prepare
+from dsfab.study.sweeps.plan import Constraint, Plan, plan_from
+from dsfab.study.sweeps.runs import FAILED, MISSED, NOT_MADE, RunRow, cost, digest, search
 from tests.test_study_sweep_folder import Hands, measured, plan, swept
 
 SPACE = {"a": {"from": 0.0, "to": 1.0}, "b": {"from": 0.01, "to": 100.0, "log": True}, "n": {"from": 1, "to": 6}}

@@ -19,11 +19,8 @@ from dsfab.statics import (
 )
 from dsfab.study.verdict import LoadedSurface, check, whole_sheet
 from dsfab.study.verdict.calibration import TABLE
-from dsfab.study.verdict.finer import meshes, shares
-from dsfab.study.verdict.levels import MAIN, level
-from dsfab.study.verdict.loaded_surface import attached_material
-from dsfab.study.verdict.smooth import SmoothSurface
-from dsfab.study.verdict.theory import rib_softening
+from dsfab.study.verdict.levels import MAIN, SmoothSurface, level, meshes, rib_softening, shares
+from dsfab.study.verdict.verdict import attached_material
 from dsfab.surface import LoadCase, Surface
 from tests.benchmarks.solid_designs import LATER, NAMED, drawn_design, segment
 from tests.benchmarks.solid_truth import limit, read

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dsfab.study.tracing import ribbons, stress_lines
+from dsfab.reproduction.earlier_methods import ribbons, stress_lines
 from tests.zoo import grid
 
 APART = 0.25

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from dsfab.pattern import Stripes
-from dsfab.study import upsampling
-from dsfab.study.upsampling import StripedField, cuts_of, lines_through
+from dsfab.reproduction import upsampling
+from dsfab.reproduction.upsampling import StripedField, cuts_of, lines_through
 from tests.zoo import grid
 
 

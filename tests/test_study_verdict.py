@@ -13,13 +13,19 @@ from dsfab.app.verify import verify
 from dsfab.slicing import cut
 from dsfab.statics import Material, SheetMaterial
 from dsfab.study.verdict import LoadedSurface, check, whole_sheet
-from dsfab.study.verdict.calibration import read_table, shipped_table, summary, table_text
-from dsfab.study.verdict.finer import finer, meshes, on_mesh, shares
-from dsfab.study.verdict.levels import MAIN, level
-from dsfab.study.verdict.loaded_surface import attached_material
-from dsfab.study.verdict.rules import QUICK, estimate, limit_at_own_rate
-from dsfab.study.verdict.smooth import SmoothSurface
-from dsfab.study.verdict.trials import KINDS, calibrate, measured_trial, random_design
+from dsfab.study.verdict.calibration import (
+    KINDS,
+    calibrate,
+    measured_trial,
+    random_design,
+    read_table,
+    shipped_table,
+    summary,
+    table_text,
+)
+from dsfab.study.verdict.estimates import QUICK, estimate, limit_at_own_rate
+from dsfab.study.verdict.levels import MAIN, SmoothSurface, finer, level, meshes, on_mesh, shares
+from dsfab.study.verdict.verdict import attached_material
 from dsfab.surface import LoadCase, Surface, shapes
 from tests.zoo import grid, jittered, lifted, moebius, sphere
 
@@ -265,14 +271,14 @@ def test_a_finer_mesh_is_solved_where_the_solver_at_hand_needs_no_more_than_the_
     sheet = whole_sheet(setting.surface)
     next_mesh = MAIN.unknowns(finer(sheet, SmoothSurface.through(setting.surface)).surface)
     for solver, solved in (("PARDISO", 2), ("multifrontal", 1)):
-        monkeypatch.setattr("dsfab.study.verdict.refinement.solver_name", lambda solver=solver: solver)
+        monkeypatch.setattr("dsfab.core.sparse.solver_name", lambda solver=solver: solver)
         assert len(check(setting, sheet, budget=3000 * next_mesh).levels) == solved
 
 
 SOLVE = """
 import sys
 from pathlib import Path
-from dsfab.sparse import solver_name
+from dsfab.core.sparse import solver_name
 from dsfab.study.verdict.levels import MAIN, level, memory_needed
 from tests.test_study_verdict import on_mesh, plate, shares, whole_sheet
 
@@ -363,7 +369,7 @@ def test_designs_of_the_table_are_found_again(kind):
 @pytest.mark.slow
 def test_calibrating_takes_the_next_draw_where_one_falls_apart(monkeypatch):
     seeds = []
-    monkeypatch.setattr("dsfab.study.verdict.trials.KINDS", {"cantilever": KINDS["cantilever"]})
+    monkeypatch.setattr("dsfab.study.verdict.calibration.KINDS", {"cantilever": KINDS["cantilever"]})
     rows = list(calibrate(1, lambda kind, seed: seeds.append(seed)))
     assert rows[0].seed == seeds[-1]
     assert len(rows) == 1
@@ -371,7 +377,7 @@ def test_calibrating_takes_the_next_draw_where_one_falls_apart(monkeypatch):
 
 def test_verify_writes_the_calibration_and_fails_when_bounds_do_not_hold(monkeypatch, tmp_path, capsys):
     rows = shipped_table()
-    monkeypatch.setattr("dsfab.study.verdict.trials.calibrate", lambda told: rows)
+    monkeypatch.setattr("dsfab.study.verdict.calibration.calibrate", lambda told: rows)
     assert verify(calibration=True, out_=tmp_path) == 0
     text = capsys.readouterr().out
     assert f"verdicts on {sum(row.tested for row in rows)} random designs: " in text
@@ -381,6 +387,6 @@ def test_verify_writes_the_calibration_and_fails_when_bounds_do_not_hold(monkeyp
     assert len(told["designs"]) == len(rows)
     assert read_table((tmp_path / "calibration.csv").read_text(encoding="utf-8")) == rows
     outside = replace(rows[0], compliance=(1.0, 1.0, 1.2, 1.25), midedge=1.0, recovery=(0.0, 0.0, 0.0, 0.0))
-    monkeypatch.setattr("dsfab.study.verdict.trials.calibrate", lambda told: [outside])
+    monkeypatch.setattr("dsfab.study.verdict.calibration.calibrate", lambda told: [outside])
     assert verify(calibration=True, json_=True, out_=tmp_path) == 1
     assert json.loads(capsys.readouterr().out)["summary"]["inside"] == 0

@@ -8,11 +8,11 @@ import numpy as np
 import pytest
 
 from dsfab.app.cli import main
-from dsfab.errors import StaticsError
+from dsfab.core.errors import StaticsError
 from dsfab.statics import PAPER, REPORTED, USES, Aid, Elements, Quantity, elements_of, tolerance_of
-from dsfab.study.verification import PAIRS, TESTS, choose, series, verify
-from dsfab.study.verification.meshes import MESHES, octasphere
 from dsfab.surface import Surface
+from dsfab.verification import PAIRS, TESTS, choose, series, verify
+from dsfab.verification.problems import MESHES, octasphere
 
 BEST, SIX_NODES = elements_of("displacement"), elements_of("six_nodes")
 

@@ -5,19 +5,17 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dsfab import verification
 from dsfab.app.cli import main
-from dsfab.errors import StaticsError
+from dsfab.core.errors import StaticsError
 from dsfab.statics import PAPER, Elements, Equilibrium, Material, elements_of
 from dsfab.statics.elements import edge_frames
-from dsfab.study import verification
-from dsfab.study.verification import TESTS, Problem, pattern_spread, series, shortfalls, standings
-from dsfab.study.verification.beams import bent_strip, bent_strip_tip, straight_beam
-from dsfab.study.verification.meshes import MESHES, octant, square
-from dsfab.study.verification.plane import corner_stress, kirsch, kirsch_stress, vertex_stress
-from dsfab.study.verification.problem import Test
-from dsfab.study.verification.published import PUBLISHED, Publication, Published
-from dsfab.study.verification.rows import VerificationRow, observed_rate
 from dsfab.surface import Surface
+from dsfab.verification import TESTS, Problem, pattern_spread, series, shortfalls, standings
+from dsfab.verification.beams import bent_strip, bent_strip_tip, straight_beam
+from dsfab.verification.plane import corner_stress, kirsch, kirsch_stress, vertex_stress
+from dsfab.verification.problems import MESHES, Test, octant, square
+from dsfab.verification.results import PUBLISHED, Publication, Published, VerificationRow, observed_rate
 
 BEST = elements_of("displacement")
 

@@ -8,8 +8,8 @@ from xml.etree import ElementTree
 import pytest
 
 from dsfab.app.cli import main
-from dsfab.report.verification_page import page
-from dsfab.study.verification import TESTS, verify
+from dsfab.verification import TESTS, verify
+from dsfab.verification.page import page
 
 COMMITTED = Path(__file__).resolve().parent.parent / "outputs" / "verification" / "index.html"
 NAMES = ("cook", "patch_shear", "bent_strip_1000")

@@ -6,15 +6,16 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dsfab.errors import StaticsError
+from dsfab.core.errors import StaticsError
 from dsfab.statics import REPORTED, Material, SheetModel, elements_of, frequencies
-from dsfab.study.verification import TESTS, failures, series, solids, verify
-from dsfab.study.verification.beams import EDGES_OF_STRIP, HOOK, IN_TORSION
-from dsfab.study.verification.cut_sheets import CONCRETE, RADIUS, THICKNESS, feet, halved, on_cylinder, vault
-from dsfab.study.verification.rows import OUTSIDE, outside_series
-from dsfab.study.verification.solids import nodes_of, solid_compliance, wedges
-from dsfab.study.verification.vibrations import PLATE_HERTZ, STEEL
+from dsfab.study import calculix
+from dsfab.study.calculix import nodes_of, solid_compliance, wedges
 from dsfab.surface import Surface
+from dsfab.verification import TESTS, failures, series, verify
+from dsfab.verification.beams import EDGES_OF_STRIP, HOOK, IN_TORSION
+from dsfab.verification.cut_sheets import CONCRETE, RADIUS, THICKNESS, feet, halved, on_cylinder, vault
+from dsfab.verification.results import OUTSIDE, outside_series
+from dsfab.verification.vibrations import PLATE_HERTZ, STEEL
 from tests.calculix import needs_ccx
 from tests.zoo import grid, jittered
 
@@ -79,7 +80,7 @@ def test_the_solid_of_the_vault_comes_to_its_reference_from_the_stiff_side():
 
 
 def test_without_calculix_the_recorded_number_stands_alone(monkeypatch):
-    monkeypatch.setattr(solids.shutil, "which", lambda name: None)
+    monkeypatch.setattr(calculix.shutil, "which", lambda name: None)
     rows = list(verify([replace(TESTS["cut_vault"], cells=(12, 24))], [BUCKLING]))
     assert [row.elements for row in rows] == [str(BUCKLING)] * 2
     assert not failures(rows)

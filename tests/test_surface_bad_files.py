@@ -11,12 +11,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from dsfab.errors import SurfaceError
-from dsfab.surface import polygon_cuts, read_surface, surface_in_file
-from dsfab.surface.formats.limits import Budget
-from dsfab.surface.formats.obj import read_obj
-from dsfab.surface.formats.off import read_off
-from dsfab.surface.polygon_cuts import large_polygon_cut, small_polygons_cut
+from dsfab.core.errors import SurfaceError
+from dsfab.surface import read_surface, surface_in_file
+from dsfab.surface.files import polygons as polygon_cuts
+from dsfab.surface.files.obj_and_off import read_obj, read_off
+from dsfab.surface.files.polygons import large_polygon_cut, small_polygons_cut
+from dsfab.surface.files.reading import Budget
 from tests.bad_meshes import (
     FORMATS,
     GOOD,

@@ -8,14 +8,13 @@ import pytest
 import trimesh
 
 from dsfab.app.cli import main
-from dsfab.errors import SurfaceError
-from dsfab.proposal import propose
-from dsfab.surface import describe, drawing_files, read_surface
-from dsfab.surface.files import raw_mesh
-from dsfab.surface.formats import apart, dxf
-from dsfab.surface.formats.curves import DrawingBudget
-from dsfab.surface.formats.occt import read_occt
-from dsfab.surface.formats.rhino import read_rhino, read_rhino_meshes
+from dsfab.core.errors import SurfaceError
+from dsfab.preset.proposal import propose
+from dsfab.surface import describe, read_surface
+from dsfab.surface.files import drawings, separate_process
+from dsfab.surface.files.mesh_files import raw_mesh
+from dsfab.surface.files.reading import DrawingBudget
+from dsfab.surface.files.rhino_and_step import read_occt, read_rhino, read_rhino_meshes
 from tests.zoo import grid
 
 build123d = pytest.importorskip("build123d")
@@ -35,8 +34,8 @@ def within(monkeypatch):
     def triangles(kind, path, budget):
         return readers[kind](path)
 
-    monkeypatch.setattr(apart, "_triangles", triangles)
-    monkeypatch.setitem(drawing_files._READERS, ".3dm", read_rhino)
+    monkeypatch.setattr(separate_process, "_triangles", triangles)
+    monkeypatch.setitem(drawings._READERS, ".3dm", read_rhino)
 
 
 def rhino_mesh(V, faces):
@@ -187,7 +186,7 @@ def test_faces_of_a_dxf_are_cut_together_and_damaged_numbers_recovered(tmp_path,
 
         return call
 
-    monkeypatch.setattr(dxf, "triangles", counted("cuts", dxf.triangles))
+    monkeypatch.setattr(drawings, "triangles", counted("cuts", drawings.triangles))
     monkeypatch.setattr(recover, "readfile", counted("recoveries", recover.readfile))
     for number, name in enumerate(("sound", "damaged")):
         raw = raw_mesh(tmp_path / f"{name}.dxf")
@@ -252,11 +251,11 @@ def test_foreign_readers_run_apart_and_their_end_is_told(tmp_path, monkeypatch):
     (tmp_path / "bad.step").write_bytes(b"a roof")
     with pytest.raises(SurfaceError, match=r"bad.step cannot be read as STEP .it is no STEP file with shapes"):
         read_surface(tmp_path / "bad.step")
-    monkeypatch.setattr(apart, "PROGRAM", "raise SystemExit(1)")
+    monkeypatch.setattr(separate_process, "PROGRAM", "raise SystemExit(1)")
     with pytest.raises(SurfaceError, match=r"plane.step cannot be read as STEP .it is damaged: OCCT breaks on it"):
         read_surface(step)
-    monkeypatch.setattr(apart, "PROGRAM", "import time; time.sleep(30)")
-    monkeypatch.setitem(apart.SECONDS, "cad", -239.9)
+    monkeypatch.setattr(separate_process, "PROGRAM", "import time; time.sleep(30)")
+    monkeypatch.setitem(separate_process.SECONDS, "cad", -239.9)
     with pytest.raises(SurfaceError, match="reading took more than 240 s; export it as a mesh"):
         read_surface(step)
 

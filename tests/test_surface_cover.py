@@ -3,12 +3,11 @@
 import numpy as np
 import pytest
 
-from dsfab.errors import SurfaceError
+from dsfab.core.errors import SurfaceError
 from dsfab.surface import Surface, read_surface
-from dsfab.surface.climate import Snow, Wind
-from dsfab.surface.cover import corner_sides, flips_along_tree, one_sided_pieces
-from dsfab.surface.loads import Pressure
-from dsfab.surface.pickers import Boundary, Box, Facing
+from dsfab.surface.loads.load_case import Pressure, Snow, Wind
+from dsfab.surface.loads.pickers import Boundary, Box, Facing
+from dsfab.surface.orientation import corner_sides, flips_along_tree, one_sided_pieces
 from dsfab.surface.topology import boundary_loops, euler_characteristic, misoriented_edges, pieces
 from tests.zoo import ZOO, moebius, projective_plane, sphere, zoo
 

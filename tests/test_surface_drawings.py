@@ -7,12 +7,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dsfab.errors import SurfaceError
+from dsfab.core.errors import SurfaceError
 from dsfab.surface import ClosedCurves
-from dsfab.surface.drawing_files import CLOSE, _loops
-from dsfab.surface.formats.curves import DrawingBudget
-from dsfab.surface.formats.dxf import read_dxf
-from dsfab.surface.plane_loops import enclosed_area
+from dsfab.surface.files.drawings import CLOSE, _loops, read_dxf
+from dsfab.surface.files.reading import DrawingBudget
+from dsfab.surface.loads.outlines import enclosed_area
 from tests.fuzz.corpus import ENTITIES, dxf
 from tests.test_surface_outlines import drawing
 

@@ -6,7 +6,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from dsfab.arrays import area_vectors, closed_length, edge_lengths, face_angles, unit_vectors
+from dsfab.core.arrays import area_vectors, closed_length, edge_lengths, face_angles, unit_vectors
 from dsfab.surface.edge_changes import (
     contracted,
     has_new_diagonal,

@@ -8,12 +8,12 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose
 
 import dsfab
-from dsfab.errors import PresetError
-from dsfab.pipeline.design import Design
-from dsfab.preset_file import preset_toml
-from dsfab.report.design.balance import case_lines
+from dsfab.core.errors import PresetError
+from dsfab.design.design import Design
+from dsfab.preset.file import preset_toml
+from dsfab.report.design.statics import case_lines
 from dsfab.surface import Force, Nearest, SelfWeight, Snow, Wind
-from dsfab.surface.en1990 import PSI, DesignFactors, action_mistakes, en1990_combinations
+from dsfab.surface.loads.combinations import PSI, DesignFactors, action_mistakes, en1990_combinations
 
 DEAD, SNOW = SelfWeight(case="dead"), Snow(pressure=800, case="snow")
 WEST, EAST = (Wind(pressure=500, direction=(x, 0, 0), case=case) for x, case in ((1, "west"), (-1, "east")))

@@ -7,14 +7,24 @@ import numpy as np
 import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 
-from dsfab.arrays import edge_lengths
-from dsfab.errors import SurfaceError
+from dsfab.core.arrays import edge_lengths
+from dsfab.core.errors import SurfaceError
 from dsfab.surface import FIGURES, SHAPES
-from dsfab.surface.shapes.boys import _Disc
+from dsfab.surface.shapes.figures import _Disc, _twisted
+from dsfab.surface.shapes.implicit import (
+    LevelSet,
+    ball,
+    blended,
+    box,
+    ellipsoid,
+    limb,
+    mirrored,
+    remeshed,
+    skin,
+    smaller,
+    without,
+)
 from dsfab.surface.shapes.meshing import ring_faces, ring_turns
-from dsfab.surface.shapes.remeshing import remeshed
-from dsfab.surface.shapes.solids import LevelSet, ball, blended, box, ellipsoid, limb, mirrored, skin, smaller, without
-from dsfab.surface.shapes.structures import _twisted
 from dsfab.surface.topology import edge_table, euler_characteristic, manifold_faults, pieces
 from tests.test_surface_shapes import angles
 

@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from pydantic import TypeAdapter, ValidationError
 
-from dsfab.errors import SurfaceError
+from dsfab.core.errors import SurfaceError
 from dsfab.surface import (
     FIGURES,
     SHAPES,

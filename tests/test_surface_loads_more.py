@@ -7,7 +7,7 @@ import pytest
 from numpy.testing import assert_allclose, assert_array_equal
 from pydantic import TypeAdapter
 
-from dsfab.errors import SurfaceError
+from dsfab.core.errors import SurfaceError
 from dsfab.statics import Elements, Material, SheetModel, elements_of, solve_statics, spread_load
 from dsfab.surface import (
     All,

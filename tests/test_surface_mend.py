@@ -7,28 +7,17 @@ from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 from scipy.spatial import cKDTree
 
-from dsfab.arrays import from_segments
-from dsfab.errors import SurfaceError
-from dsfab.preset_file import load_preset
-from dsfab.surface import (
-    Ball,
-    Box,
-    Nearest,
-    Side,
-    Surface,
-    mended,
-    nearest,
-    read_surface,
-    stitching,
-    twin_remarks,
-)
-from dsfab.surface.doubled import single_sheets
-from dsfab.surface.enclosed import signed_volume
-from dsfab.surface.mend import WELD
-from dsfab.surface.places import merged
-from dsfab.surface.reader import describe
+from dsfab.core.arrays import from_segments
+from dsfab.core.errors import SurfaceError
+from dsfab.preset.file import load_preset
+from dsfab.surface import Ball, Box, Nearest, Side, Surface, mended, nearest, read_surface, twin_remarks
+from dsfab.surface.clean import seams
+from dsfab.surface.clean.overlaps import single_sheets
+from dsfab.surface.clean.repair import WELD
+from dsfab.surface.clean.seams import SAG, _near, merged
+from dsfab.surface.files.reader import describe
+from dsfab.surface.mesh import signed_volume
 from dsfab.surface.shapes import dome, plate, sphere
-from dsfab.surface.stitching import SAG, _near
 from dsfab.surface.topology import (
     LONGEST_WALK,
     _whole_fans,
@@ -499,13 +488,13 @@ def test_a_comb_of_spikes_counts_no_crowds(monkeypatch):
     """The ball around the middle of an edge has all corners in it: to count them for each edge goes as their square."""
     met = []
 
-    class Tree(stitching.cKDTree):
+    class Tree(seams.cKDTree):
         def query_ball_point(self, *asked, return_length=False):
             lists = super().query_ball_point(*asked)
             met.append(sum(map(len, lists)))
             return np.array([len(each) for each in lists]) if return_length else lists
 
-    monkeypatch.setattr(stitching, "cKDTree", Tree)
+    monkeypatch.setattr(seams, "cKDTree", Tree)
     V, ends = comb(400)
     edge, _ = _near(V, ends, 0.02)
     assert len(edge) > len(ends)  # so wide that the shortest pieces are asked for all that is around them

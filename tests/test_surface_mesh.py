@@ -9,7 +9,7 @@ from numpy.testing import assert_allclose, assert_array_equal
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import connected_components
 
-from dsfab.errors import SurfaceError
+from dsfab.core.errors import SurfaceError
 from dsfab.surface import Surface, nearest, signed_volume, signed_volumes, total_area
 from dsfab.surface.shapes import dome, plate, sphere, torus
 from dsfab.surface.topology import (

@@ -12,14 +12,13 @@ from hypothesis import strategies as st
 from scipy.spatial import cKDTree
 
 import dsfab
-from dsfab.errors import PresetError, SurfaceError
+from dsfab.core.errors import PresetError, SurfaceError
 from dsfab.surface import Ball, Box, Brush, ClosedCurves, PlanPolygon, Side, Surface
-from dsfab.surface.extent import pierced
-from dsfab.surface.formats.curves import DrawingBudget
-from dsfab.surface.formats.rhino import read_rhino
-from dsfab.surface.outline_cut import with_outline
-from dsfab.surface.picker import extent_of
-from dsfab.surface.plane_loops import depth_in, enclosed_area, self_crossing
+from dsfab.surface.files.reading import DrawingBudget
+from dsfab.surface.files.rhino_and_step import read_rhino
+from dsfab.surface.loads.outline_cuts import with_outline
+from dsfab.surface.loads.outlines import depth_in, enclosed_area, extent_of, self_crossing
+from dsfab.surface.loads.pickers import pierced
 from tests.presets import DOME_MODES
 from tests.zoo import grid, sphere
 

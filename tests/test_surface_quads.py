@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dsfab.surface.polygons import Polygons, triangles
+from dsfab.surface.files.polygons import Polygons, triangles
 
 
 def sheet(height, cells=8, turned=()):

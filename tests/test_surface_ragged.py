@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from numpy.testing import assert_array_equal
 
-from dsfab.arrays import area_vectors, lengths
-from dsfab.proposal import propose
+from dsfab.core.arrays import area_vectors, lengths
+from dsfab.preset.proposal import propose
 from dsfab.surface import mended
-from dsfab.surface.ragged import TURN, _turns, even_edges
+from dsfab.surface.clean.borders import TURN, _turns, even_edges
 from dsfab.surface.topology import boundary_loops, edge_table
 
 EDGE = 0.25

@@ -14,10 +14,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from numpy.testing import assert_allclose, assert_array_equal
 
-from dsfab.errors import SurfaceError
+from dsfab.core.errors import SurfaceError
 from dsfab.surface import Surface, describe, read_surface
-from dsfab.surface.polygons import polygons, triangles
-from dsfab.surface.reader import turned_over
+from dsfab.surface.files.polygons import polygons, triangles
+from dsfab.surface.files.reader import turned_over
 from dsfab.surface.shapes import cylinder, dome, plate, sphere
 from dsfab.surface.topology import manifold_faults
 
@@ -343,7 +343,7 @@ def test_a_foreign_reader_is_silent_and_its_words_reach_nobody(tmp_path, monkeyp
         warnings.warn("noise", stacklevel=1)
         raise IndexError("list index out of range")
 
-    monkeypatch.setattr("dsfab.surface.files.read_stl", loud)
+    monkeypatch.setattr("dsfab.surface.files.stl_and_3mf.read_stl", loud)
     with pytest.raises(
         SurfaceError, match=r"cannot be read as STL \(it is damaged, or of a kind .*\); export it again"
     ):

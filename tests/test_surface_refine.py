@@ -7,9 +7,9 @@ from hypothesis import strategies as st
 from scipy.spatial import Delaunay
 
 import dsfab
-from dsfab.errors import SurfaceError
+from dsfab.core.errors import SurfaceError
 from dsfab.surface import SHAPES, Surface, refined
-from dsfab.surface.cover import one_sided_pieces
+from dsfab.surface.orientation import one_sided_pieces
 from dsfab.surface.topology import euler_characteristic, manifold_faults, pieces
 from tests.presets import DOME_MODES
 from tests.zoo import ZOO, grid, jittered, sphere, zoo
@@ -173,7 +173,7 @@ def test_impossible_lengths_are_refused(target):
 
 @pytest.mark.parametrize("smooth", [False, True])
 def test_a_length_that_takes_too_many_triangles_is_refused_in_time(smooth, monkeypatch):
-    monkeypatch.setattr("dsfab.surface.refine.LARGEST", 2000)
+    monkeypatch.setattr("dsfab.surface.edge_changes.LARGEST", 2000)
     with pytest.raises(SurfaceError, match=r"edges of 1e-06 m takes over 2,000 triangles"):
         refined(sphere(2), 1e-6, smooth=smooth)
     assert refined(sphere(2), 0.35, smooth=smooth).m <= 2000

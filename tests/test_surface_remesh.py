@@ -11,10 +11,10 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 import dsfab
-from dsfab.errors import DsfabError, SurfaceError
+from dsfab.core.errors import DsfabError, SurfaceError
 from dsfab.surface import Surface, read_surface, refined, remeshed
-from dsfab.surface.creases import feature_edges
-from dsfab.surface.nearest import nearest
+from dsfab.surface.edge_changes import feature_edges
+from dsfab.surface.mesh import nearest
 from dsfab.surface.remesh import smoothing
 from dsfab.surface.remesh.features import design_features
 from dsfab.surface.topology import euler_characteristic, manifold_faults, pieces
@@ -312,7 +312,7 @@ def test_impossible_lengths_are_refused(edge, finest, says):
 
 
 def test_a_finest_edge_that_takes_too_many_triangles_is_refused(monkeypatch):
-    monkeypatch.setattr("dsfab.surface.remesh.remeshing.LARGEST", 300)
+    monkeypatch.setattr("dsfab.surface.edge_changes.LARGEST", 300)
     ball = Surface(0.1 * sphere(3).V, sphere(3).F)
     assert remeshed(ball, 0.1).m < 300
     with pytest.raises(SurfaceError, match=r"edges of 0\.01 m takes over 300 triangles on a surface 0\.346 m large"):

@@ -5,8 +5,7 @@ import pytest
 from scipy.spatial import cKDTree
 
 from dsfab.surface import SizeField, Surface, mirror, remeshed
-from dsfab.surface.remesh.chamber import Chamber
-from dsfab.surface.remesh.mirrored import Mirrors
+from dsfab.surface.remesh.mirrors import Chamber, Mirrors
 from dsfab.surface.remesh.remeshing import SHARP, _sharpest
 from dsfab.surface.remesh.smoothing import NearestOnSurface
 from tests.test_surface_remesh import check_kept, fan

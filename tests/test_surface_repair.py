@@ -4,10 +4,10 @@ import numpy as np
 import pytest
 from scipy.spatial import Delaunay
 
-from dsfab.preset_file import load_preset
-from dsfab.proposal import propose
+from dsfab.preset.file import load_preset
+from dsfab.preset.proposal import propose
 from dsfab.surface import Surface, is_scan, repaired_scan
-from dsfab.surface.hole_filling import hole_triangles
+from dsfab.surface.clean.borders import hole_triangles
 from dsfab.surface.shapes import plate, sphere
 from dsfab.surface.topology import edge_table, manifold_faults
 

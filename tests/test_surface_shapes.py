@@ -12,7 +12,7 @@ from pydantic import TypeAdapter, ValidationError
 from scipy.integrate import dblquad
 from scipy.spatial import cKDTree
 
-from dsfab.errors import SurfaceError
+from dsfab.core.errors import SurfaceError
 from dsfab.surface import FIGURES, SHAPES
 from dsfab.surface.shapes.meshing import ring_faces, ring_turns, staggered
 from dsfab.surface.topology import euler_characteristic, manifold_faults, pieces

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 import dsfab
-from dsfab.errors import DsfabError
-from dsfab.pipeline import regions
+from dsfab.core.errors import DsfabError
+from dsfab.design import regions_and_loads
 from dsfab.surface import SizeField, Surface, change_sizes, remeshed
 from tests.canopy import canopy
 from tests.zoo import grid, jittered, sphere
@@ -144,9 +144,9 @@ def test_voids_count_and_supports_are_found_again_elsewhere(monkeypatch):
     oculus = {"do": "void", "at": dsfab.Ball((1.0, 5.0, 3.5), 1.2)}
     preset = of_canopy(finest=0.25, region=[oculus])
     surface = dsfab.Design.of(preset).surface
-    before = [np.flatnonzero(one.at.vertices(surface)) for one in regions.acting_on(preset, surface).support]
-    monkeypatch.setattr(regions, "_BEFORE", {})  # as in another process
-    after = [np.flatnonzero(one.at.vertices(surface)) for one in regions.acting_on(preset, surface).support]
+    before = [np.flatnonzero(one.at.vertices(surface)) for one in regions_and_loads.acting_on(preset, surface).support]
+    monkeypatch.setattr(regions_and_loads, "_BEFORE", {})  # as in another process
+    after = [np.flatnonzero(one.at.vertices(surface)) for one in regions_and_loads.acting_on(preset, surface).support]
     assert all(len(a) and np.array_equal(a, b) for a, b in zip(before, after, strict=True))
 
 

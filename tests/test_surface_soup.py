@@ -6,9 +6,9 @@ from itertools import pairwise
 import numpy as np
 import pytest
 
-from dsfab.surface.formats.record import PolygonFile
-from dsfab.surface.formats.soup import joined
-from dsfab.surface.polygons import polygons
+from dsfab.surface.files.mesh_files import joined
+from dsfab.surface.files.polygons import polygons
+from dsfab.surface.files.reading import PolygonFile
 
 SQUARE = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0]]
 TETRAHEDRON = [[0, 2, 1], [0, 1, 3], [1, 2, 3], [2, 0, 3]]

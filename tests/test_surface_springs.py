@@ -6,9 +6,9 @@ from numpy.testing import assert_allclose
 from pydantic import TypeAdapter, ValidationError
 
 from dsfab import load_preset, run
-from dsfab.errors import PresetError, StaticsError, SurfaceError
-from dsfab.pipeline import draft
-from dsfab.pipeline.handover import sheet_load
+from dsfab.core.errors import PresetError, StaticsError, SurfaceError
+from dsfab.design import draft
+from dsfab.design.sheet_loads import sheet_load
 from dsfab.report.design.facts import facts
 from dsfab.slicing import cut
 from dsfab.statics import (

@@ -4,12 +4,12 @@ import numpy as np
 import pytest
 
 import dsfab
+from dsfab.core.errors import PatternError, PresetError
+from dsfab.design import draft
 from dsfab.diffusion import diffusion_modes, diffusion_operator, diffusion_tensors, symmetry_group, symmetry_of
-from dsfab.errors import PatternError, PresetError
-from dsfab.pipeline import draft
 from dsfab.slicing import cut
 from dsfab.surface import LoadCase, Surface
-from dsfab.surface.hats import voronoi_mass
+from dsfab.surface.fields import voronoi_mass
 from tests.presets import DOME_MODES
 from tests.zoo import grid, jittered
 

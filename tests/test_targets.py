@@ -10,7 +10,7 @@ import pytest
 
 import dsfab
 from dsfab.study.comparison import comparison
-from dsfab.study.judging import solved_loads
+from dsfab.study.judges import solved_loads
 from tests.presets import SPHERE_GRADED_MODES
 
 

@@ -12,14 +12,13 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from scipy.spatial import Delaunay
 
-from dsfab.errors import SolidError
+from dsfab.core.errors import SolidError
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import boundary_loops, euler_characteristic, pieces, pinches
 from dsfab.thickening import Solid, offsets, thicken
-from dsfab.thickening.intersect import intersecting_pairs, pairs_after_moves
-from dsfab.thickening.normals import visible_normals
-from dsfab.thickening.offset import _prism_jacobians
+from dsfab.thickening.offset_vectors import _prism_jacobians, visible_normals
 from dsfab.thickening.repair import _flipped
+from dsfab.thickening.self_intersection import intersecting_pairs, pairs_after_moves
 from dsfab.thickening.skin import Skin
 from dsfab.thickening.solid import judge
 from tests.zoo import ZOO, grid, lifted, sphere, zoo
@@ -489,7 +488,7 @@ def test_sheets_that_cannot_part_are_told_and_not_hidden():
 
 def test_a_surface_that_crosses_itself_is_told_with_its_place(monkeypatch):
     """Where it could not be united."""
-    monkeypatch.setattr("dsfab.thickening.repair.united_prisms", lambda *_: None)
+    monkeypatch.setattr("dsfab.thickening.union.united_prisms", lambda *_: None)
     plate = grid(4, 4, 1.0, 1.0)
     wall = np.c_[plate.V[:, 0] * 0 + 0.43, plate.V[:, 1] + 0.013, plate.V[:, 0] - 0.47]
     both = Surface(np.concatenate([plate.V, wall]), np.concatenate([plate.F, plate.F + plate.n]))

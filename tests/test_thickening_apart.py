@@ -8,7 +8,7 @@ import pytest
 from dsfab.slicing import cut, resolve_pinches
 from dsfab.surface import Surface
 from dsfab.thickening import OffsetLayer, apart, offsets, thicken
-from dsfab.thickening.intersect import intersecting_pairs
+from dsfab.thickening.self_intersection import intersecting_pairs
 from dsfab.thickening.skin import Skin
 from tests.test_thickening_sides import torus_of
 from tests.zoo import grid, jittered, lifted, moebius, projective_plane, sphere

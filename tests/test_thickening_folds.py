@@ -3,8 +3,8 @@
 import numpy as np
 
 from dsfab.surface import Surface
-from dsfab.thickening.folds import flattened, unfolded
-from dsfab.thickening.intersect import intersecting_pairs
+from dsfab.thickening.repair import flattened, unfolded
+from dsfab.thickening.self_intersection import intersecting_pairs
 from dsfab.thickening.skin import Skin
 from tests.test_thickening import check_sound, made
 from tests.zoo import grid

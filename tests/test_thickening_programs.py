@@ -6,10 +6,10 @@ import subprocess
 
 import pytest
 
-from dsfab.export import stl
+from dsfab.core.units import MM_PER_M
+from dsfab.export.mesh import triangles
 from dsfab.export.part import Part
 from dsfab.thickening import Solid
-from dsfab.units import MM_PER_M
 from tests.test_thickening_zoo import fuzzed
 
 SEEDS = (0, 1, 2, 3, 4, 6, 7, 8, 11, 13)
@@ -24,8 +24,8 @@ REPAIRS = ("Edges fixed", "Facets removed", "Facets added", "Facets reversed", "
 
 
 def write_stl(solid: Solid, path) -> None:
-    part = stl.prepare(Part(MM_PER_M * solid.V, solid.F, "part", is_solid=True))
-    path.write_bytes(b"".join(stl.encode(part)))
+    part = triangles.prepare_stl(Part(MM_PER_M * solid.V, solid.F, "part", is_solid=True))
+    path.write_bytes(b"".join(triangles.encode_stl(part)))
 
 
 def read_by_admesh(solid: Solid, path) -> dict[str, float]:

@@ -8,16 +8,15 @@ import pytest
 import trimesh
 
 import dsfab
-from dsfab.errors import DsfabError, SolidError
+from dsfab.core.errors import DsfabError, SolidError
 from dsfab.report.design.facts import facts
 from dsfab.slicing import cut, resolve_pinches
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import edge_table, euler_characteristic, misoriented_edges, pieces
 from dsfab.thickening import Side, offsets, thicken
-from dsfab.thickening.intersect import intersecting_pairs
-from dsfab.thickening.seams import Overlap
+from dsfab.thickening.self_intersection import intersecting_pairs
 from dsfab.thickening.skin import Skin
-from dsfab.thickening.union import _part, _stuck
+from dsfab.thickening.union import Overlap, _part, _stuck
 from tests.test_surface_cover import turned
 from tests.test_thickening import annulus, check_second_order, check_sound, folded, made, real, wrapped
 from tests.zoo import ZOO, grid, lifted, moebius, projective_plane, sphere

@@ -8,13 +8,13 @@ import pytest
 import trimesh
 
 import dsfab
-from dsfab.errors import PatternError
-from dsfab.preset_list import shipped_presets
+from dsfab.core.errors import PatternError
+from dsfab.core.toml_files import shipped_presets
 from dsfab.slicing import cut, resolve_pinches
 from dsfab.surface import Surface
 from dsfab.surface.topology import euler_characteristic, pieces
 from dsfab.thickening import Solid, offsets, thicken
-from dsfab.thickening.intersect import intersecting_pairs
+from dsfab.thickening.self_intersection import intersecting_pairs
 from tests.meshes import mesh_file
 from tests.test_thickening import cgal_pairs, made, real
 from tests.test_thickening_sides import torus_of

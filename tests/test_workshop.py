@@ -16,10 +16,10 @@ from shapely import Polygon
 
 import dsfab
 from dsfab.app.cli import main
-from dsfab.errors import PatternError, PresetError
+from dsfab.core.errors import PatternError, PresetError
+from dsfab.design import Design
 from dsfab.members import Node, member_graph
-from dsfab.pipeline import Design
-from dsfab.preset_file import load_preset, overridden
+from dsfab.preset.file import load_preset, overridden
 from dsfab.surface import Surface
 from dsfab.workshop import (
     FlatPart,
@@ -32,9 +32,8 @@ from dsfab.workshop import (
     strip_limits,
     workshop_plan,
 )
-from dsfab.workshop.letters import GLYPHS, strokes
-from dsfab.workshop.nesting.columns import part_shapes, raster
-from dsfab.workshop.nesting.filling import empty_sheet, placed
+from dsfab.workshop.nesting.skyline import empty_sheet, part_shapes, placed, raster
+from dsfab.workshop.parts import GLYPHS, strokes
 from dsfab.workshop.plan import same_parts
 from dsfab.workshop.plates import FlattenedMesh
 from tests.analytic import SURFACES

@@ -12,12 +12,12 @@ import pytest
 from scipy.optimize import brentq
 
 from dsfab.app.cli import main
-from dsfab.errors import PatternError
+from dsfab.core.errors import PatternError
+from dsfab.core.messages import length
+from dsfab.design import Design
 from dsfab.export import flat_dxf
 from dsfab.members import member_graph
-from dsfab.pipeline import Design
-from dsfab.preset_file import load_preset, overridden
-from dsfab.wording import length
+from dsfab.preset.file import load_preset, overridden
 from dsfab.workshop import Layering, strip_limits, workshop_plan
 from dsfab.workshop.bars import (
     CLEAR,
@@ -32,12 +32,11 @@ from dsfab.workshop.bars import (
     member_lattice,
     mitre_length,
 )
-from dsfab.workshop.drawings import part_drawing
-from dsfab.workshop.legs import Footing, leg_lines, leg_plates
+from dsfab.workshop.bars.joints import Footing, leg_lines, leg_plates
+from dsfab.workshop.files import bar_rows, part_drawing, table_csv
 from dsfab.workshop.parts import polygon_area
+from dsfab.workshop.plan import chosen_route, planned_bars
 from dsfab.workshop.planks.slots import PlankCrossings
-from dsfab.workshop.routes import chosen_route, planned_bars
-from dsfab.workshop.tables import bar_rows, table_csv
 from tests.analytic import SURFACES
 from tests.designs import sliced
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from shapely import Polygon
 
-from dsfab.workshop.course import StripCourse
-from dsfab.workshop.crowns import stopped_courses
+from dsfab.workshop.development import StripCourse
+from dsfab.workshop.layers import stopped_courses
 
 WIDTH, INNER, OUTER, RING, PAST = 0.1, 0.15, 2.0, 0.8, 0.036
 

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 
 from dsfab.workshop import FlatPart, Hole, nested
-from dsfab.workshop.hints import narrowed, sheet_hints
 from dsfab.workshop.nesting import stacked
+from dsfab.workshop.stock import narrowed, sheet_hints
 from tests.test_workshop import least_gap
 
 GAP = 0.008

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from shapely import Polygon, unary_union
 
-from dsfab.errors import PatternError
+from dsfab.core.errors import PatternError
+from dsfab.design import Design
 from dsfab.members import member_graph
-from dsfab.pipeline import Design
-from dsfab.preset_file import load_preset, overridden
+from dsfab.preset.file import load_preset, overridden
 from dsfab.surface import Surface
 from dsfab.workshop import Layering, SheetJoint, sheet_parts, strip_parts, workshop_plan
 from dsfab.workshop.planks import PlankStock, plank_plan

@@ -13,14 +13,13 @@ from shapely.geometry import box as rectangle
 from shapely.ops import unary_union
 
 from dsfab.app.cli import main
-from dsfab.preset_file import load_preset
+from dsfab.preset.file import load_preset
 from dsfab.report.assembly.book import book_pages
 from dsfab.report.assembly.paper import HIGH, WIDE
 from dsfab.workshop import Layering, member_course, strip_limits, strip_parts, workshop_plan
-from dsfab.workshop.base import base_parts, clipped_polygon
-from dsfab.workshop.ground import Ground, StripFoot
-from dsfab.workshop.layering import END
-from dsfab.workshop.model import LETTERS, model_notes, scaled_graph, scaled_surface
+from dsfab.workshop.card_models import LETTERS, model_notes, scaled_graph, scaled_surface
+from dsfab.workshop.ground import Ground, StripFoot, base_parts, clipped_polygon
+from dsfab.workshop.layers import END
 from tests.designs import sliced
 from tests.test_report_assembly import Recorder
 from tests.test_workshop import drawn, least_gap
@@ -153,7 +152,7 @@ class ReadSlots:
         import ezdxf
 
         from dsfab.export import flat_dxf
-        from dsfab.workshop.drawings import part_drawing
+        from dsfab.workshop.files import part_drawing
 
         (folder / "base.dxf").write_bytes(flat_dxf(part_drawing(part)))
         space = ezdxf.readfile(folder / "base.dxf").modelspace()

@@ -6,14 +6,13 @@ import numpy as np
 import pytest
 from shapely import Polygon
 
-from dsfab.errors import PatternError
+from dsfab.core.errors import PatternError
+from dsfab.design import Design
 from dsfab.members import member_graph
-from dsfab.pipeline import Design
-from dsfab.preset_file import load_preset, overridden
+from dsfab.preset.file import load_preset, overridden
 from dsfab.report.assembly import assembly_page, assembly_pdf
 from dsfab.workshop import workshop_plan
-from dsfab.workshop.model import scaled_graph
-from dsfab.workshop.panels import NEAR, ROOT, TIP, panel_parts
+from dsfab.workshop.card_models import NEAR, ROOT, TIP, panel_parts, scaled_graph
 from tests.analytic import SURFACES, WIDTH
 from tests.designs import sliced
 

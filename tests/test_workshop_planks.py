@@ -10,17 +10,17 @@ from scipy.interpolate import CubicSpline
 from shapely import Polygon, affinity
 
 from dsfab.app.cli import main
-from dsfab.errors import PatternError
+from dsfab.core.errors import PatternError
+from dsfab.design import Design
 from dsfab.export import flat_dxf
 from dsfab.members import member_graph
-from dsfab.pipeline import Design
-from dsfab.preset_file import load_preset, overridden
+from dsfab.preset.file import load_preset, overridden
 from dsfab.workshop import refolded, workshop_plan
-from dsfab.workshop.built import strip_body
-from dsfab.workshop.drawings import part_drawing
+from dsfab.workshop.bodies import strip_body
+from dsfab.workshop.files import part_drawing
 from dsfab.workshop.plan import WorkshopPlan
 from dsfab.workshop.planks import PlankStock, plank_courses, plank_plan, slot_width, standing_order
-from dsfab.workshop.planks.ways import SLIDE, spread
+from dsfab.workshop.planks.slots import SLIDE, spread
 from tests.analytic import SURFACES
 from tests.designs import sliced
 

@@ -9,9 +9,9 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dsfab.errors import PresetError
-from dsfab.pipeline import Design
-from dsfab.preset_file import load_preset, overridden
+from dsfab.core.errors import PresetError
+from dsfab.design import Design
+from dsfab.preset.file import load_preset, overridden
 from dsfab.report.assembly.flat_parts import sheet_figures
 from dsfab.workshop import FlatPart, cut_list, cut_list_workbook, nested, stock_cost, stock_words, workshop_plan
 from tests.designs import sliced

@@ -10,13 +10,14 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from shapely import Polygon
 
-from dsfab.errors import PatternError
+from dsfab.core.errors import PatternError
+from dsfab.design import Design
 from dsfab.export import ProgramError
-from dsfab.pipeline import Design
-from dsfab.preset_file import load_preset
+from dsfab.preset.file import load_preset
 from dsfab.workshop import nested, workshop_plan
-from dsfab.workshop.nesting import NestedPart, NestedSheet, emptied, emptying
-from dsfab.workshop.nesting.clearance import least_clearance, polygon_distance
+from dsfab.workshop.nesting import NestedPart, NestedSheet, emptied
+from dsfab.workshop.nesting import sheets as emptying
+from dsfab.workshop.nesting.sheets import least_clearance, polygon_distance
 from tests.test_workshop import bowed, least_gap
 
 GAP, SIZE = 0.008, (2.5, 1.25)

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from dsfab.workshop.course import StripCourse
-from dsfab.workshop.development import Development
+from dsfab.workshop.development import Development, StripCourse
 from dsfab.workshop.parts import FlatPart
 from dsfab.workshop.splices import strip_fits
 

@@ -11,7 +11,7 @@ from scipy.interpolate import CubicSpline
 from dsfab.export import flat_dxf
 from dsfab.members import Member, MemberAxis, MemberGraph, member_graph
 from dsfab.workshop import Development, Layering, PlankStock, is_strip, member_course, plank_plan, strip_parts
-from dsfab.workshop.drawings import part_drawing
+from dsfab.workshop.files import part_drawing
 from tests.analytic import SURFACES, WIDTH
 from tests.zoo import grid
 

@@ -6,7 +6,7 @@ import igl
 import numpy as np
 import pytest
 
-from dsfab.preset_file import load_preset
+from dsfab.preset.file import load_preset
 from dsfab.workshop import Development, is_strip, member_course
 from tests.designs import sliced
 

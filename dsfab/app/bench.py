@@ -15,9 +15,9 @@ from cyclopts import Parameter
 
 from dsfab.app.options import UNCHANGED, Source
 from dsfab.app.terminal import Reporter, out
-from dsfab.errors import DsfabError
-from dsfab.sparse import peak_memory
-from dsfab.wording import table
+from dsfab.core.errors import DsfabError
+from dsfab.core.messages import table
+from dsfab.core.sparse import peak_memory
 
 ROWS = (
     *("membrane", "bending", "statics", "stress", "diffusion", "modes"),
@@ -140,9 +140,9 @@ def _edges(name: str, source: Source, wanted: tuple[int, ...]) -> list[tuple[str
 
 def measure(name: str, source: Source, step: bool) -> dict[str, Any]:
     """One run in this process: seconds per row, peak memory in MiB, and the sizes."""
-    from dsfab.delivery.files import deliverable
+    from dsfab.design import run
+    from dsfab.design.output.files import deliverable
     from dsfab.export import write
-    from dsfab.pipeline import run
 
     start = time.perf_counter()
     design = run(source.read(name))
@@ -166,7 +166,7 @@ def measure(name: str, source: Source, step: bool) -> dict[str, Any]:
 
 def measure_statics(name: str, source: Source) -> dict[str, Any]:
     """One run of the statics alone in this process: seconds per part, peak memory in MiB, and the sizes."""
-    from dsfab.pipeline import Log, statics_step, surface_step
+    from dsfab.design import Log, statics_step, surface_step
 
     preset, log = source.read(name), Log(None)
     surface = surface_step(preset, log)

@@ -11,10 +11,10 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from dsfab.arrays import Floats, Ints
-from dsfab.errors import DsfabError
-from dsfab.sparse import peak_memory
-from dsfab.wording import table
+from dsfab.core.arrays import Floats, Ints
+from dsfab.core.errors import DsfabError
+from dsfab.core.messages import table
+from dsfab.core.sparse import peak_memory
 
 if TYPE_CHECKING:
     from dsfab.render.scene import Scene

@@ -10,16 +10,15 @@ from typing import TYPE_CHECKING, Annotated, Any
 from cyclopts import Parameter
 
 from dsfab.app.export import CALCULIX, SAME, SUFFIX, format_suffix
-from dsfab.app.options import UNCHANGED, Quiet, Source
-from dsfab.app.step_options import NO_FLAGS, StepFlags, estimate_step
+from dsfab.app.options import NO_FLAGS, UNCHANGED, Quiet, Source, StepFlags, estimate_step
 from dsfab.app.terminal import Reporter, out
-from dsfab.errors import ExportError
-from dsfab.wording import sentence, size
+from dsfab.core.errors import ExportError
+from dsfab.core.messages import sentence, size
 
 if TYPE_CHECKING:
-    from dsfab.pipeline.design import Design
-    from dsfab.preset import Export, Preset
-    from dsfab.proposal import Proposal
+    from dsfab.design.design import Design
+    from dsfab.preset.model import Export, Preset
+    from dsfab.preset.proposal import Proposal
 
 
 @Parameter(name="*")
@@ -100,8 +99,8 @@ def build(
     """
     if not step.estimate:
         pictures.ask_ahead()
+    from dsfab.design import run
     from dsfab.export import require_writable
-    from dsfab.pipeline import run
     from dsfab.report.design.save import ready_to_draw, save
 
     proposal, given = _read(preset, source.also(*files.overrides(), *step.overrides()), quiet)
@@ -164,7 +163,7 @@ def _refuse(why: str, preset: "Preset", folder: Path | None, reporter: Reporter)
 
 def _fixed(design: "Design", reporter: Reporter) -> "Design":
     """The design as `--fix` changes it, every change told."""
-    from dsfab.study.fix import fixed_design
+    from dsfab.study.fabrication import fixed_design
 
     done = fixed_design(design, reporter)
     reporter.done()
@@ -184,13 +183,10 @@ def _require(formats: Sequence[str]) -> None:
 
 
 def _summary(design: "Design", folder: Path, facts: Mapping[str, Any]) -> None:
-    from dsfab.render.caption import caption
-    from dsfab.report.design.acting import acting_lines
-    from dsfab.report.design.answers import answer_lines
-    from dsfab.report.design.balance import case_lines
-    from dsfab.report.design.choice import alternative_lines, attempt_lines, choice_lines
-    from dsfab.report.design.fabrication import fabrication_lines
-    from dsfab.report.design.pattern import quality_lines
+    from dsfab.render.design_picture import caption
+    from dsfab.report.design.facts import alternative_lines, attempt_lines, choice_lines
+    from dsfab.report.design.inspection import acting_lines, fabrication_lines, quality_lines
+    from dsfab.report.design.statics import answer_lines, case_lines
 
     solid = design.solid
     pieces = design.solid.pieces

@@ -7,8 +7,8 @@ from collections.abc import Mapping
 from types import MappingProxyType
 from typing import Any
 
-from dsfab.preset import Preset
-from dsfab.preset_file import preset_from, preset_toml
+from dsfab.preset.file import preset_from, preset_toml
+from dsfab.preset.model import Preset
 
 
 class _Carrier(pickle.Pickler):

@@ -11,12 +11,12 @@ from cyclopts import Parameter
 from dsfab.app.check_nonlinear import AS_A_FILE, Nonlinear, check_nonlinear
 from dsfab.app.options import MaxTriangles, Quiet, Set, Source, built_folder
 from dsfab.app.terminal import Reporter, out
-from dsfab.wording import length, mass
+from dsfab.core.messages import length, mass
 
 if TYPE_CHECKING:
-    from dsfab.arrays import Floats
-    from dsfab.pipeline.design import Design
-    from dsfab.preset import Preset
+    from dsfab.core.arrays import Floats
+    from dsfab.design.design import Design
+    from dsfab.preset.model import Preset
     from dsfab.study.file_check import Clearance, FileCheck, FileContents, Finding
 
 QUESTIONS = {
@@ -119,8 +119,8 @@ def _read(
     file: Path, preset: "Preset | None", reading: Reading, reporter: Reporter
 ) -> "tuple[FileContents, Design | None]":
     """What is in a file, and the design of the preset, made while OCCT reads; else once the file can be read."""
+    from dsfab.design import run
     from dsfab.export import meanwhile
-    from dsfab.pipeline import run
     from dsfab.study.file_check import deflection_for
 
     reporter("read", f"reading {file.name}")

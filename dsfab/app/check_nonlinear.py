@@ -10,7 +10,7 @@ from cyclopts import Parameter
 from dsfab.app.export import built_design, source_of
 from dsfab.app.options import Source
 from dsfab.app.terminal import Reporter, out, signals_as_interrupts
-from dsfab.wording import length
+from dsfab.core.messages import length
 
 if TYPE_CHECKING:
     from dsfab.study import NonlinearCheck
@@ -51,7 +51,7 @@ AS_A_FILE = Nonlinear()
 
 def check_nonlinear(name: str, source: Source, asked: Nonlinear, as_json: bool, quiet: bool) -> int:
     """Check a design and say it; 1 where it gives way under less than its loads, else 0."""
-    from dsfab.pipeline import Design
+    from dsfab.design import Design
     from dsfab.study import nonlinear_check, require_ccx
 
     require_ccx()

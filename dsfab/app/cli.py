@@ -19,7 +19,7 @@ from pathlib import Path
 from cyclopts import App, CycloptsError, RepeatArgumentError
 
 from dsfab import __version__
-from dsfab.errors import DsfabError
+from dsfab.core.errors import DsfabError
 
 DONE, REFUSED, WRONG_USAGE, MISTAKEN, STOPPED = 0, 1, 2, 70, 130
 MISSING = 3
@@ -51,9 +51,9 @@ app.command("dsfab.app.report:report", name="report", help="Report what members 
 app.command("dsfab.app.preview:preview", name="preview", help="Draw a design without building it.")
 app.command("dsfab.app.check:check", name="check", help="Read an exported solid again: is it sound, and the design?")
 app.command("dsfab.app.explore:explore", name="explore", help="Draw many variants of a design on one contact sheet.")
-app.command("dsfab.app.editor.command:edit", name="edit", help="Change a design in your browser and watch it.")
-app.command("dsfab.app.hops.command:hops", name="hops", help="Serve components to Grasshopper on this machine.")
-app.command("dsfab.app.blender.command:blender", name="blender", help="Write an add-on for Blender.")
+app.command("dsfab.app.editor:edit", name="edit", help="Change a design in your browser and watch it.")
+app.command("dsfab.app.hops:hops", name="hops", help="Serve components to Grasshopper on this machine.")
+app.command("dsfab.app.blender:blender", name="blender", help="Write an add-on for Blender.")
 app.command("dsfab.app.sweep:sweep", name="sweep", help="Make many designs of a preset; stop and go on at any time.")
 app.command("dsfab.app.compare:compare", name="compare", help="Compare a design with others of the same mass.")
 app.command("dsfab.app.listing:presets", name="presets", help="List the presets that come with dsfab.")

@@ -1,23 +1,115 @@
-"""`dsfab explore`: many designs seen side by side, or one after another, before anything is cut."""
+"""The command `dsfab explore`: many variants of a design on a contact sheet or in a film."""
 
+import shlex
+import time
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, Literal
+from typing import Annotated, Any, Literal
 
 from cyclopts import Parameter
 
 from dsfab.app.options import UNCHANGED, Quiet, Show, Source, View, picture_size
 from dsfab.app.terminal import Reporter, out
+from dsfab.core.errors import DsfabError
+from dsfab.core.messages import size
+from dsfab.design import ROWS
 from dsfab.export import whole_or_nothing
-from dsfab.preset_file import overridden
-from dsfab.render.answers import asking
-from dsfab.render.palette import PAPER
-from dsfab.study.variations import parse_variations, spelled_value
-from dsfab.wording import size
+from dsfab.preset.file import overridden
+from dsfab.preset.model import Preset
+from dsfab.render import light
+from dsfab.render.colouring import asking
+from dsfab.render.lettering import PAPER
+from dsfab.render.picture import png
+from dsfab.render.previewer import Previewers
+from dsfab.report.contact_sheet import Tile
+from dsfab.study.variations import (
+    Values,
+    best_order,
+    combinations,
+    count,
+    expected_seconds,
+    parse_variations,
+    short_names,
+    spelled_value,
+)
 
-if TYPE_CHECKING:
-    from dsfab.app.variants import Variants
-    from dsfab.report.contact_sheet import Tile
+ASKS = 200
+"""More variants than this are drawn only after --yes."""
+
+
+class Variants:
+    """Every combination of `values` of a preset; `base` is the command that builds the preset itself."""
+
+    def __init__(
+        self, preset: Preset, values: Values, base: list[str], view: str, show: str, pixels: tuple[int, int]
+    ) -> None:
+        self.preset, self.values, self.base = preset, values, base
+        self.view, self.show, self.pixels = view, show, pixels
+        self.short = short_names(list(values))
+
+    def tiles(self, reporter: Reporter, yes: bool) -> list[Tile]:
+        """All tiles, in the order of the combinations. Raises DsfabError when there is none with a picture."""
+        total = count(self.values)
+        if total > ASKS and not yes:
+            self._refuse(total, reporter)
+        done: dict[int, Tile] = {}
+        listed = list(combinations(self.values))
+        reporter("preview", f"drawing {total} variants")
+        with self._previewers() as previewers:
+            for index in best_order(self.values):
+                done[index] = self._tile(index + 1, listed[index], previewers)
+        if all(tile.png is None for tile in done.values()):
+            raise DsfabError(f"none of the {total} variants can be drawn; the first: {done[0].error}")
+        return [done[index] for index in range(total)]
+
+    def _previewers(self) -> Previewers:
+        return Previewers(view=self.view, show=self.show, marks=self.show == "loads")
+
+    def _tile(self, number: int, changes: Mapping[str, Any], previewers: Previewers) -> Tile:
+        texts = {key: spelled_value(value) for key, value in changes.items()}
+        sets = [f"{key}={text}" for key, text in texts.items()]
+        words = [*self.base, *(word for text in sets for word in ("--set", text))]
+        command = shlex.join([*words, "-o", f"outputs/{self.preset.name}-{number:03}"])
+        parameters = tuple((self.short[key], text) for key, text in texts.items())
+        try:
+            previewer = previewers.showing(overridden(self.preset, changes))
+            picture = previewer.picture(self.pixels, quality=light.QUICK, words=False)
+        except DsfabError as error:
+            return Tile(number, parameters, command, None, str(error))
+        return Tile(number, parameters, command, png(picture))
+
+    def _refuse(self, total: int, reporter: Reporter) -> None:
+        """Draw the first variant that can be drawn alone, to say how long all would take."""
+        reporter("preview", f"trying one of {total:,} variants")
+        with self._previewers() as previewers:
+            for number, changes in enumerate(combinations(self.values), start=1):
+                tile = self._tile(number, changes, previewers)
+                if tile.png is not None or number == ASKS:
+                    break
+            start = time.perf_counter()
+            self._tile(number, changes, previewers)
+            picture = time.perf_counter() - start
+            rows = previewers.made.seconds if previewers.made else {}
+        stages = {stage: sum(rows.get(row, 0.0) for row in ROWS[stage]) for stage in ROWS}
+        expected = expected_seconds(self.values, stages, picture)
+        files = size(total * picture_bytes(self.pixels))
+        raise DsfabError(
+            f"{total:,} variants would take about {_duration(expected)} and {files} of pictures; "
+            f"add --yes to draw them all, or vary less (up to {ASKS} are drawn without asking)"
+        )
+
+
+def picture_bytes(pixels: tuple[int, int]) -> float:
+    """About the size of a picture's file: half a byte per pixel (measured on the presets)."""
+    return 0.5 * pixels[0] * pixels[1]
+
+
+def _duration(seconds: float) -> str:
+    if seconds < 100:
+        return f"{seconds:.0f} seconds"
+    return f"{seconds / 60:.0f} minutes" if seconds < 6000 else f"{seconds / 3600:.1f} hours"
+
 
 SHOWN_WIDE = 380
 """Pixels across a tile of the contact sheet."""
@@ -70,9 +162,8 @@ def explore(
     preset
         Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote.
     """
-    from dsfab.app.variants import Variants
     from dsfab.render.opengl import require_rendering
-    from dsfab.report.film import check_film
+    from dsfab.report.contact_sheet import check_film
 
     given, pixels, values = asking(source.read(preset), tile.show), picture_size(tile.size_), parse_variations(vary)
     for key, listed in values.items():
@@ -96,8 +187,7 @@ def explore(
 
 def _drawn(variants: "Variants", folder: Path, film: FilmOptions, yes: bool, reporter: Reporter) -> "list[Tile]":
     """Draw all tiles and write the folder; pictures of an earlier sheet that are gone are removed."""
-    from dsfab.report.contact_sheet import pictures_of
-    from dsfab.report.film import write_film
+    from dsfab.report.contact_sheet import pictures_of, write_film
 
     name = variants.preset.name
     with whole_or_nothing(folder, lambda old, new: pictures_of(old) - pictures_of(new)) as partial:

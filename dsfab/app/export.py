@@ -7,16 +7,15 @@ from typing import TYPE_CHECKING, Annotated, Any, Literal
 
 from cyclopts import Parameter
 
-from dsfab.app.options import UNCHANGED, Quiet, Source, built_folder
-from dsfab.app.step_options import NO_FLAGS, StepFlags, estimate_step
+from dsfab.app.options import NO_FLAGS, UNCHANGED, Quiet, Source, StepFlags, built_folder, estimate_step
 from dsfab.app.terminal import Reporter, out
-from dsfab.errors import ExportError
-from dsfab.pipeline import Progress
-from dsfab.wording import length, size
+from dsfab.core.errors import ExportError
+from dsfab.core.messages import length, size
+from dsfab.design import Progress
 
 if TYPE_CHECKING:
-    from dsfab.pipeline.design import Design
-    from dsfab.preset import Preset
+    from dsfab.design.design import Design
+    from dsfab.preset.model import Preset
     from dsfab.study.check_model import CheckModel
     from dsfab.surface import Surface
     from dsfab.thickening import Solid
@@ -152,7 +151,7 @@ def source_of(name: str, source: Source) -> tuple["Preset", Path]:
 
 def built_design(name: str, given: "Preset") -> "Design | None":
     """What the folder that was named holds of such a design, which is then not made again."""
-    from dsfab.delivery.archive import read_archive
+    from dsfab.design.output.archive import read_archive
 
     folder = built_folder(name)
     return read_archive(folder, given) if folder else None
@@ -210,8 +209,8 @@ def _make_folder(path: Path) -> None:
 
 def _model(given: "Preset", ask: ExportRequest, reporter: Progress) -> list[str]:
     """Write the .inp file; returns what to tell about it."""
-    from dsfab.export.calculix import write_calculix
-    from dsfab.pipeline import run
+    from dsfab.design import run
+    from dsfab.export.analysis.calculix import write_calculix
     from dsfab.study.check_model import cut_model, uncut_model
 
     made = cut_model(run(given, reporter), reporter) if ask.sheet == "cut" else uncut_model(given, reporter)
@@ -241,9 +240,9 @@ def _told(made: "CheckModel", ask: ExportRequest) -> list[str]:
 
 def _mesh(given: "Preset", built: "Design | None", ask: ExportRequest, reporter: Progress) -> list[str]:
     """Write the solid or a sheet, of what was built or made now; returns what to tell about it."""
-    from dsfab.delivery.files import deliverable
+    from dsfab.design import Design, run
+    from dsfab.design.output.files import deliverable
     from dsfab.export import write
-    from dsfab.pipeline import Design, run
     from dsfab.study import require_fit
 
     told: list[str] = []

@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, Self
 
 if TYPE_CHECKING:
-    from dsfab.pipeline import Design
+    from dsfab.design import Design
 
 PROGRAM = (
     "import gc, sys; gc.disable(); sys.path.append(sys.argv[1]); from dsfab.render.sketch_program import main; "

@@ -9,11 +9,16 @@ from cyclopts import Parameter
 
 from dsfab.app.options import UNCHANGED, Source
 from dsfab.app.terminal import Reporter, out
-from dsfab.errors import PresetError, SurfaceError
-from dsfab.report.design.acting import acting_facts, acting_lines
-from dsfab.report.design.fabrication import fabrication_facts, fabrication_lines
-from dsfab.report.design.pattern import quality_facts, quality_lines
-from dsfab.wording import length
+from dsfab.core.errors import PresetError, SurfaceError
+from dsfab.core.messages import length
+from dsfab.report.design.inspection import (
+    acting_facts,
+    acting_lines,
+    fabrication_facts,
+    fabrication_lines,
+    quality_facts,
+    quality_lines,
+)
 
 if TYPE_CHECKING:
     from dsfab.surface import MeshFacts, RawMesh
@@ -24,7 +29,7 @@ DONE, REFUSED = 0, 1
 
 def presets() -> int:
     """List the presets that come with dsfab."""
-    from dsfab.preset_list import headline, shipped_presets
+    from dsfab.core.toml_files import headline, shipped_presets
 
     found = shipped_presets()
     width = max(map(len, found), default=0)
@@ -35,7 +40,7 @@ def presets() -> int:
 
 def materials() -> int:
     """List the materials that [statics] may name (`material = "GL24h"`), with their values and sources."""
-    from dsfab.materials import MATERIALS
+    from dsfab.core.materials import MATERIALS
 
     for name, one in MATERIALS.items():
         out(
@@ -73,7 +78,7 @@ def inspect(
         OBJ, PLY, STL, OFF, GLB, glTF, 3MF, 3DM, DXF, STEP or BREP; a preset (a name or a TOML file); or a folder of
         results.
     """
-    from dsfab.preset_list import shipped_presets
+    from dsfab.core.toml_files import shipped_presets
 
     path, named = Path(file), file in shipped_presets()  # a folder of a preset's name hides nothing
     if not (named or path.is_dir() or path.suffix == ".toml"):
@@ -111,7 +116,7 @@ def _made(preset: str, source: Source, picture: Path | None) -> dict[str, Any]:
 
     What holds it and what acts on it is shown at once: a design that is refused is refused after that.
     """
-    from dsfab.pipeline import Design
+    from dsfab.design import Design
     from dsfab.render.fabrication import write_workshop_picture
     from dsfab.study.fabrication import fabrication
 
@@ -149,7 +154,7 @@ def _show_mesh(path: Path, source: Source) -> bool:
 
 def _verdict(path: Path, source: Source, raw: "RawMesh") -> tuple[bool, str]:
     """Whether `dsfab build` takes the mesh that was read, and why not or what it does to it."""
-    from dsfab.proposal import propose
+    from dsfab.preset.proposal import propose
 
     try:
         proposal = propose(path, source.unit, source.up, None, source.max_triangles, raw)
@@ -166,7 +171,7 @@ def _verdict(path: Path, source: Source, raw: "RawMesh") -> tuple[bool, str]:
 
 def _unit(facts: "MeshFacts") -> str:
     """The file's unit; or the likely one, and what the mesh would measure in others."""
-    from dsfab.proposal import size_doubt, sizes_in_other_units
+    from dsfab.preset.proposal import size_doubt, sizes_in_other_units
 
     if facts.unit_said:
         doubt = size_doubt(facts.box, facts.unit) if facts.unit == facts.unit_guess else ""

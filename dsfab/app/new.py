@@ -9,10 +9,10 @@ from cyclopts import Parameter
 
 from dsfab.app.options import MaxTriangles, Unit, Up
 from dsfab.app.terminal import out
-from dsfab.errors import DsfabError, PresetError
+from dsfab.core.errors import DsfabError, PresetError
 
 if TYPE_CHECKING:
-    from dsfab.proposal import Proposal
+    from dsfab.preset.proposal import Proposal
 
 FAR = 50.0
 """Metres of span from which its own weight may be more than a sheet bears, however thick: what it bears is told."""
@@ -42,7 +42,7 @@ def new(
         OBJ, PLY, STL, OFF, GLB, glTF, 3MF, 3DM, DXF, STEP or BREP.
     """
     from dsfab.export import replacing
-    from dsfab.proposal import propose
+    from dsfab.preset.proposal import propose
 
     if mesh.suffix == ".toml":
         raise PresetError(f"{mesh} is a preset already; dsfab new takes a mesh file")
@@ -68,8 +68,8 @@ def bearing(proposal: "Proposal") -> str:
 
     It is solved for that, some seconds. Nothing is told of what is refused: `dsfab build` says why.
     """
-    from dsfab.pipeline import Design
-    from dsfab.report.design.answers import answer_facts
+    from dsfab.design import Design
+    from dsfab.report.design.statics import answer_facts
 
     size = proposal.size
     if not proposal.preset.statics.strength or max(size.span, size.bridged) < FAR:

@@ -1,16 +1,23 @@
-"""Options that several commands share, and what they mean; a group of them is one frozen value."""
+"""Options that several commands share, each group of them one frozen value; options and estimates of STEP files."""
 
+import json
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
-from dsfab.errors import DsfabError, PresetError
+from dsfab.app.terminal import Reporter, out
+from dsfab.core.errors import DsfabError, PresetError
+from dsfab.core.messages import size, table
 
 if TYPE_CHECKING:
-    from dsfab.preset import Preset
-    from dsfab.proposal import Proposal
+    from dsfab.design.design import Design
+    from dsfab.export import Estimate
+    from dsfab.preset.model import Preset
+    from dsfab.preset.proposal import Proposal
+
 
 SMALLEST, LARGEST = 64, 8000
 """Pixels of a side of a picture."""
@@ -57,7 +64,7 @@ def built_folder(name: str) -> Path | None:
 
     Raises PresetError for a folder that it did not write.
     """
-    from dsfab.preset_list import shipped_presets
+    from dsfab.core.toml_files import shipped_presets
 
     folder = Path(name)
     if name in shipped_presets() or not folder.is_dir():
@@ -88,7 +95,7 @@ class Source:
 
         Raises PresetError for what is not or cannot be, and for one that takes a mesh where none is given.
         """
-        from dsfab.preset_file import load_preset, overridden, require_mesh
+        from dsfab.preset.file import load_preset, overridden, require_mesh
 
         proposal = proposal or self.proposal(name)
         if proposal:
@@ -100,7 +107,7 @@ class Source:
 
     def proposal(self, name: str) -> "Proposal | None":
         """What is proposed for a mesh file that stands in place of a preset; None for a preset."""
-        from dsfab.proposal import OWN, propose
+        from dsfab.preset.proposal import OWN, propose
         from dsfab.surface import MESH_SUFFIXES
 
         other = Path(name).is_file() and Path(name).suffix.lower() not in ("", ".toml")  # its reader says what it takes
@@ -120,7 +127,7 @@ class Source:
 
     def sets(self) -> dict[str, Any]:
         """What --set asks for, by dotted keys. Raises PresetError for a text that is not KEY=VALUE."""
-        from dsfab.preset_file import parse_override
+        from dsfab.preset.file import parse_override
 
         return dict(parse_override(text) for text in self.set_)
 
@@ -139,3 +146,77 @@ class Source:
 
 UNCHANGED = Source()
 """The preset as it is."""
+
+
+@Parameter(name="*")
+@dataclass(frozen=True)
+class StepFlags:
+    """How STEP is made, how large it may get, and whether only that is asked."""
+
+    step: Annotated[
+        str | None,
+        Parameter(
+            help="How STEP is made: auto, quick, planar (flat, folded), members, smooth or compact (curved), faceted, "
+            "tessellated."
+        ),
+    ] = None
+    max_faces: Annotated[int | None, Parameter(help="Largest number of faces of a STEP file [export.step_faces].")] = (
+        None
+    )
+    max_mb: Annotated[
+        float | None, Parameter(help="Largest size of a STEP file in MB; 0 is no limit [export.step_mb].")
+    ] = None
+    estimate: Annotated[
+        bool,
+        Parameter(name="--estimate", negative=(), help="Say what each way to write STEP would cost; write nothing."),
+    ] = False
+
+    def overrides(self) -> tuple[str, ...]:
+        """The options as KEY=VALUE of the preset, which checks them."""
+        given = {"step": self.step, "step_faces": self.max_faces, "step_mb": self.max_mb}
+        return tuple(f"export.{key}={json.dumps(value)}" for key, value in given.items() if value is not None)
+
+
+NO_FLAGS = StepFlags()
+"""STEP as the preset says."""
+
+
+def estimate_step(given: "Preset", reporter: Reporter, built: "Design | None" = None) -> int:
+    """Make the design, unless it was built, and say what its STEP file would cost; nothing is written."""
+    from dsfab.design import run
+
+    try:
+        design = built or run(given, reporter)
+        reporter("export", "estimating STEP")
+        lines = list(estimate_lines(design))
+        reporter.done()
+    finally:
+        reporter.stop()
+    for line in lines:
+        out(line)
+    return 0
+
+
+def estimate_lines(design: "Design") -> Iterator[str]:
+    """A row for each way, the way that would be taken, and why not otherwise."""
+    from dsfab.design.output.files import deliverable
+    from dsfab.export import step_estimates
+
+    thing, how = deliverable(design, ".step")
+    how.pop("details", None)  # what the file says beside its shape weighs nothing
+    found = step_estimates(thing, name=design.preset.name, **how)
+    head = ("STEP", "faces", "size", "write s", "open s", "memory to open", "")
+    yield table(head, [_row(one) for one in found])
+    for one in found:
+        if one.refused or one.note:
+            yield f"  {one.way}: {one.refused or one.note}"
+    if not any(one.chosen for one in found):
+        yield "none of these would be written; raise --max-faces or --max-mb, or write stl or 3mf"
+
+
+def _row(one: "Estimate") -> tuple[str, ...]:
+    mark = "<- chosen" if one.chosen else ("refused" if one.refused else "")
+    if not one.faces:
+        return (one.way, *["-"] * 5, mark)
+    times = (f"{one.write_seconds:.3g}", f"{one.open_seconds:.2g}")
+    return (one.way, f"{one.faces:,}", size(one.size), *times, size(one.memory), mark)

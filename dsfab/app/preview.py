@@ -14,15 +14,15 @@ from cyclopts import Parameter
 from dsfab.app.first_picture import FirstPicture
 from dsfab.app.options import UNCHANGED, Quiet, Show, Source, View, built_folder, picture_size
 from dsfab.app.terminal import Reporter, out
-from dsfab.errors import DsfabError
-from dsfab.wording import size
+from dsfab.core.errors import DsfabError
+from dsfab.core.messages import size
 
 if TYPE_CHECKING:
     from numpy.typing import NDArray
 
-    from dsfab.pipeline import Design
-    from dsfab.preset import Preset
-    from dsfab.render.previewers import Previewers
+    from dsfab.design import Design
+    from dsfab.preset.model import Preset
+    from dsfab.render.previewer import Previewers
 
 FINISHED = ("fabrication", "members")
 """Pictures of what is made: of the finished solid, and of the finished sheet."""
@@ -167,7 +167,7 @@ def _drawing(
 ) -> "Iterator[Callable[[Preset], None]]":
     """Inside, what is given draws the page of a preset into its file; `folder` is where that was built, if it was."""
     from dsfab.render.opengl import require_rendering, take_for_granted
-    from dsfab.render.previewers import Previewers
+    from dsfab.render.previewer import Previewers
 
     if first is None:
         require_rendering()
@@ -201,7 +201,7 @@ def _drawing(
 
 def _layers(text: str) -> tuple[str, ...]:
     """Names of layers; raises DsfabError for others."""
-    from dsfab.render.stage import EVERY_LAYER
+    from dsfab.render.drawing import EVERY_LAYER
 
     if text in ("all", "none"):
         return EVERY_LAYER if text == "all" else ()
@@ -221,9 +221,9 @@ def _draw(
 
 def _draw_pattern(previewers: "Previewers", preset: "Preset", page: Page, reporter: Reporter) -> None:
     """What is there before anything is cut."""
-    from dsfab.render.answers import asking
-    from dsfab.render.panels import panels
-    from dsfab.render.png import write_png
+    from dsfab.render.colouring import asking
+    from dsfab.render.picture import write_png
+    from dsfab.render.previewer import panels
 
     for name in page.names:
         preset = asking(preset, name)
@@ -248,9 +248,9 @@ def _draw_structure(
 ) -> bool:
     """Evenly spaced stripes as they are built, and whether they could be: what is drawn before they are cut has loose
     ends, holes at singular points of the stress and sharp corners that the structure has not."""
-    from dsfab.render.finished import structure_drawing
+    from dsfab.render.design_picture import structure_drawing
     from dsfab.render.opengl import require_rendering
-    from dsfab.render.png import write_png
+    from dsfab.render.picture import write_png
 
     design = previewers.drafted(preset, reporter)
     if not design.pattern.even:
@@ -273,9 +273,9 @@ def _draw_structure(
 
 def _draw_finished(preset: "Preset", page: Page, reporter: Reporter, built: Path | None) -> None:
     """The design as it is made; not made again if `built` holds it."""
-    from dsfab.delivery.archive import read_archive
-    from dsfab.pipeline import Design
-    from dsfab.render.png import write_png
+    from dsfab.design import Design
+    from dsfab.design.output.archive import read_archive
+    from dsfab.render.picture import write_png
 
     members = page.names == ("members",)
     design = read_archive(built, preset) if built else None

@@ -11,7 +11,7 @@ from dsfab.app.options import UNCHANGED, Quiet, Source
 from dsfab.app.terminal import Reporter, out
 
 if TYPE_CHECKING:
-    from dsfab.pipeline import Design, Progress
+    from dsfab.design import Design, Progress
 
 TABLES = ("member_utilisation.csv", "member_forces.csv")
 
@@ -36,8 +36,8 @@ def report(
     preset
         Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote.
     """
+    from dsfab.design import Design
     from dsfab.export import require_writable
-    from dsfab.pipeline import Design
 
     given, folder = source_of(preset, source)
     given.statics.require_strength()

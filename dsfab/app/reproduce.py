@@ -13,14 +13,14 @@ from cyclopts import Parameter
 
 from dsfab.app.options import Quiet
 from dsfab.app.terminal import Reporter, out
-from dsfab.errors import DsfabError, did_you_mean
+from dsfab.core.errors import DsfabError, did_you_mean
+from dsfab.core.messages import size
 from dsfab.export import whole_or_nothing
 from dsfab.report.design.facts import versions
-from dsfab.wording import size
 
 if TYPE_CHECKING:
-    from dsfab.report.paper.figures import FigurePictures
-    from dsfab.study.paper import PaperFigure
+    from dsfab.reproduction.figures import FigurePictures
+    from dsfab.reproduction.published import PaperFigure
 
 FOLDER = Path("outputs/paper")
 """Where the page goes unless a folder is named."""
@@ -85,7 +85,7 @@ def reproduce(
 
 def choose(names: tuple[str, ...]) -> "list[PaperFigure]":
     """The figures of these names, in the paper's order; all for none. Raises DsfabError for a name that is none."""
-    from dsfab.study.paper import FIGURES
+    from dsfab.reproduction.published import FIGURES
 
     known = [figure.preset for figure in FIGURES]
     for name in names:
@@ -106,9 +106,8 @@ def _write(
     small: bool,
 ) -> "list[FigurePictures]":
     """Make the figures, then the page; pictures of an earlier page that are gone are removed."""
-    from dsfab.report.paper.figures import make_figure
-    from dsfab.report.paper.page import PAGE_NAME, PageFacts, page, pictures_of
-    from dsfab.report.paper.small import SMALL_NAME, small_page
+    from dsfab.reproduction.figures import make_figure
+    from dsfab.reproduction.page import PAGE_NAME, SMALL_NAME, PageFacts, page, pictures_of, small_page
     from dsfab.study import made_in_processes
 
     figures: list[FigurePictures] = []
@@ -121,7 +120,7 @@ def _write(
             figures.append(next(each))
             loads.append(_load())
         if volumes:
-            from dsfab.report.paper.volumes import sphere_volumes
+            from dsfab.reproduction.volumes import sphere_volumes
 
             sphere_volumes(partial, reporter, coarser)
         lie = partial if volumes else folder
@@ -171,9 +170,8 @@ def _busy(loads: list[float]) -> str:
 
 
 def _summary(figures: "list[FigurePictures]", folder: Path, small: bool) -> None:
-    from dsfab.report.paper.figures import WAYS
-    from dsfab.report.paper.measures import COLUMNS, rendition_facts
-    from dsfab.report.paper.small import SMALL_NAME
+    from dsfab.reproduction.figures import WAYS
+    from dsfab.reproduction.page import COLUMNS, SMALL_NAME, rendition_facts
 
     for made in figures:
         out(f"{made.figure.preset}: {made.carried or 'not made'}")

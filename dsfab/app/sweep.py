@@ -10,16 +10,15 @@ from cyclopts import Parameter
 
 from dsfab.app.options import UNCHANGED, Quiet, Source, picture_size
 from dsfab.app.terminal import out
-from dsfab.errors import DsfabError
-from dsfab.preset_list import TomlError, toml_table
+from dsfab.core.errors import DsfabError
+from dsfab.core.toml_files import TomlError, toml_table
 
 if TYPE_CHECKING:
     from dsfab.study.sweeps.folder import SweepFolder
     from dsfab.study.sweeps.plan import Plan
+    from dsfab.study.sweeps.runs import State
     from dsfab.study.sweeps.scheduler import Progress
-    from dsfab.study.sweeps.store import State
-    from dsfab.study.sweeps.worker import Drawer
-    from dsfab.study.sweeps.workers import Workers
+    from dsfab.study.sweeps.workers import Drawer, Workers
 
 
 @Parameter(name="*")
@@ -44,7 +43,7 @@ class PlanOptions:
 
     def tables(self, given: Mapping[str, Any]) -> dict[str, Any]:
         """The same as keys of a sweep file, beside what is `given` there; None for what is not said."""
-        from dsfab.app.sweep_vary import words
+        from dsfab.app.sweep_options import words
 
         kept = words(self.keep)
         tables: dict[str, Any] = {
@@ -129,10 +128,10 @@ def sweep(
     what
         A sweep file, a preset (with --vary), or the folder of a sweep to go on with.
     """
-    from dsfab.app.sweep_vary import with_options, words
+    from dsfab.app.sweep_options import with_options, words
 
     if choice.best is not None or choice.build is not None:
-        from dsfab.app.sweep_ask import ask
+        from dsfab.app.sweep_status import ask
 
         return ask(Path(what), choice.best, choice.by, choice.build, quiet)
     varied = bool(vary or (plan.sample or "").startswith("csv:"))
@@ -145,7 +144,7 @@ def sweep(
 
 def _goes_on(what: str, varied: bool) -> bool:
     """Whether a sweep's folder is named; where something varies, a shipped preset of that name goes before it."""
-    from dsfab.preset_list import shipped_presets
+    from dsfab.core.toml_files import shipped_presets
 
     return Path(what).is_dir() and not (varied and what in shipped_presets())
 
@@ -153,7 +152,7 @@ def _goes_on(what: str, varied: bool) -> bool:
 def _given(what: str, varied: bool) -> tuple[dict[str, Any], str]:
     """The tables that the command line starts from, and what to call them."""
     from dsfab.study.sweeps.folder import SWEEP
-    from dsfab.study.sweeps.plan_file import read_plan
+    from dsfab.study.sweeps.plan import read_plan
 
     path = Path(what)
     if _goes_on(what, varied):
@@ -183,11 +182,10 @@ def _is_sweep(path: Path) -> bool:
 
 def _run(values: dict[str, Any], title: str, folder: Path | None, work: Work, quiet: bool) -> int:
     from dsfab.app.cli import DONE, MISSING, STOPPED
-    from dsfab.app.sweep_progress import SweepProgress
-    from dsfab.report.sweep_folder import best_loss, headline, missing_runs, summary
-    from dsfab.study.sweeps.folder import checked_plan, prepare, sweep_folder
-    from dsfab.study.sweeps.lock import only_coordinator
-    from dsfab.study.sweeps.plan_file import plan_from
+    from dsfab.app.sweep_status import SweepProgress
+    from dsfab.report.sweep_pages import best_loss, headline, missing_runs, summary
+    from dsfab.study.sweeps.folder import checked_plan, only_coordinator, prepare, sweep_folder
+    from dsfab.study.sweeps.plan import plan_from
 
     if work.workers is not None and work.workers < 1:
         raise DsfabError(f"--workers {work.workers} must be 1 or more")
@@ -217,7 +215,7 @@ def _run(values: dict[str, Any], title: str, folder: Path | None, work: Work, qu
 
 def _run_all(found: "SweepFolder", crew: "Workers", line: Any, retry: "Collection[State]") -> bool:
     """Make the runs and write what people look at; returns whether it was stopped by Ctrl-C."""
-    from dsfab.report.sweep_folder import SweepPages
+    from dsfab.report.sweep_pages import SweepPages
 
     shown, stopped = SweepPages(found), False
 
@@ -241,7 +239,7 @@ def _run_all(found: "SweepFolder", crew: "Workers", line: Any, retry: "Collectio
 def _drawer(plan: "Plan") -> "Drawer | None":
     """Draws the runs' pictures; raises DsfabError where nothing can be drawn, before the work begins."""
     from dsfab.render.opengl import require_rendering
-    from dsfab.report.sweep_picture import SheetDrawer, require_view
+    from dsfab.report.sweep_pages import SheetDrawer, require_view
 
     if "picture" not in plan.keep:
         return None
@@ -253,9 +251,9 @@ def _drawer(plan: "Plan") -> "Drawer | None":
 
 def _crew(found: "SweepFolder", draw: "Drawer | None", workers: int | None, scheduler: str | None) -> "Workers":
     if scheduler is not None:
-        from dsfab.study.sweeps.cluster import DaskWorkers
+        from dsfab.study.sweeps.workers import DaskWorkers
 
         return DaskWorkers(found.job(draw, ship_mesh=True), scheduler)
-    from dsfab.study.sweeps.local import LocalWorkers
+    from dsfab.study.sweeps.workers import LocalWorkers
 
     return LocalWorkers(found.job(draw), workers)

@@ -1,23 +1,108 @@
-"""`dsfab verify`: the elements against structures with known answers."""
+"""The command `dsfab verify`: benchmark structures for the elements, and the calibration of verdicts."""
 
 import json
 from collections import Counter
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Any
 
 from cyclopts import Parameter
 
 from dsfab.app.terminal import Reporter, out
-from dsfab.app.verify_calibration import summary_text
-from dsfab.wording import table
+from dsfab.core.messages import table
 
 if TYPE_CHECKING:
-    from dsfab.study.verification import Test, VerificationRow
+    from dsfab.study.verdict.calibration import TrialRow
+    from dsfab.verification import Test, VerificationRow
 
-HEAD = ("test", "mesh", "elements", "cells", "unknowns", "value", "reference", "ratio", "of limit", "rate", "target",
-        "verdict")  # fmt: skip
+
+VERIFY_CALIBRATION_HEAD = (
+    "design",
+    "width",
+    "share",
+    "triangles",
+    "edges/member",
+    "facets",
+    "meshes",
+    "bound",
+    "error",
+    "",
+    "quick error",
+)
+
+
+def calibrate(folder: Path, as_json: bool) -> int:
+    """Measure the table anew, print it, and write it into the folder as calibration.json and calibration.csv.
+
+    Exit code 1 when less than 95 % of the designs lie inside their bound.
+    """
+    from dsfab.study.verdict.calibration import calibrate as measured
+    from dsfab.study.verdict.calibration import summary, table_text
+
+    reporter = Reporter(quiet=as_json)
+    try:
+        rows = list(measured(told=lambda kind, seed: reporter("calibration", f"{kind} {seed}")))
+    finally:
+        reporter.stop()
+    reporter.done()
+    folder.mkdir(parents=True, exist_ok=True)
+    text = json.dumps({"summary": asdict(summary(rows)), "designs": [_record(row) for row in rows]}, indent=2)
+    (folder / "calibration.json").write_text(text, encoding="utf-8")
+    (folder / "calibration.csv").write_text(table_text(rows), encoding="utf-8")
+    out(
+        text
+        if as_json
+        else "\n".join(
+            (table(VERIFY_CALIBRATION_HEAD, map(_verify_calibration_cells, rows)), *_by_kind(rows), summary_text(rows))
+        )
+    )
+    return int(summary(rows).inside < 0.95)
+
+
+def summary_text(rows: "Sequence[TrialRow]") -> str:
+    """One sentence about a table."""
+    from dsfab.study.verdict.calibration import summary
+
+    told = summary(rows)
+    return (
+        f"verdicts on {told.designs} random designs: {told.inside:.0%} inside their bound, median bound "
+        f"{told.median_bound:.1%}, largest error {told.largest_error:.1%}, {told.converged} converged; quick level: "
+        f"median error {told.quick_median:.1%}, nine in ten within {told.quick_most:.1%}"
+    )
+
+
+def _by_kind(rows: "Sequence[TrialRow]") -> Iterator[str]:
+    for kind in dict.fromkeys(row.kind for row in rows):
+        yield f"{kind}: {summary_text([row for row in rows if row.kind == kind])}"
+
+
+def _record(row: "TrialRow") -> dict[str, Any]:
+    found = row.estimate
+    told = {"value": found.value, "bound": found.bound, "levels": row.levels, "truth": row.truth, "inside": row.inside}
+    return {**asdict(row), **told, "error": row.error, "quick_error": row.quick_error}
+
+
+def _verify_calibration_cells(row: "TrialRow") -> tuple[str, ...]:
+    return (
+        f"{row.kind} {row.seed}",
+        row.width,
+        f"{row.share:.2f}",
+        str(row.triangles),
+        f"{row.per_member:.1f}",
+        f"{row.facets:.2f}",
+        str(row.levels),
+        f"{row.estimate.bound:.1%}",
+        f"{row.error:+.2%}",
+        "" if row.inside else "outside",
+        f"{row.quick_error:+.1%}",
+    )
+
+
+APP_HEAD = (
+    *("test", "mesh", "elements", "cells", "unknowns", "value", "reference"),
+    *("ratio", "of limit", "rate", "target", "verdict"),
+)
 """`of limit`: the value over what thin sheets converge to, where the usual reference is not that."""
 
 PAGE = Path("outputs/verification")
@@ -47,12 +132,10 @@ def verify(
     tests
         Names, or beginnings of names, such as plate or scordelis_lo; all tests when left out.
     """
+    from dsfab import verification
     from dsfab.statics import Elements
-    from dsfab.study import verification
 
     if calibration:
-        from dsfab.app.verify_calibration import calibrate
-
         return calibrate(out_, json_)
     chosen = verification.choose(tests)
     if list_:
@@ -64,7 +147,7 @@ def verify(
         told = lambda test, cells: reporter("verify", f"{test}, {cells}")  # noqa: E731
         rows = list(verification.verify(chosen, pairs, told))
         if page:
-            from dsfab.report.verification_page import write_page
+            from dsfab.verification.page import write_page
 
             reporter("page", str(out_ / "index.html"))
             write_page(out_, chosen, rows)
@@ -74,7 +157,7 @@ def verify(
     if json_:
         out(json.dumps([asdict(row) for row in rows], indent=2))
     else:
-        out(table(HEAD, map(_cells, rows)))
+        out(table(APP_HEAD, map(_cells, rows)))
         out("\n".join(_remarks(chosen, rows)))
     return int(bool(verification.failures(rows)))
 
@@ -95,7 +178,7 @@ def _remarks(tests: Sequence["Test"], rows: Sequence["VerificationRow"]) -> list
     """Below the table: known shortfalls, targets, the spread between patterns, and the standing against others."""
     from dsfab.statics import elements_of
     from dsfab.study.verdict.calibration import shipped_table
-    from dsfab.study.verification import failures, pattern_spread, shortfalls, standings
+    from dsfab.verification import failures, pattern_spread, shortfalls, standings
 
     pair = str(elements_of("displacement"))
     lines = [f"{name}: {text}" for name, text in shortfalls(rows).items()]

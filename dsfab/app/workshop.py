@@ -10,13 +10,13 @@ from cyclopts import Parameter
 from dsfab.app.export import built_design, source_of
 from dsfab.app.options import UNCHANGED, Quiet, Source
 from dsfab.app.terminal import Reporter, out
-from dsfab.errors import PatternError, PresetError
-from dsfab.units import METRES_PER
-from dsfab.wording import length
+from dsfab.core.errors import PatternError, PresetError
+from dsfab.core.messages import length
+from dsfab.core.units import METRES_PER
 
 if TYPE_CHECKING:
-    from dsfab.pipeline import Design
-    from dsfab.preset import Preset
+    from dsfab.design import Design
+    from dsfab.preset.model import Preset
     from dsfab.workshop import WorkshopPlan
 
 
@@ -62,8 +62,8 @@ def workshop(
     preset
         Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote.
     """
+    from dsfab.design import Design
     from dsfab.export import require_writable
-    from dsfab.pipeline import Design
     from dsfab.render import up_axis
     from dsfab.workshop import workshop_plan, write_workshop
 
@@ -117,7 +117,7 @@ def _check_ifc(given: "Preset") -> None:
 def members_ifc(plan: "WorkshopPlan", design: "Design") -> bytes:
     """Each member as it is built, with references to the drawings of its parts. Raises PatternError for a flat sheet,
     whose parts are of no member."""
-    from dsfab.delivery import body_details
+    from dsfab.design.output import body_details
     from dsfab.export import temporary_folder, write
     from dsfab.thickening import SHIFT
     from dsfab.workshop import built_shapes, drawing_files

@@ -1,12 +1,17 @@
 """Stage 3, diffusion: where material wants to run."""
 
-from dsfab.diffusion.frame import CLEAR, reference_axes
-from dsfab.diffusion.layers import layer_stress, only_bends
-from dsfab.diffusion.modes import Modes, diffusion_modes, family_modes
-from dsfab.diffusion.operators import diffusion_operator
-from dsfab.diffusion.symmetry import Symmetry, symmetry_group, symmetry_of
-from dsfab.diffusion.symmetry_search import found_symmetry
-from dsfab.diffusion.tensors import DiffusionTensors, Labelling, combined_stress, diffusion_tensors, principal_stresses
+from dsfab.diffusion.modes import CLEAR, Modes, diffusion_modes, family_modes, reference_axes
+from dsfab.diffusion.symmetry import Symmetry, found_symmetry, symmetry_group, symmetry_of
+from dsfab.diffusion.tensors import (
+    DiffusionTensors,
+    Labelling,
+    combined_stress,
+    diffusion_operator,
+    diffusion_tensors,
+    layer_stress,
+    only_bends,
+    principal_stresses,
+)
 
 __all__ = [
     "CLEAR",

@@ -1,19 +1,32 @@
-"""Symmetry on request: mirrors and rotations that a surface, its supports and its loads must have, and modes that do.
+"""Symmetry of a surface with its supports and loads: mirrors and rotations, on request or by search."""
 
-A mesh is seldom as symmetric as the surface it stands for. So an image of a vertex is a point of the surface, and
-fields are read there by linear interpolation: exact where vertices fall on vertices.
-"""
-
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
 from dataclasses import dataclass
+from functools import cached_property
 
 import igl
 import numpy as np
 from scipy.sparse import csr_array, eye_array
+from scipy.spatial import cKDTree
 
-from dsfab.arrays import Bools, Floats, Ints, lock
-from dsfab.errors import PatternError
-from dsfab.surface import LARGEST_GROUP, SNAP, LoadCase, Surface, centroid, generated_group, nearest, weights_at
+from dsfab.core.arrays import Bools, Floats, Ints, lock
+from dsfab.core.errors import PatternError
+from dsfab.surface import (
+    FAR,
+    LARGEST_GROUP,
+    SNAP,
+    LoadCase,
+    Surface,
+    centroid,
+    far_directions,
+    generated_group,
+    mirror,
+    nearest,
+    planes_through,
+    round_axis,
+    weights_at,
+)
 
 OFF = 0.25
 """Images of vertices may be off the surface by this share of the mean edge."""
@@ -240,3 +253,131 @@ def _smoothed(surface: Surface, force: Floats) -> Floats:
     for _ in range(SMOOTHING):
         force = force / 2 + half @ force
     return np.asarray(force)
+
+
+TURNS = (12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2)
+"""Turns about an axis that are looked for, as parts of a whole one."""
+ROUND = (7, 5)
+"""What is the same after these parts of a turn is taken to be round."""
+AROUND = 200
+"""Of a round surface that mirror is taken that maps vertices best on vertices: so many of the outermost, at least."""
+LENIENT = 1.5
+"""At a glance differences may be this much larger than in the end."""
+
+
+def found_symmetry(surface: Surface, axes: Floats, loads: Sequence[LoadCase]) -> Symmetry | None:
+    """The largest group that was found; None where there is no mirror and no turn.
+
+    axes : (3, 3) orthonormal rows that turn with the surface, its supports and its loads.
+
+    All candidates are looked at in a few points; what is left is looked at everywhere together, and one by one only
+    where that finds a fault.
+    """
+    glance = _Glance(surface, tuple(loads))
+    generators = [R for R in _candidates(surface, axes, glance) if glance.holds(R)]
+    if not generators:
+        return None
+    with suppress(PatternError, OverflowError):
+        return glance.full(generated_group(generators))
+    sound: list[Floats] = []
+    for R in generators:
+        with suppress(PatternError, OverflowError):
+            glance.full(generated_group([*sound, R]))
+            sound.append(R)
+    return glance.full(generated_group(sound)) if sound else None
+
+
+@dataclass(frozen=True, eq=False)
+class _Glance:
+    """What tells quickly that a surface, its supports or its loads are not symmetric."""
+
+    surface: Surface
+    loads: tuple[LoadCase, ...]
+
+    @cached_property
+    def centre(self) -> Floats:
+        """(3,) the centroid, metres."""
+        return centroid(self.surface)
+
+    @cached_property
+    def _tree(self) -> igl.AABB:
+        return face_tree(self.surface)
+
+    @cached_property
+    def _few(self) -> Floats:
+        return self.surface.V[:: max(self.surface.n // GLANCE, 1)] - self.centre
+
+    @cached_property
+    def _held(self) -> list[tuple[Floats, cKDTree]]:
+        """Of every load case a few of the held points, and all of them; about the centroid."""
+        held = [self.surface.V[load.held] - self.centre for load in self.loads]
+        return [(x[:: max(len(x) // GLANCE, 1)], cKDTree(x)) for x in held if len(x)]
+
+    @cached_property
+    def _moments(self) -> list[tuple[Floats, Floats, float]]:
+        """Of every load case the resultant, the first moments (3, 3) and the sum of the forces, N and N m."""
+        arm = self.surface.V - self.centre
+        forces = [load.force for load in self.loads]
+        return [(f.sum(axis=0), arm.T @ f, float(np.linalg.norm(f, axis=1).sum())) for f in forces]
+
+    def holds(self, R: Floats) -> bool:
+        """Whether nothing speaks against R."""
+        edge = self.surface.mean_edge
+        for force, moment, total in self._moments:
+            limit = LENIENT * OFF_LOAD[1] * total
+            arm = self.surface.size / 2
+            if np.linalg.norm(R @ force - force) > limit or np.abs(R @ moment @ R.T - moment).max() > limit * arm:
+                return False
+        if far_off(self.surface, self._tree, self._few @ R.T + self.centre) > LENIENT * OFF * edge:
+            return False
+        reach = LENIENT * OFF_SUPPORT * edge
+        return all(float(np.max(held.query(few @ R.T)[0])) < reach for few, held in self._held)
+
+    def full(self, group: Floats) -> Symmetry:
+        """The group, looked at everywhere; raises PatternError where it is none."""
+        return symmetry_under(self.surface, group, self.loads, "found", self._tree)
+
+
+def _candidates(surface: Surface, axes: Floats, glance: _Glance) -> Iterator[Floats]:
+    """What a group may be generated by."""
+    axis = round_axis(surface, axes)
+    if axis is None:
+        yield from (mirror(direction) for direction in axes)
+        yield from (_turn(direction, 2) for direction in axes)
+        return
+    x = surface.V - glance.centre
+    x = x - np.outer(x @ axis, axis)
+    if all(glance.holds(_turn(axis, parts)) for parts in ROUND):
+        direction = _best_mirror(x, surface.V - glance.centre, axis, surface)
+        yield from (mirror(direction), mirror(np.cross(axis, direction)))
+    else:
+        yield from (_turn(axis, p) for p in TURNS)
+        yield from (mirror(plane) for plane in planes_through(axis, far_directions(x, surface.size)))
+    yield mirror(axis)
+
+
+def _best_mirror(x: Floats, V: Floats, axis: Floats, surface: Surface) -> Floats:
+    """(3,) the normal of the mirror, through one of the farthest points or across it, that suits the mesh best.
+
+    The surface is round, its mesh is not: however it is numbered, of all mirrors the same is taken.
+    """
+    distance = np.linalg.norm(x, axis=1)
+    count = min(AROUND, len(x))
+    outer = V[distance > np.partition(distance, -count)[-count] - FAR * surface.size]
+    near, edge = cKDTree(outer), surface.mean_edge
+
+    normals = far_directions(x, surface.size)[:AROUND]
+    images = np.concatenate([outer @ mirror(normal).T for normal in normals])
+    off = np.square(near.query(images)[0]).reshape(len(normals), -1).sum(axis=1) / edge**2
+    on = sum((1 / (1 + np.square(n @ outer.T / edge))).sum(axis=1) for n in (normals, np.cross(axis, normals)))
+    # how far images are from vertices; of those that fit alike that is best with the most vertices on it
+    fits = zip(np.round(off, 6).tolist(), (-np.round(on, 6)).tolist(), range(len(normals)), strict=True)
+    return np.asarray(normals[min(fits)[2]])
+
+
+def _turn(axis: Floats, parts: int) -> Floats:
+    """(3, 3) a rotation by a part of a whole turn [Rodrigues 1840]."""
+    angle = 2 * np.pi / parts
+    x, y, z = axis
+    across = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])
+    return np.asarray(np.eye(3) + np.sin(angle) * across + (1 - np.cos(angle)) * across @ across)

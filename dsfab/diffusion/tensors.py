@@ -1,14 +1,53 @@
-"""From stress to two diffusion tensors per face: where gradients are penalised, stripes run."""
+"""Diffusion tensors and the diffusion operator, from the stress of all layers of a sheet."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal
 
 import numpy as np
+from scipy.sparse import csr_array
 
-from dsfab.arrays import Bools, Floats, lock
-from dsfab.surface.hats import tangents
-from dsfab.surface.mesh import Surface
+from dsfab.core.arrays import Bools, Floats, lock
+from dsfab.surface import Surface
+from dsfab.surface.fields import assemble, hat_gradients, tangents
+
+UNSTRESSED = 1e-3
+"""A middle surface with less than this share of the stress of the sides leaves nothing to follow."""
+
+
+def layer_stress(surface: Surface, membrane: Floats, bending: Floats) -> Floats:
+    """(m, 3, 3) Pa, symmetric and tangent: along two axes of least shear the root mean square of the layers' stress.
+
+    membrane : (m, 3, 3) stress of the middle surface, Pa, tangent to each face.
+    bending  : (m, 3, 3) what bending adds at the bottom, the side that normals point away from, Pa.
+
+    It turns with the surface, scales with the stress and changes sign with it. Normals that point the other way change
+    nothing, but its sign where only bending has one. Faces that do not bend keep their membrane stress to the bit.
+    """
+    t = tangents(surface)
+    flat, bent = (np.einsum("mai,mij,mbj->mab", t, sigma, t, optimize=True) for sigma in (membrane, bending))
+    square = _deviator(flat) ** 2 + _deviator(bent) ** 2 / 3
+    angle = np.angle(square) / 4
+    cosine, sine = np.cos(angle), np.sin(angle)
+    axes = np.stack([np.stack([cosine, sine], axis=1), np.stack([-sine, cosine], axis=1)], axis=1)  # (m, axis, 2)
+    traction = np.einsum("mab,mkb->mka", flat, axes), np.einsum("mab,mkb->mka", bent, axes)
+    size = np.sqrt((traction[0] ** 2).sum(axis=2) + (traction[1] ** 2).sum(axis=2) / 3)
+    signed = traction[1] if only_bends(membrane, bending) else traction[0]
+    along = np.einsum("mka,mka->mk", signed, axes)
+    planar = np.einsum("mk,mka,mkb->mab", np.copysign(size, along), axes, axes)
+    found = np.einsum("mai,mab,mbj->mij", t, planar, t, optimize=True)
+    return np.asarray(np.where(np.asarray(bending.any(axis=(1, 2)))[:, None, None], found, membrane))
+
+
+def only_bends(membrane: Floats, bending: Floats) -> bool:
+    """Whether the middle surface is next to free of stress, of arrays of stresses of any shape, Pa."""
+    return float(np.abs(membrane).max()) < UNSTRESSED * float(np.abs(bending).max())
+
+
+def _deviator(planar: Floats) -> Floats:
+    """(m,) complex: half the difference of the normal stresses, and i times the shear stress."""
+    return np.asarray((planar[:, 0, 0] - planar[:, 1, 1]) / 2 + 1j * planar[:, 0, 1])
+
 
 Labelling = Literal["signed", "magnitude"]
 
@@ -110,3 +149,13 @@ def _isotropic(stress: Floats, labelling: Labelling, tolerance: float, reference
         return np.asarray(first - second <= tolerance * reference)
     eps = tolerance * reference
     return np.asarray(np.abs(first) + eps <= (1 + tolerance) * (np.abs(second) + eps))
+
+
+def diffusion_operator(surface: Surface, D: Floats) -> csr_array:
+    """Weak form of -div(D grad), paper eq. 5, on linear hats with one tensor per face [Andreux et al. 2014].
+
+    D : (m, 3, 3) symmetric, positive on each face's plane, dimensionless; it acts on gradients.
+    Returns L : (n, n) symmetric positive semidefinite, rows sum to zero; for D = I the cotangent Laplacian.
+    """
+    g, A = hat_gradients(surface), surface.areas  # (m, 3 corners, 3 xyz) per metre; (m,) square metres
+    return assemble(surface, np.einsum("mia,mab,mjb,m->mij", g, D, g, A, optimize=True))

@@ -1,19 +1,214 @@
-"""Plane curves through polylines: lines where they are straight, cubic splines elsewhere, within a tolerance.
+"""Smooth curves through polylines within a tolerance: straight lines and cubic splines for DXF, 3DM and STEP."""
 
-A spline is fitted in the least-squares sense at points spread evenly along the polyline, with its ends fixed; spans
-where the largest distance exceeds the tolerance are halved until none does. Raw vertices would not do: they are
-uneven, and fits through them overshoot between.
-"""
-
-from collections.abc import Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
-from itertools import pairwise
+from functools import cached_property
+from itertools import groupby, pairwise
+from typing import Self
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats
-from dsfab.export.refining import KNOT_DIGITS, SampledLine, refined
-from dsfab.export.splines import Spline
+from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.core.errors import ExportError
+from dsfab.core.limits import READ_BACK
+from dsfab.export.part import Part
+from dsfab.export.readback import ReadBack, differs
+from dsfab.export.splines import LeastSquares, Spline, hats_within
+from dsfab.surface import polyline_length
+
+SAMPLES_PER_SPAN = 6
+"""Fewest samples of the polyline for each span of a spline; with fewer, splines swing between them."""
+
+KNOT_DIGITS = 4
+"""Decimals of knots, which are millimetres along the polyline."""
+
+DENSER = 4
+"""Times as many points as samples are asked how far the spline is off."""
+
+AT_ONCE = 5_000
+"""Samples of the lines that go together: their hats and points stay in a processor's own memory."""
+
+THIRDS = np.arange(4) / 3
+POWERS = np.linalg.inv(THIRDS[:, None] ** np.arange(4))
+"""Of a cubic's values at thirds of a span: the factors of 1, x, x^2 and x^3, x from 0 to 1."""
+
+Refined = tuple[Floats, Floats, int, float]
+"""Knots, poles, degree, and the largest distance."""
+
+
+@dataclass(frozen=True, eq=False)
+class SampledLine:
+    """A polyline (k, d), the lengths along it (k,), its rounded whole length, and how many samples are taken of it.
+
+    smooth : it is closed, and its spline leaves as it arrives.
+    """
+
+    line: Floats
+    length: Floats
+    total: float
+    count: int
+    smooth: bool
+
+    @classmethod
+    def of(cls, line: Floats, smooth: bool) -> Self:
+        """With as many samples as the first try takes."""
+        length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+        total = float(np.round(length[-1], KNOT_DIGITS))
+        return cls(line, length, total, max(8 * len(line), 16 * SAMPLES_PER_SPAN), smooth)
+
+    @property
+    def bow(self) -> float:
+        """The farthest that it is off the line between its ends, at the same share of the length."""
+        share, first, last = self.length / self.length[-1], self.line[0], self.line[-1]
+        return float(np.linalg.norm(self.line - first - share[:, None] * (last - first), axis=1).max())
+
+    @cached_property
+    def at(self) -> Floats:
+        """(count + 1,) lengths at which its samples are."""
+        return np.asarray(np.arange(self.count + 1) / self.count * self.total)
+
+    @cached_property
+    def samples(self) -> Floats:
+        """(count + 1, d) points of it."""
+        return np.stack(self._on(np.arange(self.count + 1) / self.count), axis=1)
+
+    @cached_property
+    def asked(self) -> tuple[Floats, list[Floats]]:
+        """(q,) ascending lengths at which the spline is asked, many and those of the vertices; and d times (q,), the
+        polyline's points there."""
+        finer = DENSER * self.count
+        share = np.union1d(np.arange(finer + 1) / finer, self.length / self.length[-1])
+        return share * self.total, self._on(share)
+
+    @property
+    def breaks(self) -> Floats:
+        """Where spans begin and end at first."""
+        return np.array([0.0, self.total / 2, self.total] if self.smooth else [0.0, self.total])
+
+    def _on(self, share: Floats) -> list[Floats]:
+        return [np.interp(share * self.length[-1], self.length, column) for column in self.line.T]
+
+
+def refined(runs: Sequence[SampledLine], tolerance: float) -> list[Refined | None]:
+    """For each line the spline from its samples, its spans halved until it is near enough; None if that takes more
+    samples."""
+    found: list[Refined | None] = [None] * len(runs)
+    for batch in _batches(runs):
+        breaks = {k: runs[k].breaks for k in batch}
+        while breaks:
+            rows = _Rows([runs[k] for k in breaks], [np.round(at, KNOT_DIGITS) for at in breaks.values()])
+            poles, left = rows.poles(), dict[int, Floats]()
+            for k, at, (first, last), off in zip(breaks, rows.breaks, rows.ends, rows.off(poles), strict=True):
+                run, worst = runs[k], float(off.max())
+                if worst <= tolerance:
+                    knots = np.concatenate([[0.0] * 3, at, [run.total] * 3])
+                    found[k] = knots, poles[first:last], 3, worst
+                    continue
+                bad = np.flatnonzero(off > tolerance)
+                if not ((at[1:] - at[:-1])[bad] < 2 * SAMPLES_PER_SPAN * run.total / run.count).any():
+                    left[k] = np.sort(np.concatenate([at, (at[bad] + at[bad + 1]) / 2]))
+            breaks = left
+    return found
+
+
+def _batches(runs: Sequence[SampledLine]) -> Iterator[list[int]]:
+    """Numbers of lines that go together."""
+    batch, size = list[int](), 0
+    for k, run in enumerate(runs):
+        if batch and (size + run.count > AT_ONCE or run.line.shape[1] != runs[batch[0]].line.shape[1]):
+            yield batch
+            batch, size = [], 0
+        batch.append(k)
+        size += run.count
+    if batch:
+        yield batch
+
+
+class _Rows:
+    """Lines one after another: their splines have these breaks."""
+
+    def __init__(self, runs: list[SampledLine], breaks: list[Floats]) -> None:
+        self.runs, self.breaks = runs, breaks
+        self.knots = np.concatenate(
+            [part for run, at in zip(runs, breaks, strict=True) for part in ([0.0] * 3, at, [run.total] * 3)]
+        )
+        size = np.array([len(at) for at in breaks])
+        self.first_knot = np.concatenate([[0], np.cumsum(size + 6)])
+        self.first_pole = np.concatenate([[0], np.cumsum(size + 2)])
+        self.ends = list(zip(self.first_pole[:-1].tolist(), self.first_pole[1:].tolist(), strict=True))
+
+    def _spans(self, at: Sequence[Floats]) -> Ints:
+        """How many of ascending lengths along each line are in each span, line after line."""
+        found = list[Ints]()
+        for x, own in zip(at, self.breaks, strict=True):
+            many = x.searchsorted(own[1:])
+            many[-1] = len(x)
+            many[1:] -= many[:-1].copy()
+            found.append(many)
+        return np.concatenate(found)
+
+    def _hats(self, x: Floats, many: Ints) -> tuple[Floats, Ints]:
+        """(4, k) the hats at lengths x (k,), so many to each span, and the first of these among all poles (k,)."""
+        spans = np.array([len(at) - 1 for at in self.breaks])
+        row, own = np.repeat(np.arange(len(spans)), spans), np.arange(spans.sum())
+        own -= np.repeat(np.cumsum(spans) - spans, spans)
+        values, _ = hats_within(x, self.knots, np.repeat(own + 3 + self.first_knot[row], many))
+        return values, np.repeat(own + self.first_pole[row], many)
+
+    def poles(self) -> Floats:
+        """(n, d) of the cubic splines nearest to the samples, whose ends are the first and the last of these.
+
+        Smooth ones: the derivatives at both ends are one unknown vector d: pole 1 is pole 0 + a d, the last but one is
+        the last - b d, with a and b a third of the first and the last span.
+        """
+        at = [run.at for run in self.runs]
+        values, first = self._hats(np.concatenate(at), self._spans(at))
+        points = np.concatenate([run.samples for run in self.runs])
+        n = int(self.first_pole[-1])
+        start, tangent, ends = np.zeros((n, points.shape[1])), np.zeros((n, 1)), list[int]()
+        for run, own, (low, high) in zip(self.runs, self.breaks, self.ends, strict=True):
+            many = 2 if run.smooth else 1
+            ends += [*range(low, low + many), *range(high - many, high)]
+            start[low : low + many], start[high - many : high] = run.samples[0], run.samples[-1]
+            if run.smooth:
+                tangent[[low + 1, high - 2], 0] = (own[1] - own[0]) / 3, -(own[-1] - own[-2]) / 3
+        system = LeastSquares.of(values, first, self.first_pole[:-1], n, np.array(ends))
+        poles = system.poles(points, start)
+        return self._smoothed(system, poles, points, tangent) if tangent.any() else poles
+
+    def _smoothed(self, system: LeastSquares, poles: Floats, points: Floats, tangent: Floats) -> Floats:
+        """d joins the first poles with the last ones, outside of the band: it is taken out of the others, and solved
+        for."""
+        free = tangent - system.solved(system.sums(system.at_samples(tangent)))
+        along, off = system.at_samples(free), points - system.at_samples(poles)
+        poles, end = poles.copy(), np.cumsum([run.count + 1 for run in self.runs])
+        for run, (low, high), last in zip(self.runs, self.ends, end.tolist(), strict=True):
+            if run.smooth:
+                own = along[last - run.count - 1 : last]
+                poles[low:high] += free[low:high] @ (own.T @ off[last - run.count - 1 : last]) / (own.T @ own)
+        return poles
+
+    def off(self, poles: Floats) -> list[Floats]:
+        """For each line and each of its spans how far it is off, at most."""
+        begin, wide = (
+            np.concatenate([at[:-1] for at in self.breaks]),
+            np.concatenate([at[1:] - at[:-1] for at in self.breaks]),
+        )
+        four = (begin[:, None] + wide[:, None] * THIRDS).ravel()
+        values, first = self._hats(four, np.full(len(wide), len(THIRDS)))
+        there = sum(values[i][:, None] * poles[first + i] for i in range(4))
+        powers = np.einsum("ij,sjd->dis", POWERS, there.reshape(len(wide), 4, -1))
+        at = [run.asked[0] for run in self.runs]
+        many = self._spans(at)
+        x = (np.concatenate(at) - np.repeat(begin, many)) / np.repeat(wide, many)
+        square = np.zeros(len(x))
+        for axis, power in enumerate(powers):
+            points = np.concatenate([run.asked[1][axis] for run in self.runs])
+            one, two, three, four = (np.repeat(row, many) for row in power)
+            square += (((four * x + three) * x + two) * x + one - points) ** 2
+        worst = np.sqrt(np.maximum.reduceat(square, np.cumsum(many) - many))
+        return np.split(worst, np.cumsum([len(own) - 1 for own in self.breaks])[:-1])
+
 
 SHARP = np.deg2rad(30.0)
 """An outline that turns by more than this at a vertex has a corner there."""
@@ -139,3 +334,141 @@ def _cut(curve: Curve, at: float) -> list[Curve]:
         Curve(before, poles[:first], curve.degree, curve.deviation),
         Curve(after, poles[first - 1 :], curve.degree, curve.deviation),
     ]
+
+
+CLOSEST = 1e-3
+"""Millimetres: curves are not asked to be nearer than this when the lines are exact."""
+
+SAMPLES_PER_POINT, FEWEST_SAMPLES = 32, 400
+"""A spline that would take more samples than this has more poles than the polyline has points, and takes long."""
+
+PER_SPAN = 16
+"""Points of a span when a curve is measured: its length is then right to 1e-4 where it turns by less than a radian."""
+
+
+REMEMBERED = 4096
+"""Lines whose curves are remembered: the next format of the same design holds the same ones."""
+
+
+def within(part: Part) -> float:
+    """Millimetres that the curves of a part may be off its lines."""
+    return max(part.details.tolerance, CLOSEST)
+
+
+def chains(part: Part) -> list[list[Curve]]:
+    """The curves along each line of a part."""
+    return all_curves_along([line.points for line in part.details.lines], within(part))
+
+
+def curves_along(points: Floats, tolerance: float) -> list[Curve]:
+    """A polyline (k, 3) as curves within `tolerance`, millimetres, that begin and end at its sharp turns.
+
+    A closed line without corners is one curve, which leaves as it arrives. Where no spline follows so closely, the
+    polyline's own segments.
+    """
+    return all_curves_along([points], tolerance)[0]
+
+
+def all_curves_along(lines: Sequence[Floats], tolerance: float) -> list[list[Curve]]:
+    """`curves_along` for each polyline; those that are not remembered are made together."""
+    lines = [np.ascontiguousarray(points, dtype=np.float64) for points in lines]
+    keys = [(points.tobytes(), points.shape, tolerance) for points in lines]
+    found = {key: _remembered[key] for key in keys if key in _remembered}
+    new = {key: list(_runs(points)) for key, points in zip(keys, lines, strict=True) if key not in found}
+    made = iter(all_fitted([run for runs in new.values() for run in runs], tolerance))
+    for key, runs in new.items():
+        chain = list[Curve]()
+        for run in runs:
+            curve = next(made)
+            chain += [curve] if curve is not None else _segments(run.points)
+        found[key] = tuple(chain)
+    _remember(found)
+    return [list(found[key]) for key in keys]
+
+
+Key = tuple[bytes, tuple[int, ...], float]
+_remembered = dict[Key, tuple[Curve, ...]]()
+"""The curves of a line within a tolerance, those asked for last at its end."""
+
+
+def _remember(found: Mapping[Key, tuple[Curve, ...]]) -> None:
+    for key in found:
+        _remembered.pop(key, None)
+    _remembered.update(found)
+    for key in list(_remembered)[: max(len(_remembered) - REMEMBERED, 0)]:
+        del _remembered[key]
+
+
+def _runs(points: Floats) -> Iterator[Polyline]:
+    """The parts of a polyline between its sharp turns."""
+    closed = len(points) > 2 and bool((points[0] == points[-1]).all())
+    at = np.flatnonzero(_sharp(points, closed))
+    smooth = closed and not len(at)
+    if closed and len(at):  # begin at a corner
+        points = np.concatenate([points[at[0] : -1], points[: at[0] + 1]])
+        at = (at - at[0])[1:]
+    for a, b in pairwise([0, *at.tolist(), len(points) - 1]):
+        yield Polyline(points[a : b + 1], smooth, max(SAMPLES_PER_POINT * (b + 1 - a), FEWEST_SAMPLES))
+
+
+def _sharp(points: Floats, closed: bool) -> Bools:
+    """(k,) vertices of a polyline in space where it turns by more than SHARP; of a closed one perhaps the first too."""
+    along = np.diff(points, axis=0)
+    along = along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
+    before = along[-1:] if closed else along[:1]
+    turn = np.zeros(len(points), dtype=bool)
+    turn[:-1] = np.einsum("ki,ki->k", along, np.concatenate([before, along[:-1]])) < np.cos(SHARP)
+    return turn
+
+
+def _segments(points: Floats) -> list[Curve]:
+    curves = (fitted(points[i : i + 2], np.inf) for i in range(len(points) - 1))
+    return [curve for curve in curves if curve is not None]
+
+
+def joined(chain: list[Curve]) -> list[Curve | Floats]:
+    """Curves in their order: splines as they are, and neighbouring straight ones as the points (k, 3) of a polyline."""
+    found = list[Curve | Floats]()
+    for straight, group in groupby(chain, key=lambda curve: curve.straight):
+        run = list(group)
+        found += [np.concatenate([run[0].poles[:1], *(curve.poles[-1:] for curve in run)])] if straight else run
+    return found
+
+
+def sampled(knots: Floats) -> Floats:
+    """(k,) ascending parameters from end to end of a curve, PER_SPAN to a span between its knots (p,)."""
+    breaks = np.unique(knots)
+    inner = breaks[:-1, None] + np.diff(breaks)[:, None] * (np.arange(PER_SPAN) / PER_SPAN)
+    return np.append(inner.ravel(), breaks[-1])
+
+
+def check_curves(part: Part, found: Mapping[str, Sequence[Floats]]) -> ReadBack:
+    """What was found; raises ExportError unless the lines of a part, and no other, were found as curves.
+
+    found : for each id, the curves that make up the line, as points (k, 3) along them, millimetres. Together they must
+            be as long as the lines, to the tolerance at their bends, and each line must lie where it belongs.
+    """
+    lines = {line.id: line.points for line in part.details.lines}
+    if found.keys() != lines.keys():
+        raise differs(part, "lines", len(lines), len(found))
+    off = check_length(part, sum(polyline_length(points) for curves in found.values() for points in curves))
+    for name, points in lines.items():
+        there, here = (np.array([x.min(axis=0), x.max(axis=0)]) for x in (np.concatenate(found[name]), points))
+        if not (moved := float(np.abs(there - here).max())) <= 2 * within(part):
+            raise ExportError(
+                f"the line {name} of {part.name!r} reads back {moved:.3g} mm away from where it is; "
+                "write another format"
+            )
+    return ReadBack(len(found), "lines", off, "length")
+
+
+def check_length(part: Part, found: float) -> float:
+    """The share that `found` is off; raises ExportError unless it is the length of all lines, mm, to the tolerance at
+    their bends."""
+    expected = sum(polyline_length(line.points) for line in part.details.lines)
+    if not abs(found - expected) <= 5 * READ_BACK * expected:
+        raise ExportError(
+            f"the lines of {part.name!r} read back {found:.6g} mm long instead of {expected:.6g} mm; "
+            "write another format"
+        )
+    return found / expected - 1

@@ -9,48 +9,21 @@ from typing import Literal
 
 import numpy as np
 
-from dsfab.errors import ExportError
-from dsfab.export import (
-    bars,
-    bars_workbook,
-    brep,
-    calculix_beams,
-    dxf,
-    forces,
-    gltf,
-    ifc,
-    ladder,
-    members_json,
-    members_table,
-    obj,
-    off,
-    opensees,
-    ply,
-    records,
-    rhino,
-    saf,
-    step_lines,
-    stl,
-    stpz,
-    svg,
-    tables,
-    threemf,
-    utilisation,
-    vtu,
-)
-from dsfab.export import step as step_format
-from dsfab.export.atomic import replacing, write_chunks
-from dsfab.export.estimate import Estimate, estimates
-from dsfab.export.members import dxf as members_dxf
-from dsfab.export.members import gltf as members_gltf
-from dsfab.export.members import ifc as members_ifc
-from dsfab.export.members import rhino as members_rhino
-from dsfab.export.members.shapes import with_shapes, with_single_shapes
+from dsfab.core.errors import ExportError
+from dsfab.core.units import MM_PER_M
+from dsfab.export.analysis import calculix, opensees, saf, vtu
+from dsfab.export.bim import ifc
+from dsfab.export.cad import rhino
+from dsfab.export.cad.step import file, strategies
+from dsfab.export.cad.step.strategies import Estimate, estimates
+from dsfab.export.drawing import dxf, svg
+from dsfab.export.mesh import gltf, triangles
 from dsfab.export.part import Details, Part, Route, StepOptions, part_of
-from dsfab.export.readback import ReadBack
+from dsfab.export.readback import ReadBack, with_shapes, with_single_shapes
+from dsfab.export.tables import forces, geometry
+from dsfab.export.writing import replacing, write_chunks
 from dsfab.surface.mesh import Surface
 from dsfab.thickening.solid import Solid
-from dsfab.units import MM_PER_M
 
 Takes = Literal["mesh", "lines", "both", "fields", "members", "bodies", "forces", "frame", "bars", "utilisation"]
 
@@ -98,81 +71,90 @@ class Written:
 
 
 _STEP = Format(
-    ladder.prepare,
-    step_format.encode,
-    step_format.check,
+    strategies.prepare,
+    file.encode,
+    file.check,
     sheets=False,
-    attempts=ladder.attempts,
-    told=ladder.route_sentence,
-    refusal=ladder.refusal,
+    attempts=strategies.attempts,
+    told=strategies.route_sentence,
+    refusal=strategies.refusal,
 )
 
 FORMATS: dict[str, Format] = {
-    ".stl": Format(stl.prepare, stl.encode, stl.check, sheets=True),
-    ".3mf": Format(threemf.prepare, threemf.encode, threemf.check, sheets=False),
+    ".stl": Format(triangles.prepare_stl, triangles.encode_stl, triangles.check_stl, sheets=True),
+    ".3mf": Format(triangles.prepare_3mf, triangles.encode_3mf, triangles.check_3mf, sheets=False),
     ".step": _STEP,
     ".stp": _STEP,
-    ".stpz": replace(_STEP, encode=stpz.encode, check=stpz.check),
+    ".stpz": replace(_STEP, encode=file.encode_compressed, check=file.check_compressed),
     ".lines.step": Format(
-        step_lines.prepare, step_lines.encode, step_lines.check, sheets=True, takes="lines", curves=True
+        file.prepare_lines, file.encode_lines, file.check_lines_file, sheets=True, takes="lines", curves=True
     ),
-    ".brep": replace(_STEP, encode=brep.encode, check=brep.check, told=brep.route_sentence),
+    ".brep": replace(_STEP, encode=file.encode_brep, check=file.check_brep, told=file.route_sentence),
     ".ifc": Format(ifc.prepare, ifc.encode, ifc.check, sheets=False, ready=ifc.ready),
-    ".obj": Format(obj.prepare, obj.encode, obj.check, sheets=True),
-    ".ply": Format(ply.prepare, ply.encode, ply.check, sheets=True),
-    ".off": Format(off.prepare, off.encode, off.check, sheets=True),
+    ".obj": Format(triangles.prepare_obj, triangles.encode_obj, triangles.check_obj, sheets=True),
+    ".ply": Format(triangles.prepare_ply, triangles.encode_ply, triangles.check_ply, sheets=True),
+    ".off": Format(triangles.prepare_off, triangles.encode_off, triangles.check_off, sheets=True),
     ".glb": Format(gltf.prepare, gltf.encode, gltf.check, sheets=True),
     ".3dm": Format(rhino.prepare, rhino.encode, rhino.check, sheets=True, takes="both", curves=True, ready=rhino.ready),
     ".dxf": Format(dxf.prepare, dxf.encode, dxf.check, sheets=True, takes="lines", curves=True),
     ".svg": Format(svg.prepare, svg.encode, svg.check, sheets=True, takes="lines"),
-    ".csv": Format(tables.prepare, tables.encode, tables.check, sheets=True, takes="lines"),
-    ".json": Format(records.prepare, records.encode, records.check, sheets=True, takes="lines"),
+    ".csv": Format(geometry.prepare_csv, geometry.encode_csv, geometry.check_csv, sheets=True, takes="lines"),
+    ".json": Format(geometry.prepare_json, geometry.encode_json, geometry.check_json, sheets=True, takes="lines"),
     ".members.json": Format(
-        members_json.prepare, members_json.encode, members_json.check, sheets=True, takes="members"
+        geometry.prepare_members,
+        geometry.encode_members_json,
+        geometry.check_members_json,
+        sheets=True,
+        takes="members",
     ),
     ".members.csv": Format(
-        members_json.prepare, members_table.encode_members, members_table.check_members, sheets=True, takes="members"
+        geometry.prepare_members, geometry.encode_members, geometry.check_members, sheets=True, takes="members"
     ),
     ".nodes.csv": Format(
-        members_json.prepare, members_table.encode_nodes, members_table.check_nodes, sheets=True, takes="members"
+        geometry.prepare_members, geometry.encode_nodes, geometry.check_nodes, sheets=True, takes="members"
     ),
     ".members.3dm": Format(
-        with_single_shapes, members_rhino.encode, members_rhino.check, sheets=True, takes="bodies", ready=rhino.ready
+        with_single_shapes,
+        rhino.encode_members,
+        rhino.check_members,
+        sheets=True,
+        takes="bodies",
+        ready=rhino.ready,
     ),
     ".members.ifc": Format(
-        with_shapes, members_ifc.encode, members_ifc.check, sheets=True, takes="bodies", ready=ifc.ready
+        with_shapes, ifc.encode_members, ifc.check_members, sheets=True, takes="bodies", ready=ifc.ready
     ),
-    ".members.glb": Format(with_single_shapes, members_gltf.encode, members_gltf.check, sheets=True, takes="bodies"),
-    ".members.dxf": Format(with_shapes, members_dxf.encode, members_dxf.check, sheets=True, takes="bodies"),
+    ".members.glb": Format(with_single_shapes, gltf.encode_members, gltf.check_members, sheets=True, takes="bodies"),
+    ".members.dxf": Format(with_shapes, dxf.encode_members, dxf.check_members, sheets=True, takes="bodies"),
     ".vtu": Format(vtu.prepare, vtu.encode, vtu.check, sheets=True, takes="fields"),
     ".forces.vtu": Format(forces.prepare_fields, vtu.encode, vtu.check, sheets=True, takes="forces"),
-    ".forces.csv": Format(forces.prepare, forces.encode, forces.check, sheets=True, takes="forces"),
-    ".member_forces.csv": Format(bars.prepare, bars.encode, bars.check, sheets=True, takes="bars"),
+    ".forces.csv": Format(forces.prepare_sheet, forces.encode_sheet, forces.check_sheet, sheets=True, takes="forces"),
+    ".member_forces.csv": Format(
+        forces.prepare_members, forces.encode_members, forces.check_members, sheets=True, takes="bars"
+    ),
     ".member_forces.xlsx": Format(
-        bars_workbook.prepare,
-        bars_workbook.encode,
-        bars_workbook.check,
+        forces.prepare_members,
+        forces.encode_workbook,
+        forces.check_workbook,
         sheets=True,
         takes="bars",
-        ready=bars_workbook.ready,
+        ready=saf.ready,
     ),
     ".member_utilisation.csv": Format(
-        utilisation.prepare,
-        utilisation.encode,
-        utilisation.check,
+        forces.prepare_utilisation,
+        forces.encode_utilisation,
+        forces.check_utilisation,
         sheets=True,
-        told=utilisation.sentence,
+        told=forces.sentence,
         takes="utilisation",
     ),
-    opensees.SUFFIX: Format(
-        opensees.prepare, opensees.encode, opensees.check, sheets=True, told=opensees.told, takes="frame"
-    ),
-    calculix_beams.SUFFIX: Format(
-        calculix_beams.prepare,
-        calculix_beams.encode,
-        calculix_beams.check,
+    opensees.SUFFIX: Format(saf.prepare, opensees.encode, opensees.check, sheets=True, told=saf.told, takes="frame"),
+    calculix.SUFFIX: Format(
+        saf.prepare,
+        calculix.encode,
+        calculix.check,
         sheets=True,
-        told=calculix_beams.told,
+        told=saf.told,
         takes="frame",
     ),
     saf.SUFFIX: Format(saf.prepare, saf.encode, saf.check, sheets=True, told=saf.told, takes="frame", ready=saf.ready),
@@ -237,14 +219,14 @@ def step_estimates(
     part = part_of(thing, name)
     if not part.is_solid:
         raise ExportError(f"STEP holds closed solids and {name!r} is an open sheet; thicken it first")
-    return estimates(ladder.prepare(_with_options(part, step, details)))
+    return estimates(strategies.prepare(_with_options(part, step, details)))
 
 
 def _with_options(part: Part, step: StepOptions | str, details: Details | None) -> Part:
     """The part with what was asked for; lengths become millimetres."""
     ask = StepOptions(step) if isinstance(step, str) else step
-    if ask.route not in ladder.ROUTES:
-        raise ExportError(f"step = {ask.route!r} names no way to write STEP; use one of {', '.join(ladder.ROUTES)}")
+    if ask.route not in strategies.ROUTES:
+        raise ExportError(f"step = {ask.route!r} names no way to write STEP; use one of {', '.join(strategies.ROUTES)}")
     marked = np.zeros((0, 3)) if ask.corners is None else MM_PER_M * np.asarray(ask.corners, dtype=np.float64)
     return replace(
         part,

@@ -1,26 +1,121 @@
-"""`Part`: what goes into a file, in millimetres, and how it survives the rounding of a file format."""
+"""`Part`: the mesh, lines and facts of a file in millimetres, with the divided sheet and the bodies of members."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
-from scipy.sparse import coo_array
+from scipy.sparse import coo_array, csr_array
 from scipy.sparse.csgraph import connected_components
 
-from dsfab.arrays import Floats, Ints, first, lock
-from dsfab.errors import ExportError
-from dsfab.export.member_shape import MemberShape
-from dsfab.export.smooth.source import Curved
-from dsfab.limits import READ_BACK
+from dsfab.core.arrays import Bools, Floats, Ints, first, lock
+from dsfab.core.errors import ExportError
+from dsfab.core.limits import READ_BACK
+from dsfab.core.units import MM_PER_M
 from dsfab.surface import StructureLine, Surface, box, signed_volume, total_area
 from dsfab.surface.topology import half_edges
 from dsfab.thickening.solid import Solid
-from dsfab.units import MM_PER_M
+
+NO_PAIRS = np.zeros((0, 2), dtype=np.int64)
+NO_PAIRS.setflags(write=False)
+
+
+class DividedSheet(NamedTuple):
+    """A sheet divided into charts.
+
+    V, F      : (n', 3) and (m', 3), metres; pieces keep to themselves, no vertex is a pinch.
+    D         : (n', 3) half-thickness vectors, metres.
+    chart     : (m',) the chart of each face.
+    half_edge : (k,) the boundary's half-edges, 3 face + corner.
+    family    : (k,) what each of them is an edge of; -1 for the boundary of the uncut surface.
+    """
+
+    V: Floats
+    F: Ints
+    D: Floats
+    chart: Ints
+    half_edge: Ints
+    family: Ints
+
+
+class StripedSheet(NamedTuple):
+    """A sheet divided along all edges of its stripes, those below other stripes too.
+
+    F       : (m, 3) cells, oriented as the uncut surface.
+    weights : (n', n) barycentric weights of its vertices on those of the uncut surface.
+    label   : (m,) equal for cells that lie in the same stripes.    loose : (m,) cells that lie in none.
+    seam    : (k, 2) half-edges at one place, in one direction, where a surface with one side only was cut open.
+    """
+
+    F: Ints
+    weights: csr_array
+    label: Ints
+    loose: Bools
+    seam: Ints = NO_PAIRS
+
+
+@dataclass(frozen=True, eq=False)
+class Curved:
+    """A sheet cut from a surface.
+
+    V, F  : (n, 3) and (m, 3) of the uncut, oriented surface, metres.
+    D     : (n, 3) half-thickness vectors on it, metres.
+    shift : by how many D the middle of the sheet lies off the surface: 0, 1 or -1.
+    divided : the sheet, divided along the upper envelope of fields (n, c) on the uncut surface: chart k is where
+              field k is largest.
+    striped : the sheet by its stripes; None where these are not known.
+    twins : (k, 2) vertices at one place, with opposite D, where a surface with one side only was cut open.
+    """
+
+    V: Floats
+    F: Ints
+    D: Floats
+    shift: int
+    divided: Callable[[Floats], DividedSheet]
+    striped: Callable[[], StripedSheet] | None = None
+    twins: Ints = field(default_factory=lambda: NO_PAIRS)
+
+    def __post_init__(self) -> None:
+        lock(self, "V", np.float64, (None, 3))
+        lock(self, "F", np.int64, (None, 3))
+        lock(self, "D", np.float64, (None, 3))
+        lock(self, "twins", np.int64, (None, 2))
+
+
+@dataclass(frozen=True, eq=False)
+class MemberShape:
+    """A closed mesh and the lines of a member, or of one of the parts that it is built of, in metres or millimetres.
+
+    id    : the member's name.    layer : its family, or what it is: "major", "minor", "rim", "keep", "fill".
+    V, F  : (n, 3), (m, 3) the body; triangles counter-clockwise seen from outside.
+    axis  : (k, 3) along its middle; (0, 3) where it has none.
+    edges : (k, 3) closed lines around it on the middle surface, each.
+    plate : whether it is a plate; else it is long and narrow.
+    """
+
+    id: str
+    layer: str
+    V: Floats
+    F: Ints
+    axis: Floats = field(default_factory=lambda: np.zeros((0, 3)))
+    edges: tuple[Floats, ...] = ()
+    plate: bool = False
+
+    def __post_init__(self) -> None:
+        lock(self, "V", np.float64, (None, 3))
+        lock(self, "F", np.int64, (None, 3))
+        lock(self, "axis", np.float64, (None, 3))
+
+    def scaled(self, factor: float) -> "MemberShape":
+        """The same in another unit of length."""
+        edges = tuple(factor * line for line in self.edges)
+        return replace(self, V=factor * self.V, axis=factor * self.axis, edges=edges)
+
 
 STEP_FACES = 30_000
-"""Faces that a STEP file may have unless asked otherwise; `dsfab.export.step` has the measurements behind it."""
+"""Faces that a STEP file may have unless asked otherwise; `dsfab.export.cad.step.file` has the measurements behind
+it."""
 
 Route = Literal["auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated"]
 """The ways to make a STEP file; compact is another word for smooth."""
@@ -36,8 +131,9 @@ class Details:
     values    : by name with its SI unit, values at the vertices (n, ...) or in the faces (m, ...) of the mesh.
     facts     : short lines for a title block, or about `values`.
     measures  : thickness (m), density (kg/m3), young (Pa) and poisson of the material, those that are known.
-    records   : notes, members and nodes, see `dsfab.delivery.member_records`, in millimetres; or section forces or
-                beams, see `dsfab.delivery.forces` and `beam_records`, in SI units; of solids `material`, its name.
+    records   : notes, members and nodes, see `dsfab.design.output.records`, in millimetres; or section forces or
+                beams, see `dsfab.design.output.records` and `beam_records`, in SI units; of solids `material`, its
+                name.
     shapes    : members as bodies, metres.
     origin    : metres; where the file's origin lies on its site, in the coordinates of a survey (east, north, up).
     """
@@ -72,7 +168,7 @@ class StepOptions:
                 may be simplified by, which it is not if 0 unless nothing else is accepted.
     megabytes : largest size of the file in 1e6 bytes; 0 is no limit.
     corners   : (k, 3) points of a flat sheet's outline, metres, that stay corners even where it turns by little.
-    curved    : makes what smooth STEP needs of the sheet, see `dsfab.export.smooth.source`.
+    curved    : makes what smooth STEP needs of the sheet, see `dsfab.export.part`.
     """
 
     route: str = "auto"
@@ -92,7 +188,8 @@ class Part:
     name       : what a format with names calls it.
     is_solid   : closed, with a volume; otherwise a sheet.
     step_faces : largest number of faces of a STEP file.
-    step       : `auto`, `quick`, `planar`, `members`, `smooth`, `faceted` or `tessellated` (see `dsfab.export.step`).
+    step       : `auto`, `quick`, `planar`, `members`, `smooth`, `faceted` or `tessellated` (see
+    `dsfab.export.cad.step.file`).
     tolerance  : millimetres that the curves of a planar STEP file may be off the outline; 0 asks for the default.
     corners    : (k, 3) points of the outline that those curves must not round, millimetres.
     details    : lines, fields and facts; its lengths in millimetres too.

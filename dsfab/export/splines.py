@@ -1,12 +1,13 @@
-"""Splines of any dimension, the cubic hats that they are sums of, and the cubics nearest to samples."""
+"""Splines of any dimension: basis, evaluation, and least-squares fits with adaptive knots, many at once."""
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import Self
 
 import numpy as np
 from scipy.linalg.lapack import dpbtrf, dpbtrs
 
-from dsfab.arrays import Floats, Ints, lock
+from dsfab.core.arrays import Bools, Floats, Ints, lock
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,3 +145,185 @@ def _band(values: Floats, first: Ints, begin: Ints, held: Ints, n: int) -> Float
     for below in range(1, 4):
         band[below, held] = band[below, held - below] = 0.0  # before the first pole: of the last, which is not used
     return band
+
+
+@dataclass(frozen=True, eq=False)
+class SplineRows:
+    """The samples of some curves.
+
+    number : (r,) of the curves; count, first, last (r,) : how many samples each has, and where these are.
+    row    : (k,) the row of each sample.    x, Q, parts : see `fits.splines_through`.    tolerance : (r,).
+    """
+
+    number: Ints
+    count: Ints
+    first: Ints
+    last: Ints
+    row: Ints
+    x: Floats
+    Q: Floats
+    tolerance: Floats
+    parts: int
+
+    @classmethod
+    def of(cls, number: Ints, count: Ints, x: Floats, Q: Floats, tolerance: Floats, parts: int) -> "SplineRows":
+        """Rows one behind the other: count (r,) points each, of x (k,) and Q (k, d), within a tolerance (r,)."""
+        end, row = np.cumsum(count), np.repeat(np.arange(len(count)), count)
+        return cls(number, count, end - count, end - 1, row, x, Q, tolerance, parts)
+
+    def some(self, chosen: Bools) -> "SplineRows":
+        """Some of the rows (r,)."""
+        mine = chosen[self.row]
+        number, count, tolerance = self.number[chosen], self.count[chosen], self.tolerance[chosen]
+        return SplineRows.of(number, count, self.x[mine], self.Q[mine], tolerance, self.parts)
+
+    @property
+    def line(self) -> Floats:
+        """(k, d) on the segments between the ends."""
+        start, end = self.Q[self.first], self.Q[self.last]
+        return start[self.row] + self.x[:, None] * (end - start)[self.row]
+
+    def away(self, at: Floats) -> Floats:
+        """(k,) the largest distance of each sample's points from those at (k, d)."""
+        off = (at - self.Q).reshape(len(at), self.parts, -1)
+        return np.asarray(np.sqrt(np.einsum("kpi,kpi->pk", off, off).max(axis=0)))
+
+    def most(self, away: Floats) -> Floats:
+        """(r,) the largest of each row."""
+        return np.asarray(np.maximum.reduceat(away, self.first))
+
+
+@dataclass(frozen=True, eq=False)
+class RowSpans:
+    """The spans of some rows: where they begin and end, their rows (s,), and the span of each sample (k,)."""
+
+    low: Floats
+    high: Floats
+    row: Ints
+    of: Ints
+
+    @property
+    def count(self) -> Ints:
+        """(r,) of each row."""
+        return np.bincount(self.row)
+
+    @property
+    def knots(self) -> Floats:
+        """(s + 7 r,) the knots of one row after another: 0 and 1 count four times."""
+        knots, end = np.zeros(len(self.row) + 7 * len(self.count)), np.cumsum(self.count + 7)
+        knots[np.arange(len(self.row)) + 7 * self.row + 3] = self.low
+        knots[(end[:, None] - np.arange(1, 5)).ravel()] = 1.0
+        return knots
+
+    def halved(self, bad: Bools, going: Bools, rows: SplineRows) -> "RowSpans":
+        """The spans of those rows (r,) that are going on; the bad ones (s,) in two."""
+        stays = going[self.row]
+        low, high, row, two = self.low[stays], self.high[stays], (np.cumsum(going) - 1)[self.row[stays]], bad[stays]
+        of = (np.cumsum(stays) - 1)[self.of[going[rows.row]]]
+        x, middle = rows.x[going[rows.row]], (low + high) / 2
+        left, times = np.cumsum(1 + two) - (1 + two), 1 + two
+        low, high, row = (np.repeat(values, times) for values in (low, high, row))
+        high[left[two]] = low[left[two] + 1] = middle[two]
+        return RowSpans(low, high, row, left[of] + (two[of] & (x >= middle[of])))
+
+
+SAMPLES_PER_SPAN = 6
+"""Fewest samples for each span of a curve; with fewer, curves swing between them."""
+
+ROUNDS = 14
+"""How often the spans of a curve are halved: a span is at least 2^-14 of it."""
+
+AT_ONCE = 20_000
+"""Samples that are fitted at once, about: what is made of them stays in the processor's cache."""
+
+Fitted = tuple[Spline, float]
+"""A curve, and its largest distance from its samples."""
+
+
+def splines_through(
+    samples: Sequence[tuple[Floats, Floats]], tolerances: Sequence[float], parts: int = 1
+) -> list[Fitted]:
+    """Lines, parabolas or cubics, of few halved spans, within tolerances of points Q (k, d) at x (k,) in [0, 1].
+
+    x rises from 0 to 1; d is the same for all. The ends of a curve are its first and its last point. parts : the d
+    coordinates are those of so many points, whose distances count one by one. Returns the largest distance found, too;
+    over the tolerance where samples are too few to go on.
+    """
+    found = dict[int, Fitted]()
+    for some in _batches([len(x) for x, _ in samples]):
+        x, Q = (np.concatenate(column) for column in zip(*(samples[c] for c in some), strict=True))
+        count = np.array([len(samples[c][0]) for c in some])
+        rows = SplineRows.of(np.array(some), count, x, Q, np.array([tolerances[c] for c in some]), parts)
+        rows = _lines(rows, found)
+        if len(rows.number):
+            rows = _parabolas(rows, found)
+        if len(rows.number):
+            _cubics(rows, found)
+    return [found[c] for c in range(len(samples))]
+
+
+def _batches(counts: list[int]) -> Iterator[range]:
+    """Consecutive curves that have about `AT_ONCE` samples together."""
+    start = total = 0
+    for c, count in enumerate(counts):
+        total += count
+        if total >= AT_ONCE or c == len(counts) - 1:
+            yield range(start, c + 1)
+            start, total = c + 1, 0
+
+
+def _lines(rows: SplineRows, found: dict[int, Fitted]) -> SplineRows:
+    """Add the curves that may be lines; the others."""
+    off = rows.most(rows.away(rows.line))
+    good = off <= 0.5 * rows.tolerance
+    for r in np.flatnonzero(good):
+        found[int(rows.number[r])] = straight(rows.Q[rows.first[r]], rows.Q[rows.last[r]]), float(off[r])
+    return rows.some(~good)
+
+
+def _parabolas(rows: SplineRows, found: dict[int, Fitted]) -> SplineRows:
+    """Add the curves that may be parabolas; the others."""
+    line, bow = rows.line, 2 * rows.x * (1 - rows.x)
+    bend = np.add.reduceat(bow[:, None] * (rows.Q - line), rows.first) / np.add.reduceat(bow * bow, rows.first)[:, None]
+    off = rows.most(rows.away(line + bow[:, None] * bend[rows.row]))
+    good = off <= rows.tolerance
+    knots = np.array([0.0] * 3 + [1.0] * 3)
+    for r in np.flatnonzero(good):
+        start, end = rows.Q[rows.first[r]], rows.Q[rows.last[r]]
+        poles = np.stack([start, (start + end) / 2 + bend[r], end])
+        found[int(rows.number[r])] = Spline(knots, poles, 2), float(off[r])
+    return rows.some(~good)
+
+
+def _cubics(rows: SplineRows, found: dict[int, Fitted]) -> None:
+    """Add cubics; the spans that are off are halved until none is, or has too few samples."""
+    spans = RowSpans(np.zeros(len(rows.number)), np.ones(len(rows.number)), np.arange(len(rows.number)), rows.row)
+    for turn in range(ROUNDS):
+        poles, away = _least_squares(rows, spans)
+        off, many = rows.most(away), np.bincount(spans.of, minlength=len(spans.row))
+        worst, used = np.zeros(len(many)), many > 0
+        worst[used] = np.maximum.reduceat(away, (np.cumsum(many) - many)[used])
+        bad = (worst > rows.tolerance[spans.row]) & (many >= 2 * SAMPLES_PER_SPAN) & (turn < ROUNDS - 1)
+        going = np.zeros(len(off), dtype=bool)
+        going[spans.row[bad]] = True
+        knots, end = spans.knots, np.cumsum(spans.count)
+        start = end - spans.count
+        for r in np.flatnonzero(~going):
+            t, own = knots[start[r] + 7 * r : end[r] + 7 * r + 7], poles[start[r] + 3 * r : end[r] + 3 * r + 3]
+            found[int(rows.number[r])] = Spline(t, own, 3), float(off[r])
+        if not going.any():
+            return
+        rows, spans = rows.some(going), spans.halved(bad, going, rows)
+
+
+def _least_squares(rows: SplineRows, spans: RowSpans) -> tuple[Floats, Floats]:
+    """Poles (s + 3 r, d) of the cubics nearest to the samples with their ends fixed, and how far each sample is off."""
+    values, _ = hats_within(rows.x, spans.knots, spans.of + 7 * rows.row + 3)
+    first, size = spans.of + 3 * rows.row, spans.count + 3
+    begin, n = np.cumsum(size) - size, int(size.sum())
+    ends = np.concatenate([begin, begin + size - 1])
+    start = np.zeros((n, rows.Q.shape[1]))
+    start[ends] = rows.Q[np.concatenate([rows.first, rows.last])]
+    system = LeastSquares.of(values, first, begin, n, ends)
+    poles = system.poles(rows.Q, start)
+    return poles, rows.away(system.at_samples(poles))

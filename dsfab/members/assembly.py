@@ -1,23 +1,121 @@
-"""`member_graph`: the graph of a design's members, from its pattern and its finished sheet."""
+"""`member_graph`: the graph of a design's members, with their order and names."""
 
+from collections.abc import Sequence
+from string import ascii_lowercase
 from typing import cast
 
 import numpy as np
 
-from dsfab.arrays import Floats, unit_vectors
-from dsfab.members.axis import fitted_axis
-from dsfab.members.bands import Kind, pattern_bands
-from dsfab.members.components import Component, components
-from dsfab.members.following import without_followers
-from dsfab.members.graph import Member, MemberGraph
-from dsfab.members.loose import owners, with_loose
-from dsfab.members.naming import named
-from dsfab.members.nodes import Joints, with_ends
-from dsfab.members.overlaps import overlaps
-from dsfab.members.widths import sides
+from dsfab.core.arrays import Floats, Ints, unit_vectors
+from dsfab.members.axes import fitted_axis, sides
+from dsfab.members.components import FAMILIES, Component, Kind, components, pattern_bands
+from dsfab.members.graph import Joints, Member, MemberGraph, overlaps, with_ends
+from dsfab.members.loose_cells import owners, with_loose, without_followers
 from dsfab.results import PatternResult
 from dsfab.slicing import Overlay, Sheet, overlaid
 from dsfab.surface import Surface
+
+TIE = 1e-3
+"""Places that differ by less than this share of the structure's size are the same place along it."""
+ROUND, HOLLOW = 0.5, 0.4
+"""Members stand around something if their places spread in a second direction by more than this share of the first,
+and none is nearer to the middle than this share of the farthest."""
+
+
+def along_structure(places: Floats, lengths: Floats, size: float) -> Ints:
+    """(k,) the order in which to name members at places (k, 3) with lengths (k,), metres, on a structure of a size.
+
+    Around the structure, counter-clockwise seen from above and from the x axis on, where they stand in a ring, as
+    meridians do; else along the direction in which they spread most, which points to growing x, y or z. Of those that
+    are at the same place along it the shorter one is first, then the one at the smaller x, y, z.
+    """
+    if len(places) < 2:
+        return np.arange(len(places))
+    off = places - places.mean(axis=0)
+    spread, axes = np.linalg.svd(off, full_matrices=False)[1:]
+    spread, axes = np.append(spread, [0.0, 0.0])[:3], _pointing(np.linalg.svd(off)[2] if len(places) < 3 else axes)
+    key = off @ axes[0]
+    if len(places) > 2 and spread[1] > ROUND * spread[0]:
+        up = axes[2]
+        x = np.eye(3)[0] if abs(up[0]) < 1 / np.sqrt(2) else np.eye(3)[1]
+        x = x - (x @ up) * up
+        right, ahead = off @ x / np.linalg.norm(x), off @ np.cross(up, x / np.linalg.norm(x))
+        radius = np.hypot(right, ahead)
+        if radius.min() > HOLLOW * radius.max():
+            turn = TIE * size / radius.max()
+            key = np.mod(np.arctan2(ahead, right) + turn, 2 * np.pi) * radius.max()
+        elif spread[1] > (1 - TIE) * spread[0]:
+            key = off @ x
+    columns = [_steps(values, TIE * size) for values in (*places.T[::-1], lengths, key)]
+    return np.lexsort(columns)
+
+
+def _pointing(axes: Floats) -> Floats:
+    """Unit vectors (d, 3) turned so that the largest coordinate of each is positive."""
+    largest = np.take_along_axis(axes, np.abs(axes).argmax(axis=1)[:, None], axis=1)
+    return np.asarray(axes * np.where(largest < 0, -1.0, 1.0))
+
+
+def _steps(values: Floats, gap: float) -> Ints:
+    """(k,) numbers of values (k,) that grow where there is a gap between one and the next larger one."""
+    order = np.argsort(values, kind="stable")
+    found = np.empty(len(values), dtype=np.int64)
+    found[order] = np.concatenate([[0], np.cumsum(np.diff(values[order]) > gap)])
+    return found
+
+
+KINDS = ("rim", "band", "ring", "disc", "plate", "fill")
+"""Members besides strips, in the order in which they are listed."""
+
+
+def named(surface: Surface, found: Sequence[Component]) -> list[tuple[str, int, Component]]:
+    """Names, parts and components in the order of their names: "A01", "A02a", "A02b", ..., "B01", ..., "rim 1".
+
+    surface : whose cells components have.
+    """
+    listed = list[tuple[str, int, Component]]()
+    for letter, some in _kinds(found):
+        groups = _groups(some) if len(letter) == 1 else [[one] for one in some]
+        places = np.array([_place(surface, group) for group in groups]).reshape(-1, 3)
+        lengths = np.array([sum(one.line.length if one.line else 0.0 for one in group) for group in groups])
+        digits = len(str(max(len(groups), 10)))
+        for number, k in enumerate(along_structure(places, lengths, surface.size).tolist(), 1):
+            group = groups[k]
+            label = f"{letter}{number:0{digits}d}" if len(letter) == 1 else f"{letter} {number}"
+            for part, one in enumerate(group, 1):
+                listed.append((label + (_letters(part) if len(group) > 1 else ""), part, one))
+    return listed
+
+
+def _kinds(found: Sequence[Component]) -> list[tuple[str, list[Component]]]:
+    """What is named alike: the families by their letters, then the other kinds."""
+    strips = [one for one in found if one.kind == "strip"]
+    families = [(letter, [one for one in strips if one.family == name]) for name, letter in FAMILIES.items()]
+    return families + [(kind, [one for one in found if one.kind == kind]) for kind in KINDS]
+
+
+def _groups(some: list[Component]) -> list[list[Component]]:
+    """The parts of one stripe together."""
+    groups: dict[int, list[Component]] = {}
+    for number, one in enumerate(some):
+        groups.setdefault(one.group if one.group >= 0 else -1 - number, []).append(one)
+    return list(groups.values())
+
+
+def _place(surface: Surface, group: list[Component]) -> Floats:
+    """(3,) the centroid of components, metres."""
+    cells = np.concatenate([one.cells for one in group])
+    return np.asarray(surface.areas[cells] @ surface.centroids[cells] / surface.areas[cells].sum())
+
+
+def _letters(part: int) -> str:
+    """a, b, ..., z, aa, ab, ..."""
+    text = ""
+    while part:
+        part, digit = divmod(part - 1, len(ascii_lowercase))
+        text = ascii_lowercase[digit] + text
+    return text
+
 
 STUB = 2.0
 """A strip is a stub if it is shorter than so many times its width."""

@@ -1,19 +1,80 @@
-"""`Component`: the cells of a sheet that become one member, and the line along their middle.
-
-The connected stripes of an overlay are divided where their lines branch or turn back. What lies in no stripe is added
-by `dsfab.members.loose`.
-"""
+"""Components of a sheet that become members: bands of the pattern, their cells and middle lines, and regions."""
 
 from dataclasses import dataclass, replace
+from typing import Literal, NamedTuple
 
 import numpy as np
 from scipy.sparse import coo_array
 from scipy.sparse.csgraph import dijkstra
 
-from dsfab.arrays import Bools, Floats, Ints
-from dsfab.members.bands import NOWHERE, NamedBand
-from dsfab.members.middle_lines import SPECK, MiddleLine, middle_lines, straight_parts, without_specks
-from dsfab.slicing import Overlay
+from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.members.axes import SPECK, MiddleLine, middle_lines, straight_parts, without_specks
+from dsfab.results import PatternResult
+from dsfab.slicing import DrawnBand, Overlay, Sheet, divided_at_vertices, overlaid
+from dsfab.surface import CornerField, DividedField, Surface, connected
+
+Kind = Literal["strip", "stub", "rim", "band", "ring", "disc", "plate", "fill"]
+"""What members are, see `dsfab.members.graph.Member`; what is kept is a "keep" before its shape is known."""
+FAMILIES = {"major": "A", "minor": "B"}
+"""Letters of the families of stripes."""
+FULL = 0.5
+"""Half-width in periods at which stripes touch: then there is one sheet, without members."""
+NOWHERE = 10.0
+"""Where the middle line of a region is that has none: farther away than any of its values."""
+
+
+class NamedBand(NamedTuple):
+    """A band, and what its parts are: "strip" of a family, or "rim", "band", "keep" or "plate"."""
+
+    kind: str
+    family: str
+    drawn: DrawnBand
+
+
+def pattern_bands(surface: Surface, sheet: Sheet, pattern: PatternResult) -> list[NamedBand]:
+    """One for each field that the sheet was cut by, from `surface`, in their order."""
+    found = []
+    for k, (name, field, levels) in enumerate(zip(pattern.names, pattern.fields, pattern.levels, strict=True)):
+        if name in FAMILIES:
+            found.append(NamedBand("strip", name, _striped(sheet, pattern, k)))
+            continue
+        assert not isinstance(field, CornerField)
+        x = divided_at_vertices(sheet, surface, field) if isinstance(field, DividedField) else sheet.carry(field)
+        kind, drawn = _kept(f"{name} {k}", x, float(levels[0]))
+        found.append(NamedBand(name if kind == "reach" else kind, name, drawn))
+    return found
+
+
+def _striped(sheet: Sheet, pattern: PatternResult, k: int) -> DrawnBand:
+    """The stripes of a family: between whole numbers of a phase, as wide as they were drawn."""
+    name, field, levels = pattern.names[k], pattern.fields[k], pattern.levels[k]
+    if isinstance(field, CornerField):
+        return DrawnBand(name, field, levels)
+    assert isinstance(field, np.ndarray)
+    if field.ndim == 2:
+        return DrawnBand(name, sheet.carry(field), levels)
+    which, d = list(FAMILIES).index(name), pattern.half_widths[k]
+    if (d >= FULL).all():
+        return DrawnBand(name, np.tile([1.0, -1.0], (sheet.surface.n, 1)), np.zeros(1), NOWHERE)
+    z = pattern.frequency[which] * field + pattern.phase[which]
+    whole = np.arange(np.floor(z.min()) - 1, np.ceil(z.max()) + 2)
+    return DrawnBand(name, sheet.carry(np.stack([z + d, z - d], axis=1)), whole)
+
+
+def _kept(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
+    """What is kept besides the stripes, by values at the vertices of the sheet, and whether that is what is within
+    "reach" of something (n,), a "plate" (n,), or a "band" along an outline (n, 2)."""
+    zero = np.zeros(1)
+    if x.ndim == 2:  # over 0 in the region, and minus the width at its outline
+        width = -float(x[:, 1].min())
+        inward = np.where(x[:, 0] >= 0, -x[:, 1], x[:, 1] + 2 * width)
+        return "band", DrawnBand(name, np.stack([inward, inward - width], axis=1), zero, hides=True)
+    if level == 0:
+        both = np.stack([x, np.full(len(x), -2.0)], axis=1)
+        return "plate", DrawnBand(name, both, zero, NOWHERE, hides=True)
+    reach = -level
+    return "reach", DrawnBand(name, np.stack([x + reach, x - reach], axis=1), zero, -reach / 2, hides=True)
+
 
 DISC = 0.4
 """What is kept and has more than this share of the area of a circle with the same outline is a disc."""
@@ -187,3 +248,43 @@ def _visible(overlay: Overlay, found: list[Component]) -> list[Component]:
     shares = [areas[one.cells[made[one.cells] == one.field]].sum() / areas[one.cells].sum() for one in found]
     least = [HIDDEN if one.kind == "strip" else COVERED for one in found]
     return [one for one, share, limit in zip(found, shares, least, strict=True) if share > limit]
+
+
+class StripedCells(NamedTuple):
+    """sheet : m cells, divided along hidden edges too.   label : (m,) equal for cells that lie in the same stripes.
+    loose : (m,) cells that lie in none."""
+
+    sheet: Sheet
+    label: Ints
+    loose: Bools
+
+
+def striped_cells(surface: Surface, sheet: Sheet, pattern: PatternResult) -> StripedCells:
+    """The cells of a kept sheet that was cut from `surface` along a pattern, by the stripes that they lie in.
+
+    A disc that is kept around a point is one region: stripes that end below it would cut it to pieces.
+    """
+    bands = pattern_bands(surface, sheet, pattern)
+    overlay = overlaid(sheet, surface, [band.drawn for band in bands])
+    part, round_ = overlay.part.copy(), roundness(overlay)
+    for k, band in enumerate(bands):
+        disc = part[:, k] >= 0
+        disc &= (round_[part[:, k]] > DISC) & band.drawn.hides
+        part[disc] = np.where(np.arange(part.shape[1]) == k, part[disc], -1)
+    label = np.unique(part, axis=0, return_inverse=True)[1].ravel()
+    return _without_slivers(overlay.sheet, label.astype(np.int64), np.asarray((part < 0).all(axis=1)))
+
+
+def _without_slivers(sheet: Sheet, label: Ints, loose: Bools) -> StripedCells:
+    """Loose cells that hang together and have neighbours of one label only take it: slivers at the edge of a stripe,
+    where its walls were made fair."""
+    f, g = sheet.surface.edges.pairs.T // 3
+    both = loose[f] & loose[g]
+    count, part = connected(len(label), f[both], g[both])
+    f, g = np.concatenate([f, g]), np.concatenate([g, f])
+    beside = loose[f] & ~loose[g]
+    low, high = np.full(count, np.iinfo(np.int64).max), np.full(count, -1)
+    np.minimum.at(low, part[f[beside]], label[g[beside]])
+    np.maximum.at(high, part[f[beside]], label[g[beside]])
+    sliver = loose & (low == high)[part]
+    return StripedCells(sheet, np.where(sliver, low[part], label), loose & ~sliver)

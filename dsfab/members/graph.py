@@ -1,19 +1,123 @@
-"""`MemberGraph`: the members of a design by their names, and the nodes at which they meet."""
+"""`MemberGraph`: members by name and the nodes at which they cross, meet or end."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import TYPE_CHECKING, Literal
+from typing import TYPE_CHECKING, Literal, NamedTuple
 
 import numpy as np
 
-from dsfab.arrays import Floats, Ints, lock
-from dsfab.members.axis import MemberAxis
-from dsfab.members.bands import Kind
-from dsfab.slicing import Sheet
-from dsfab.surface import require_compas
+from dsfab.core.arrays import Floats, Ints, from_segments, lock
+from dsfab.members.axes import MemberAxis
+from dsfab.members.components import Component, Kind
+from dsfab.slicing import Overlay, Sheet
+from dsfab.surface import Surface, connected, require_compas
 
 if TYPE_CHECKING:
     import compas.datastructures
+
+
+EXACT = 2.0**-30
+"""Offsets that are less, in periods or metres, count as this much, with the sign at the first end of the edge: so that
+a crossing on an edge is in one of the two cells beside it."""
+
+
+class SharedPatch(NamedTuple):
+    """Cells (c,) that two members a, b share and that hang together; points (k, 3) at which their middles cross there,
+    metres, and the cell of each (k,)."""
+
+    a: int
+    b: int
+    cells: Ints
+    points: Floats
+    at: Ints
+
+
+@dataclass(frozen=True, eq=False)
+class _Shared:
+    """Cells (c,) that fields `one` and `two` share, the members a, b (c,) there, and the patch (c,) of each."""
+
+    one: int
+    two: int
+    cells: Ints
+    a: Ints
+    b: Ints
+    patch: Ints
+
+    @classmethod
+    def of(cls, overlay: Overlay, member: Ints, one: int, two: int) -> "_Shared | None":
+        both = (member[:, one] >= 0) & (member[:, two] >= 0) & (member[:, one] != member[:, two])
+        cells = np.flatnonzero(both)
+        if not len(cells):
+            return None
+        place = np.full(len(both), -1)
+        place[cells] = np.arange(len(cells))
+        f, g = place[overlay.linked.T]
+        near = (f >= 0) & (g >= 0)
+        f, g = f[near], g[near]
+        a, b = member[cells, one], member[cells, two]
+        same = (a[f] == a[g]) & (b[f] == b[g])
+        return cls(one, two, cells, a, b, connected(len(cells), f[same], g[same])[1])
+
+
+def overlaps(overlay: Overlay, member: Ints) -> list[SharedPatch]:
+    """Every patch that two members share.
+
+    member : (m, f) the member that each cell of the overlay is a part of for each field, -1 for none.
+    """
+    found = []
+    count = member.shape[1]
+    for k in range(count):
+        for other in range(k + 1, count):
+            if (shared := _Shared.of(overlay, member, k, other)) is not None:
+                found += _patches(overlay, shared)
+    return found
+
+
+def _patches(overlay: Overlay, shared: _Shared) -> list[SharedPatch]:
+    row, points = _crossings(overlay, shared)
+    order = np.argsort(shared.patch, kind="stable")
+    groups = np.split(order, np.cumsum(np.bincount(shared.patch))[:-1])
+    of = shared.patch[row]
+    found = []
+    for number, group in enumerate(groups):
+        here = of == number
+        first = group[0]
+        cells = shared.cells[group]
+        found.append(
+            SharedPatch(int(shared.a[first]), int(shared.b[first]), cells, points[here], shared.cells[row[here]])
+        )
+    return found
+
+
+def _crossings(overlay: Overlay, shared: _Shared) -> tuple[Ints, Floats]:
+    """Of the shared cells those in which both middles cross (q,), and where, (q, 3)."""
+    surface, cells = overlay.sheet.surface, shared.cells
+    one, two = (overlay.offset[cells, :, field] for field in (shared.one, shared.two))
+    crossed = np.sign(one) * np.roll(np.sign(one), -1, axis=1) < 0
+    row = np.flatnonzero(crossed.sum(axis=1) == 2)
+    side = np.nonzero(crossed[row])[1].reshape(-1, 2)
+    F, one, two = surface.F[cells[row]], one[row], two[row]
+    here, there, t = _places_on_sides(one, F, side)
+    every = np.arange(len(row))[:, None]
+    other = two[every, here] + t * (two[every, there] - two[every, here])
+    other = np.where(np.abs(other) < EXACT, np.copysign(EXACT, two[every, here]), other)
+    meets = np.sign(other[:, 0]) * np.sign(other[:, 1]) < 0
+    a, b = surface.V[F[every, here]], surface.V[F[every, there]]
+    at, other = (a + t[..., None] * (b - a))[meets], np.abs(other[meets])
+    t = other[:, :1] / other.sum(axis=1, keepdims=True)
+    return row[meets], at[:, 0] + t * (at[:, 1] - at[:, 0])
+
+
+def _places_on_sides(offset: Floats, F: Ints, side: Ints) -> tuple[Ints, Ints, Floats]:
+    """(q, 2) corners at the ends of two sides (q, 2) of cells F (q, 3), the vertex with the lower number first, and
+    (q, 2) the share of the way between them at which offsets (q, 3) are 0. Both cells at an edge find the same."""
+    row = np.arange(len(F))[:, None]
+    p, q = side, (side + 1) % 3
+    turn = F[row, p] > F[row, q]
+    p, q = np.where(turn, q, p), np.where(turn, p, q)
+    a, b = np.abs(offset[row, p]), np.abs(offset[row, q])
+    return p, q, a / (a + b)
+
 
 NodeKind = Literal["crossing", "branch", "end", "grazing"]
 
@@ -193,3 +297,144 @@ def _compas_graph(graph: MemberGraph) -> "compas.datastructures.Graph":
             if one.id != other.id and (known is None or bay < known):
                 made.add_edge(one.id, other.id, attr_dict={"member": member.id, "length": bay})
     return made
+
+
+ENDS = 1.0
+"""A member ends at a node if what goes on beyond it is shorter than this share of the other one's width."""
+ON_EDGE = 0.05
+"""It ends at the edge of the surface if that is nearer than this share of its own width."""
+
+
+@dataclass(frozen=True, eq=False)
+class Joints:
+    """Members and the components that they are, with unit normals (n, 3) at the vertices of the overlay."""
+
+    overlay: Overlay
+    members: list[Member]
+    parts: list[Component]
+    normals: Floats
+
+    def nodes(self, shared: list[SharedPatch]) -> list[Node]:
+        """The nodes of all overlaps, named in the order of the members, and along the first of both."""
+        listed = []
+        for overlap in shared:
+            pair = min(overlap.a, overlap.b), max(overlap.a, overlap.b)
+            points, cells = (overlap.points, overlap.at) if len(overlap.points) else self._ends_within(overlap)
+            area = float(self.overlay.sheet.surface.areas[overlap.cells].sum()) / max(len(points), 1)
+            if not len(points):
+                listed.append((pair, self._grazing(pair, overlap.cells, area)))
+            listed += [(pair, self._meeting(pair, *one, area)) for one in zip(points, cells.tolist(), strict=True)]
+        listed.sort(key=lambda one: (one[0][0], np.nan_to_num(one[1].at[0]), one[0][1], one[1].point.tolist()))
+        digits = len(str(max(len(listed), 100)))
+        return [replace(node, id=f"N{number:0{digits}d}") for number, (_, node) in enumerate(listed, 1)]
+
+    def _ends_within(self, overlap: SharedPatch) -> tuple[Floats, Ints]:
+        """(k, 3) the end of a line that lies in what it shares with another member, and (k,) its cell: there they meet,
+        as two edges of a surface do at its corner."""
+        for k, other in ((overlap.a, overlap.b), (overlap.b, overlap.a)):
+            line = self.parts[k].line
+            if line is None or line.closed or self.parts[other].line is None:
+                continue
+            for point, cell in ((line.points[0], line.cells[0]), (line.points[-1], line.cells[-1])):
+                if cell in overlap.cells:
+                    return point[None], np.array([cell])
+        return np.zeros((0, 3)), np.zeros(0, dtype=np.int64)
+
+    def _station(self, k: int, point: Floats) -> float:
+        """Arc length of a member's axis at a point (3,) of the line that it was fitted to, or beside it."""
+        axis, line = self.members[k].axis, self.parts[k].line
+        return axis.station(line.place(point)) if axis and line else float("nan")
+
+    def _meeting(self, pair: tuple[int, int], point: Floats, cell: int, area: float) -> Node:
+        """Where the lines of two members cross; it has no name yet."""
+        one, two = (self.members[k] for k in pair)
+        at = self._station(pair[0], point), self._station(pair[1], point)
+        (T, w), (other, width) = (tangent_and_width(*there) for there in zip((one, two), at, strict=True))
+        ends = (_beyond(one, at[0]) < ENDS * width) + (_beyond(two, at[1]) < ENDS * w)
+        kinds: tuple[NodeKind, ...] = ("crossing", "branch", "end")
+        return Node("", kinds[ends], (one.id, two.id), at, _angle(T, other), point, self._normal(cell), area)
+
+    def _grazing(self, pair: tuple[int, int], cells: Ints, area: float) -> Node:
+        """What two members share where their middles do not meet: at the one of these cells (c,) in its middle."""
+        surface = self.overlay.sheet.surface
+        areas, places = surface.areas[cells], surface.centroids[cells]
+        middle = int(np.linalg.norm(places - areas @ places / areas.sum(), axis=1).argmin())
+        one, two = (self.members[k] for k in pair)
+        at = self._station(pair[0], places[middle]), self._station(pair[1], places[middle])
+        angle = float("nan")
+        if one.axis and two.axis:
+            (T, _), (other, _) = (tangent_and_width(*there) for there in zip((one, two), at, strict=True))
+            angle = _angle(T, other)
+        normal = self._normal(int(cells[middle]))
+        return Node("", "grazing", (one.id, two.id), at, angle, places[middle], normal, area)
+
+    def _normal(self, cell: int) -> Floats:
+        total = self.normals[self.overlay.sheet.surface.F[cell]].sum(axis=0)
+        return np.asarray(total / np.linalg.norm(total))
+
+
+def tangent_and_width(member: Member, s: float) -> tuple[Floats, float]:
+    """(3,) the unit tangent of a member's axis at an arc length, and its width there, metres."""
+    assert member.axis is not None
+    return member.axis.at(np.array([s]))[1][0], float(np.interp(s, member.axis.s, member.width))
+
+
+def _beyond(member: Member, s: float) -> float:
+    """Metres from a place along a member to its nearer end; infinite where it is closed."""
+    return np.inf if member.axis is None or member.axis.closed else min(s, member.length - s)
+
+
+def _angle(one: Floats, two: Floats) -> float:
+    """Degrees, 0 to 90, between unit vectors (3,)."""
+    return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(one, two)), abs(one @ two))))
+
+
+def with_ends(joints: Joints, owner: Ints, nodes: list[Node], surface: Surface) -> list[Member]:
+    """The members with what is at both ends of each: the last node, if that is nearer than `ENDS` says; the member that
+    it ends in, or that goes on from there; "edge" of the surface; or "free".
+
+    owner : (m, f) the member that each cell is a part of for each field, -1 for none.    surface : before it was cut.
+    """
+    members, parts = joints.members, joints.parts
+    by_id = {member.id: member for member in members}
+    on: dict[str, list[tuple[float, Node]]] = {member.id: [] for member in members}
+    for node in nodes:
+        if node.kind != "grazing":
+            for name, s in zip(node.members, node.at, strict=True):
+                on[name].append((s, node))
+    begins: dict[bytes, list[int]] = {}
+    for k, part in enumerate(parts):
+        if part.line and not part.line.closed:
+            for point in part.line.points[[0, -1]]:
+                begins.setdefault(point.tobytes(), []).append(k)
+    boundary = surface.V[surface.edges.ends[surface.edges.boundary]]
+    found = []
+    for k, member in enumerate(members):
+        line = parts[k].line
+        if member.axis is None or line is None or line.closed:
+            found.append(member)
+            continue
+        ends = []
+        for s, side in ((0.0, 0), (member.length, -1)):
+            name = _node_at(member, s, on[member.id], by_id)
+            others = [*begins[line.points[side].tobytes()], *owner[line.cells[side]].tolist()]
+            name = name or next((members[other].id for other in others if other not in (k, -1)), "")
+            ends.append(name or _edge_or_free(line.points[side], boundary, ON_EDGE * member.mean_width))
+        found.append(replace(member, ends=tuple(ends)))
+    return found
+
+
+def _node_at(member: Member, s: float, on: list[tuple[float, Node]], by_id: dict[str, Member]) -> str:
+    """The name of the node, of those on a member with their arc lengths, at its end at an arc length; '' for none."""
+    at, node = min(on, key=lambda one: abs(one[0] - s), default=(0.0, None))
+    if node is None:
+        return ""
+    other = 1 - node.members.index(member.id)
+    _, width = tangent_and_width(by_id[node.members[other]], node.at[other])
+    return node.id if abs(at - s) < ENDS * width else ""
+
+
+def _edge_or_free(point: Floats, boundary: Floats, near: float) -> str:
+    """Whether a point (3,) is on one of the edges (b, 2, 3), metres."""
+    on = len(boundary) and from_segments(point, boundary[:, 0], boundary[:, 1]).min() < near
+    return "edge" if on else "free"

@@ -1,18 +1,20 @@
-"""`Guide`: where a person says which way stripes run, `[[pattern.guide]]` in a preset; and `Guidance`, what all of them
-ask of the direction field."""
+"""Guides in a preset: directions of stripes from the user, and guide curves that become members."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import Annotated, Any, ClassVar, Literal, Self
 
 import numpy as np
 from annotated_types import Ge, Gt
 
-from dsfab.arrays import Complexes, Floats, from_segments, unit_vectors
-from dsfab.errors import PatternError, SurfaceError
-from dsfab.pattern.frames import Frames
-from dsfab.surface import Picker
+from dsfab.core.arrays import Bools, Complexes, Floats, Ints, from_segments, unit_vectors
+from dsfab.core.errors import PatternError, SurfaceError
+from dsfab.pattern.frames import Frames, dots
+from dsfab.pattern.phases import CornerPhase
+from dsfab.surface import Picker, nearest
+from dsfab.surface.loads.pickers import STRICT, Real, Vector
 from dsfab.surface.mesh import Surface
-from dsfab.surface.pickers import STRICT, Real, Vector
 
 OBEYED = 100.0
 """Directions beside a curve that is to be a member weigh at least as much."""
@@ -160,3 +162,106 @@ def _too_far(surface: Surface, number: int, nearest: float, reach: float) -> Pat
 def _tangent(frames: Frames, direction: Floats, rows: Any = slice(None)) -> Complexes:
     """(r,) a direction (3,) in the frames at some vertices, complex; shorter where it leaves the surface."""
     return np.asarray(frames.t1[rows] @ direction + 1j * (frames.t2[rows] @ direction))
+
+
+FINE = 8
+"""Points of a curve for each mean edge of the mesh: few faces that it passes are missed, by a corner."""
+ALONG = 0.05
+"""A member runs along a curve where its middle is off that by less than this share of the distance to the next."""
+ON_EDGE = 1e-9
+"""A point is on an edge of a face where the share of the third corner is smaller."""
+
+
+@dataclass(frozen=True, eq=False)
+class GuideLine:
+    """Points (k, 3) of a curve on a surface, metres, one after the other, and the faces (k,) that they are on.
+
+    number : of the guide.    family : whose member it is to be.
+    """
+
+    number: int
+    family: str
+    points: Floats
+    faces: Ints
+
+    @classmethod
+    def of(cls, surface: Surface, guides: Sequence[Guide]) -> "list[GuideLine]":
+        """Those of the guides that are to be members, where they are on the surface and not beyond its boundary.
+
+        Raises PatternError for one that is nowhere on it.
+        """
+        found = []
+        for k, guide in enumerate(guides):
+            if not guide.member:
+                continue
+            points, faces = _on_surface(surface, np.array(guide.curve))
+            if len(points) < 2:
+                raise PatternError(
+                    f"pattern.guide.{k}: the curve lies beyond the edge of the surface and cannot be a member; move it "
+                    "onto the surface, or leave member out"
+                )
+            found.append(cls(k, guide.family, points, faces))
+        return found
+
+    def aims(self, frames: Frames, g: Floats, density: Floats) -> tuple[Ints, Floats]:
+        """Vertices (v,) of the faces that it passes, and (v,) what the phase is to be there, in periods, -1/2 to 1/2.
+
+        g : (n, 3) unit direction of its gradient at the vertices, up to sign.    density : (n,) periods per metre.
+        """
+        surface = frames.surface
+        at = np.unique(surface.F[self.faces])
+        first = np.arange(len(self.points) - 1)
+        found = nearest(surface.V[at], self.points, np.stack([first, first + 1], axis=1))
+        piece = found.simplex
+        left = np.cross(frames.normal[at], unit_vectors(np.diff(self.points, axis=0))[piece])
+        away = dots(surface.V[at] - found.place, left) * np.where(dots(left, g[at]) < 0, -1.0, 1.0)
+        F = surface.F[self.faces[piece]]
+        shares = _shares(surface.V[F], self.points[piece])
+        phase = away * np.einsum("vc,vc->v", density[F], shares)
+        return at, phase - np.rint(phase)
+
+    def followed(self, surface: Surface, phase: CornerPhase, every: int) -> float:
+        """The share of the curve along which the middle of a stripe runs, of a phase of which `every` line is drawn."""
+        F = surface.F[self.faces]
+        weight = _shares(surface.V[F], self.points)
+        z = np.einsum("kc,kc->k", phase.corners(surface)[self.faces], weight)
+        off = np.abs(z - every * np.rint(z / every))
+        return float(((off < ALONG) & ~phase.singular[self.faces]).mean())
+
+    def across(self, directions: Floats) -> bool:
+        """Whether the curve runs mostly across directions (m, 3) on the faces, unit vectors."""
+        step = unit_vectors(np.diff(self.points, axis=0))
+        return bool((dots(step, directions[self.faces[:-1]]) ** 2).mean() < 0.5)
+
+
+def aimed(lines: Sequence[GuideLine], frames: Frames, g: Floats, density: Floats) -> tuple[Bools, Floats]:
+    """(n,) vertices beside the curves of guides, and (n,) what the phase is to be there, in periods; 0 elsewhere."""
+    lock, aim = np.zeros(frames.surface.n, dtype=bool), np.zeros(frames.surface.n)
+    for line in lines:
+        at, phase = line.aims(frames, g, density)
+        lock[at], aim[at] = True, phase
+    return lock, aim
+
+
+def _on_surface(surface: Surface, curve: Floats) -> tuple[Floats, Ints]:
+    """(k, 3) points along a polyline, moved onto the surface, and their faces."""
+    step = surface.mean_edge / FINE
+    points = [curve[:1]]
+    for begin, end in pairwise(curve):
+        count = max(int(np.ceil(np.linalg.norm(end - begin) / step)), 1)
+        points.append(begin + np.linspace(0, 1, count + 1)[1:, None] * (end - begin))
+    found = nearest(np.concatenate(points), surface.V, surface.F)
+    edge = np.zeros((surface.m, 3), dtype=bool)  # by the corner that is across from it
+    edge[:, [2, 0, 1]] = surface.edges.boundary[surface.edges.of]
+    beyond = ((_shares(surface.V[surface.F[found.simplex]], found.place) < ON_EDGE) & edge[found.simplex]).any(axis=1)
+    moved = np.append(True, np.linalg.norm(np.diff(found.place, axis=0), axis=1) > ON_EDGE * surface.size)
+    kept = moved & ~(beyond & (found.distance > ON_EDGE * surface.size))
+    return found.place[kept], found.simplex[kept]
+
+
+def _shares(corners: Floats, points: Floats) -> Floats:
+    """(k, 3) barycentric coordinates of points (k, 3) in the planes of triangles (k, 3, 3)."""
+    a, b, c = (corners[:, k] for k in range(3))
+    normal = np.cross(b - a, c - a)
+    sides = [np.cross(q - p, points - p) for p, q in ((b, c), (c, a), (a, b))]
+    return np.stack([dots(side, normal) for side in sides], axis=1) / dots(normal, normal)[:, None]

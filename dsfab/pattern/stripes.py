@@ -1,14 +1,26 @@
-"""`Stripes`: one family of material stripes on one mode (paper, section 3.5)."""
+"""`Stripes`: one family of material stripes on one mode, and the triangle wave (paper, section 3.5)."""
 
 from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dsfab.arrays import Floats
-from dsfab.errors import PatternError
-from dsfab.pattern.wave import half_width, wave
-from dsfab.surface.hats import hat_gradients
+from dsfab.core.arrays import Floats
+from dsfab.core.errors import PatternError
+from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
+
+GLSL = "float wave(float t) { return 4.0 * abs(fract(t) - 0.5) - 1.0; }"
+"""The same function for shaders."""
+
+
+def wave(t: Floats) -> Floats:
+    """p(t) = 4 |fract(t) - 1/2| - 1 of t (...)."""
+    return np.asarray(4 * np.abs(t - np.floor(t) - 0.5) - 1)
+
+
+def half_width(threshold: float) -> float:
+    """d with p(t) > threshold exactly where |t - k| < d for an integer k: (1 - threshold) / 4, in periods."""
+    return (1 - threshold) / 4
 
 
 @dataclass(frozen=True)

@@ -2,8 +2,7 @@
 
 from typing import TYPE_CHECKING, Any
 
-from dsfab.render.naming_plate import Nameplate, PlacedName, placed_names
-from dsfab.render.palette import PAPER, Palette
+from dsfab.render.lettering import PAPER, Nameplate, Palette, PlacedName, placed_names
 from dsfab.render.view import up_axis
 
 __all__ = [
@@ -20,8 +19,8 @@ __all__ = [
 ]
 
 if TYPE_CHECKING:
-    from dsfab.render.live_members import member_places as member_places
     from dsfab.render.members import band_colours as band_colours
+    from dsfab.render.members import member_places as member_places
     from dsfab.render.members import members_picture as members_picture
     from dsfab.render.members import rated_members_picture as rated_members_picture
 
@@ -30,6 +29,7 @@ def __getattr__(name: str) -> Any:
     """What is drawn of whole designs is loaded when it is asked for: one picture needs half of it."""
     if name not in __all__:
         raise AttributeError(f"module 'dsfab.render' has no attribute {name!r}")
-    from dsfab.render import live_members, members
+    from dsfab.render import members
+    from dsfab.render import members as live_members
 
     return getattr(live_members if name == "member_places" else members, name)

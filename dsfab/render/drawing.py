@@ -1,19 +1,214 @@
-"""A picture out of what is where: light and shadow on the structure and on the ground, and lines at its edges."""
+"""The drawing of a scene: structure, marks, ground and camera, then light, shadow and edge lines."""
 
-from typing import TYPE_CHECKING, Literal, get_args
+from collections.abc import Collection
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Literal, NamedTuple, get_args
 
 import numpy as np
 
-from dsfab.arrays import Ints
-from dsfab.errors import DsfabError
-from dsfab.render import light
-from dsfab.render.palette import Palette
-from dsfab.render.scene import Bytes, Floats32, Pixels, Scene
-from dsfab.render.stage import Stage
-from dsfab.sparse import give_back
+from dsfab.core.arrays import Floats, Ints
+from dsfab.core.errors import DsfabError
+from dsfab.core.sparse import give_back
+from dsfab.render import light, marks
+from dsfab.render.lettering import Legend, MarkName, Palette
+from dsfab.render.marks import Mesh
+from dsfab.render.scene import Body, Bytes, Colour, Floats32, Pixels, Scene
+from dsfab.render.view import View, ViewSide, framed
+from dsfab.surface import LoadCase, Surface
 
 if TYPE_CHECKING:
     from PIL.Image import Image
+
+
+EVERY_LAYER = ("loads", "supports", "reactions", "person", "tree", "gradients")
+"""What can be drawn beside a structure to explain it."""
+
+LAYERS = ("loads", "supports", "person")
+"""What is drawn when nothing else is asked for."""
+
+PERSON_FITS = (2.0, 60.0)
+"""A person is drawn beside structures of these heights, metres."""
+
+BOARD = 0.012
+"""Behind a plate that is seen face on lies a board, this share of its size away."""
+
+TOUCHES = 0.05
+"""Supports within this share of the height from the lowest point stand on the ground."""
+
+PERSON, TREE = 1.75, 6.0
+"""Heights of the person and of the tree, metres."""
+
+
+@dataclass(frozen=True, eq=False)
+class Annotations:
+    """What is drawn beside a structure to explain it.
+
+    surface, load : the uncut surface and what acts on it, for arrows, supports and the ground; both or none.
+    reaction      : (n, 3) N, of the supports on the structure.
+    gradient      : (m, 3) of what is shown, on each face; only its direction and relative size are drawn.
+    layers        : which of `EVERY_LAYER` are drawn; a person only beside what has a fitting size.
+    """
+
+    surface: Surface | None = None
+    load: LoadCase | None = None
+    reaction: Floats | None = None
+    gradient: Floats | None = None
+    layers: Collection[str] = LAYERS
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """Everything that is placed before a picture is taken; `level` is that of the floor along `view.floor`, or None."""
+
+    bodies: list[Body]
+    view: View
+    level: float | None
+    centre: Floats
+    radius: float
+
+
+def set_stage(
+    body: Body,
+    side: ViewSide,
+    up: Floats,
+    half: float,
+    beside: Annotations,
+    palette: Palette,
+    size: tuple[int, int],
+) -> Stage:
+    """Place the camera, then the marks, then move the camera back until all of it is on the page.
+
+    half : half the thickness of the structure, metres.    up : (3,) unit vector.
+    """
+    V, up = body.V, up / np.linalg.norm(up)
+    low, high = V.min(axis=0), V.max(axis=0)
+    centre, reach = (low + high) / 2, float(np.linalg.norm(high - low))
+    bodies, level = [body], float((V @ up).min())
+    stands, surface, load = True, beside.surface, beside.load
+    if surface is not None and load is not None:
+        drawn = _marks(beside, surface, load, _Frame(side.towards, up, reach, half))
+        bodies += [Body(*mesh, palette.of(name)) for name, mesh in drawn.items() if len(mesh[1])]
+        stands = _stands(surface, load, V, up, reach)
+        if stands and "supports" in beside.layers:
+            # on the feet of its support cones; arrows that hang lower are drawn through the ground
+            level -= marks.CONE * reach
+    if side.front:
+        level, stands = float((V @ side.floor).min()) - BOARD * reach, True
+    elif "person" in beside.layers and stands and PERSON_FITS[0] <= float(np.ptp(V @ up)) <= PERSON_FITS[1]:
+        bodies.append(Body(*_person_beside(V, side, level), palette.of("person")))
+    if "tree" in beside.layers and stands:
+        bodies.append(Body(*_tree_beside(V, side, level), palette.of("person")))
+    view = on_page(bodies, side, size)
+    radius = 1.02 * float(np.linalg.norm(V - centre, axis=1).max())
+    return Stage(bodies, view, level if stands else None, centre, radius)
+
+
+def on_page(bodies: list[Body], side: ViewSide, size: tuple[int, int], words: bool = True, scale: bool = False) -> View:
+    """The view in which the bodies fill a page with a strip for words below, or without one; a higher one for words
+    below a scale of colours."""
+    aspect = size[0] / size[1]
+    wide, bottom, top = (0.86, -0.62 if scale else -0.70, 0.88) if words else (0.92, -0.86, 0.92)
+    return framed(np.concatenate([one.V for one in bodies]), side, (-wide * aspect, wide * aspect, bottom, top))
+
+
+def _stands(surface: Surface, load: LoadCase, V: Floats, up: Floats, reach: float) -> bool:
+    """Whether the structure stands on the ground: its supports are below it, and down at its lowest point."""
+    if not load.held.any():
+        return True
+    lowest, height = float((V @ up).min()), float(np.ptp(V @ up))
+    below = float(marks.support_side(surface, load, reach, up) @ up) < -0.5
+    return below and float((surface.V[load.held] @ up).min()) < lowest + TOUCHES * (height + 0.2 * reach)
+
+
+class _Frame(NamedTuple):
+    """Where a structure is seen from, which way is up, and metres across it and half its thickness."""
+
+    towards: Floats
+    up: Floats
+    reach: float
+    half: float
+
+
+def _marks(beside: Annotations, surface: Surface, load: LoadCase, at: _Frame) -> dict[MarkName, marks.Mesh]:
+    """Load arrows, support cones, reactions and gradients, those that are asked for."""
+    drawn: dict[MarkName, marks.Mesh] = {}
+    if "loads" in beside.layers:
+        drawn["load"] = marks.load_arrows(surface, load, at.reach, at.half, at.towards, at.up)
+    if "supports" in beside.layers:
+        drawn["support"] = marks.support_cones(surface, load, at.reach, at.up, at.half)
+    if "reactions" in beside.layers and beside.reaction is not None:
+        drawn["reaction"] = marks.reaction_arrows(surface, load, beside.reaction, at.reach)
+    if "gradients" in beside.layers and beside.gradient is not None:
+        drawn["gradient"] = marks.gradient_arrows(surface, beside.gradient, at.reach, at.half, at.towards)
+    return drawn
+
+
+def _person_beside(V: Floats, side: ViewSide, foot: float) -> marks.Mesh:
+    """Somebody on the ground to the right of the structure, a little in front of its middle."""
+    middle, right, level = _ground_frame(V, side, foot)
+    near_foot, apart = V[V @ side.up < foot + PERSON + 0.6], 0.55  # what stands in the way of a person
+    if not len(near_foot):  # supports of a wide roof are drawn taller than a person, whom its edge would hide
+        near_foot, apart = V, 0.04 * float(np.ptp(V @ right))
+    beside = float(((near_foot - middle) @ right).max()) + apart
+    return person(middle + beside * right + 0.15 * float(np.ptp(V @ level)) * level, right, side.up)
+
+
+def _tree_beside(V: Floats, side: ViewSide, foot: float) -> marks.Mesh:
+    """A tree on the ground to the left of the structure, a little behind its middle."""
+    middle, right, level = _ground_frame(V, side, foot)
+    beside = float(((middle - V) @ right).max()) + 0.32 * TREE
+    return marks.tree(middle - beside * right - 0.15 * float(np.ptp(V @ level)) * level, side.up, TREE)
+
+
+def _ground_frame(V: Floats, side: ViewSide, foot: float) -> tuple[Floats, Floats, Floats]:
+    """The middle of a structure on the ground, to the right, and towards the eye along the ground."""
+    right = np.cross(side.up, side.towards)
+    right /= np.linalg.norm(right)
+    middle = (V.min(axis=0) + V.max(axis=0)) / 2
+    return middle + (foot - middle @ side.up) * side.up, right, np.cross(right, side.up)
+
+
+def legend(
+    stage: Stage, caption: str, palette: Palette, size: tuple[int, int], swatches: tuple[tuple[str, Colour], ...] = ()
+) -> Legend:
+    """Words and scale: pixels per metre are those in the middle of the structure."""
+    depth = float((stage.centre - stage.view.eye) @ stage.view.forward)
+    kinds: tuple[MarkName, ...] = ("load", "support", "reaction")
+    names = [name for name in kinds if any(np.array_equal(body.colour, palette.of(name)) for body in stage.bodies[1:])]
+    return Legend(caption, names, size[1] / 2 / (stage.view.slope * depth), swatches)
+
+
+def person(foot: Floats, right: Floats, up: Floats) -> Mesh:
+    """A flat figure of 1.75 m, standing at `foot` (3,), metres, and facing along `right` x `up`, unit vectors (3,)."""
+    strips = [[(0.0, half, y) for half, y in _BODY]]
+    strips += [[(side * x, half, y) for x, half, y in limb] for limb in (_ARM, _LEG) for side in (-1.0, 1.0)]
+    vertices, faces, count = [], [], 0
+    for strip in strips:
+        x, half, y = np.array(strip).T
+        vertices += [np.stack([x - half, y], axis=1), np.stack([x + half, y], axis=1)]
+        low = count + np.arange(len(strip) - 1)
+        high = low + len(strip)
+        faces += [np.stack([low, low + 1, high + 1], axis=1), np.stack([low, high + 1, high], axis=1)]
+        count += 2 * len(strip)
+    flat = np.concatenate(vertices)
+    return foot + flat[:, :1] * right + flat[:, 1:] * up, np.concatenate(faces)
+
+
+# half width and height, metres, down the middle of a standing figure; then middle, half width and height of its limbs
+_BODY = [
+    (0.002, 1.75), (0.040, 1.743), (0.064, 1.720), (0.077, 1.680), (0.078, 1.640), (0.070, 1.590), (0.053, 1.545),
+    (0.047, 1.515), (0.052, 1.490), (0.090, 1.467), (0.145, 1.447), (0.188, 1.420), (0.200, 1.385), (0.180, 1.280),
+    (0.163, 1.150), (0.153, 1.050), (0.161, 0.960), (0.172, 0.880), (0.174, 0.820), (0.120, 0.790), (0.002, 0.780),
+]  # fmt: skip
+_ARM = [
+    (0.180, 0.012, 1.425), (0.196, 0.034, 1.405), (0.205, 0.042, 1.360), (0.214, 0.040, 1.250), (0.229, 0.036, 1.100),
+    (0.243, 0.031, 0.950), (0.252, 0.025, 0.850), (0.257, 0.030, 0.790), (0.258, 0.027, 0.730), (0.256, 0.010, 0.690),
+]  # fmt: skip
+_LEG = [
+    (0.088, 0.086, 0.860), (0.092, 0.077, 0.700), (0.093, 0.057, 0.500), (0.095, 0.056, 0.400), (0.097, 0.053, 0.300),
+    (0.098, 0.035, 0.140), (0.099, 0.034, 0.060), (0.106, 0.046, 0.020), (0.108, 0.048, 0.0),
+]  # fmt: skip
+
 
 Ground = Literal["paper", "white", "transparent"]
 """What a structure stands on."""

@@ -6,22 +6,20 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from dsfab.arrays import Floats
-from dsfab.render.drawing import FINER, Ground, check_ground, rendered
-from dsfab.render.lettering import lettered
+from dsfab.core.arrays import Floats
+from dsfab.core.messages import length
+from dsfab.render.drawing import FINER, Annotations, Ground, check_ground, legend, rendered, set_stage
+from dsfab.render.lettering import PAPER, Palette, lettered
 from dsfab.render.opengl import require_rendering
-from dsfab.render.palette import PAPER, Palette
-from dsfab.render.png import write_png
+from dsfab.render.picture import write_png
 from dsfab.render.scene import Body, Bytes, Colour, Scene
-from dsfab.render.stage import Annotations, legend, set_stage
 from dsfab.render.view import View, framed, named_side, up_axis
-from dsfab.wording import length
 
 if TYPE_CHECKING:
     from PIL.Image import Image
     from PIL.ImageDraw import ImageDraw
 
-    from dsfab.pipeline.design import Design
+    from dsfab.design.design import Design
     from dsfab.study.fabrication import Check, FabricationMeasures
 
 KEYS = {"member": "min_member", "gap": "min_gap", "wall": "min_wall", "edge": ""}

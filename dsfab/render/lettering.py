@@ -1,17 +1,54 @@
-"""Words on pictures: the caption, the legend of loads and supports, and a scale bar."""
+"""Palette and lettering of pictures: captions, legends, scale bars and the names of members."""
 
 from dataclasses import dataclass
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from dsfab.render.palette import MarkName, Palette
-from dsfab.render.scene import Colour
-from dsfab.units import MM_PER_M
+from dsfab.core.arrays import Bools, Floats
+from dsfab.core.units import MM_PER_M
+from dsfab.render.scene import Bytes, Colour
 
 if TYPE_CHECKING:
     from PIL.Image import Image
     from PIL.ImageDraw import ImageDraw
+
+
+MarkName = Literal["load", "support", "reaction", "person", "tension", "compression", "gradient"]
+
+
+@dataclass(frozen=True)
+class Palette:
+    """Red green blue in 0..255.
+
+    families : of the members by family (major, minor, kept), for those who want them told apart.
+    tints    : of the same in a picture that is about them.
+    ink      : how much darker edges are drawn, 0..1.
+    """
+
+    paper: Colour = (253, 252, 249)
+    shadow: Colour = (118, 112, 110)
+    members: Colour = (220, 156, 122)
+    families: tuple[Colour, ...] = ((220, 156, 122), (236, 196, 140), (176, 110, 92))
+    load: Colour = (32, 84, 168)
+    support: Colour = (58, 74, 70)
+    reaction: Colour = (134, 62, 140)
+    plain: Colour = (232, 227, 218)
+    person: Colour = (146, 145, 148)
+    tension: Colour = (200, 48, 40)
+    compression: Colour = (28, 92, 176)
+    gradient: Colour = (20, 112, 44)
+    tints: tuple[Colour, Colour, Colour] = ((208, 104, 76), (78, 128, 172), (196, 188, 176))
+    text: Colour = (56, 54, 52)
+    ink: float = 0.45
+
+    def of(self, name: MarkName) -> Bytes:
+        """A colour by its name, as bytes."""
+        return np.array(getattr(self, name), dtype=np.uint8)
+
+
+PAPER = Palette()
+"""Terracotta on white paper; blue loads and slate supports, told apart without red and green."""
 
 
 @dataclass(frozen=True)
@@ -132,3 +169,94 @@ def _named(draw: "ImageDraw", name: MarkName, palette: Palette, at: tuple[float,
     start = x + 2 * half + 0.4 * letter
     draw.text((start, base), name, fill=palette.text, font=font, anchor="ls")
     return start + draw.textlength(name, font=font)
+
+
+GRID = 4
+"""Pixels of the grid on which what is taken is kept."""
+AWAY = np.arange(1.5, 30.0, 1.0)
+"""How far beside a member a name may stand, in heights of a letter."""
+TURNS = np.linspace(0, 2 * np.pi, 16, endpoint=False)
+"""In which directions."""
+
+
+@dataclass(frozen=True, eq=False)
+class Nameplate:
+    """What is to be written, in which colour, and the places (k, 2) on the picture at which it may, best first, pixels.
+
+    seen : (k,) whether nothing is in front of them.
+    """
+
+    text: str
+    colour: Colour
+    places: Floats
+    seen: Bools
+
+
+@dataclass(frozen=True, eq=False)
+class PlacedName:
+    """A name, the middle (2,) of its letters and the place (2,) on its member that it stands for, pixels."""
+
+    plate: Nameplate
+    middle: Floats
+    anchor: Floats
+
+
+def placed_names(plates: list[Nameplate], size: tuple[int, int], letter: float) -> list[PlacedName]:
+    """Where all of them stand on a picture of a size, with letters so high, pixels."""
+    taken = np.zeros((size[1] // GRID + 2, size[0] // GRID + 2), dtype=bool)
+    found = []
+    for plate in sorted(plates, key=lambda one: (int(one.seen.sum()), len(one.places))):
+        half = np.array([0.31 * letter * len(plate.text) + 2, 0.5 * letter + 1])
+        first = plate.places[plate.seen] if plate.seen.any() else plate.places
+        anchor, middle = _free(taken, first, half, letter)
+        _take(taken, middle, half)
+        found.append(PlacedName(plate, middle, anchor))
+    return found
+
+
+def _free(taken: Bools, places: Floats, half: Floats, letter: float) -> tuple[Floats, Floats]:
+    """The place (2,) of (k, 2) that a name with half sizes (2,) stands for, and the free middle for its letters."""
+    for place in places:
+        if not _is_taken(taken, place, half):
+            return place, place
+    around = np.stack([np.cos(TURNS), np.sin(TURNS)], axis=1)
+    few = places[:: max(len(places) // 5, 1)]
+    for away in AWAY * letter:
+        for place in few:
+            for middle in place + away * around:
+                if not _is_taken(taken, middle, half):
+                    return place, middle
+    return places[0], places[0]
+
+
+def _window(taken: Bools, middle: Floats, half: Floats) -> tuple[slice, slice] | None:
+    """The part of the grid that a name takes; None where it would leave the picture."""
+    low, high = np.floor((middle - half) / GRID).astype(int), np.ceil((middle + half) / GRID).astype(int)
+    if (low < 0).any() or high[0] >= taken.shape[1] or high[1] >= taken.shape[0]:
+        return None
+    return slice(low[1], high[1] + 1), slice(low[0], high[0] + 1)
+
+
+def _is_taken(taken: Bools, middle: Floats, half: Floats) -> bool:
+    window = _window(taken, middle, half)
+    return window is None or bool(taken[window].any())
+
+
+def _take(taken: Bools, middle: Floats, half: Floats) -> None:
+    if (window := _window(taken, middle, half)) is not None:
+        taken[window] = True
+
+
+def with_names(image: "Image", names: list[PlacedName], letter: float, paper: Colour) -> "Image":
+    """The picture with names, in letters so high, pixels, on a rim of the colour of paper."""
+    from PIL import ImageDraw, ImageFont
+
+    draw, font = ImageDraw.Draw(image), ImageFont.load_default(size=letter)
+    line, rim = max(round(letter / 12), 1), max(round(letter / 6), 1)
+    for one in names:
+        if not np.array_equal(one.middle, one.anchor):
+            draw.line((*one.anchor.tolist(), *one.middle.tolist()), fill=one.plate.colour, width=line)
+    for one in names:
+        at, words = (float(one.middle[0]), float(one.middle[1])), one.plate
+        draw.text(at, words.text, fill=words.colour, font=font, anchor="mm", stroke_width=rim, stroke_fill=paper)
+    return image

@@ -6,7 +6,7 @@ import sys
 import threading
 from functools import cache
 
-from dsfab.errors import DsfabError
+from dsfab.core.errors import DsfabError
 
 WINDOW = "VTK_DEFAULT_OPENGL_WINDOW"
 """The environment variable by which VTK chooses its kind of window."""

@@ -1,20 +1,43 @@
-"""The picture of a finished structure: a plaster-like model on white paper, with its loads, supports and scale."""
+"""The picture of a finished structure with its loads, supports and scale, and its PNG file."""
 
+import io
 from dataclasses import dataclass, replace
+from pathlib import Path
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from dsfab.arrays import Floats, Ints
-from dsfab.errors import DsfabError
-from dsfab.render.drawing import rendered
-from dsfab.render.lettering import lettered
+from dsfab.core.arrays import Floats, Ints
+from dsfab.core.errors import DsfabError
+from dsfab.render.drawing import Annotations, legend, rendered, set_stage
+from dsfab.render.lettering import PAPER, Palette, lettered
 from dsfab.render.opengl import require_rendering
-from dsfab.render.palette import PAPER, Palette
 from dsfab.render.scene import Body, Bytes, Scene
-from dsfab.render.stage import Annotations, legend, set_stage
 from dsfab.render.view import ViewSide, best_side, up_axis
 from dsfab.surface import LoadCase, Surface
+
+
+def write_png(pixels: Bytes, path: Path, effort: int = 4) -> Path:
+    """Write a picture, whole or not at all; returns its path. Raises ExportError for a file that cannot be written.
+
+    effort : to make the file small, 1 to 9; 6 makes it a twentieth smaller than 4, in twice the time.
+    """
+    from PIL import Image
+
+    from dsfab.export.writing import replacing
+
+    with replacing(path) as temporary:
+        Image.fromarray(pixels).save(temporary, format="PNG", compress_level=effort)
+    return path
+
+
+def png(pixels: Bytes) -> bytes:
+    """A picture as the bytes of a PNG file."""
+    from PIL import Image
+
+    file = io.BytesIO()
+    Image.fromarray(pixels).save(file, format="PNG")
+    return file.getvalue()
 
 
 @dataclass(frozen=True, eq=False)

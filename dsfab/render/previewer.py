@@ -1,19 +1,20 @@
-"""`Previewer`: a design's uncut surface, drawn as if it were cut; parameters change, the geometry stays."""
+"""Previews of a design: its uncut surface drawn as if it were cut, with parameters that change quickly."""
 
 import threading
-from collections.abc import Collection, Mapping
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, Self
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats
-from dsfab.errors import DsfabError, PatternError
-from dsfab.pipeline import draft
-from dsfab.pipeline.design import Design
-from dsfab.preset import Preset
-from dsfab.preset_file import overridden
+from dsfab.core.arrays import Bools, Floats
+from dsfab.core.errors import DsfabError, PatternError
+from dsfab.core.sparse import give_back
+from dsfab.design import Progress, draft
+from dsfab.design.design import Design
+from dsfab.preset.file import overridden
+from dsfab.preset.model import Preset
 from dsfab.render import light
 from dsfab.render.colouring import (
     ANSWERS,
@@ -26,18 +27,26 @@ from dsfab.render.colouring import (
     mode_gradient,
     with_bar,
 )
-from dsfab.render.crosses import crosses
-from dsfab.render.drawing import Ground, check_ground, rendered
-from dsfab.render.lettering import lettered
+from dsfab.render.drawing import (
+    EVERY_LAYER,
+    LAYERS,
+    Annotations,
+    Ground,
+    check_ground,
+    legend,
+    on_page,
+    rendered,
+    set_stage,
+)
+from dsfab.render.lettering import PAPER, Palette, lettered
+from dsfab.render.light import FINE, LightQuality
+from dsfab.render.marks import crosses
 from dsfab.render.opengl import require_rendering
-from dsfab.render.palette import PAPER, Palette
-from dsfab.render.png import png, write_png
+from dsfab.render.picture import png, write_png
 from dsfab.render.scene import Body, Bytes, Scene, shading
 from dsfab.render.shader import NOTHING, WHOLE, StripeShader
-from dsfab.render.stage import EVERY_LAYER, LAYERS, Annotations, legend, on_page, set_stage
 from dsfab.render.striped_mesh import StripedMesh, distances, fields, numbers, only_numbers
 from dsfab.render.view import View, named_side, up_axis
-from dsfab.sparse import give_back
 
 NOMINAL = (1600, 1200)
 """Pixels of a picture when nothing else is asked for."""
@@ -55,7 +64,7 @@ TRIAL = (96, 72)
 class Previewer:
     """Pictures of a design under changing parameters; use as `with Previewer(design) as previewer`.
 
-    design  : a Design, or a Design (see `dsfab.pipeline.draft`): nothing needs to be cut or thickened.
+    design  : a Design, or a Design (see `dsfab.design.draft`): nothing needs to be cut or thickened.
     view    : iso, top, front, side or 'azimuth,elevation' in degrees (see `dsfab.render.view.named_side`).
     show    : structure; stress (the structure, coloured); families (each in its colour);
               major or minor (one family, and what is kept); or, on the
@@ -312,3 +321,97 @@ def layers_of(marks: bool | Collection[str], view: str) -> set[str]:
     if unknown := sorted(layers - set(EVERY_LAYER)):
         raise DsfabError(f"layer {unknown[0]!r} is not known; use some of {', '.join(EVERY_LAYER)}")
     return layers - ({"person"} if view == "top" else set())
+
+
+class Previewers:
+    """Previewers for presets that follow one another; use as `with Previewers(view=..., ...) as previewers`.
+
+    sketched : called with a sketch of each design that is not there yet (see `Design.sketch`).
+    options  : those of `Previewer`, for all of them.
+    """
+
+    def __init__(self, sketched: Callable[[Design], None] | None = None, **options: Any) -> None:
+        self._sketched, self._options = sketched, options
+        self._previewer: Previewer | None = None
+        self.made: Design | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self.close()
+
+    def close(self) -> None:
+        """Give the window back."""
+        if self._previewer:
+            self._previewer.close()
+        self._previewer = None
+
+    def showing(self, preset: Preset, progress: Progress | None = None) -> "Previewer":
+        """A previewer that shows this preset; raises DsfabError for what cannot be made or drawn."""
+
+        if self._previewer and self._previewer.can_display(preset):
+            self._previewer.display(preset)
+            return self._previewer
+        made = self.drafted(preset, progress)
+        self.close()
+        self._previewer = Previewer(made, **self._options)
+        return self._previewer
+
+    def drafted(self, preset: Preset, progress: Progress | None = None) -> Design:
+        """What is drawn: with the stages of the last one before the first section that differs."""
+        design = Design.of(preset, self.made, progress)
+        if self._sketched and not design.has("pattern"):
+            show = self._options.get("show")
+            sketch = design.sketch(modes=show in MODES, answers=show in ("stress", *ANSWERS))
+            if sketch:
+                self._sketched(sketch)
+        self.made = design.until("pattern")
+        return self.made
+
+
+def across(count: int) -> int:
+    """Pictures in a row: 1, 2, 3 stand side by side, 4 are a square, more have rows of three."""
+    return {1: 1, 2: 2, 4: 2}.get(count, 3)
+
+
+class Panels(NamedTuple):
+    """One picture of several, and what is not on it: its name and why."""
+
+    pixels: Bytes
+    left_out: tuple[str, ...]
+
+
+def panels(
+    made: Design,
+    names: Sequence[str],
+    pixels: tuple[int, int],
+    progress: Progress,
+    quality: LightQuality = FINE,
+    **options: Any,
+) -> Panels:
+    """One picture with those of all `names`, each `pixels` large; `options` are those of `Previewer`.
+
+    Where loads are a picture of their own, the others are drawn without their arrows, unless `marks` are given.
+    What this design has no answer for is left out and told. Raises DsfabError when nothing is left.
+    """
+    drawn, refused = [], []
+    alone = "marks" not in options and "loads" in names
+    for name in names:
+        progress("preview", f"drawing {name.replace('_', ' ')}")
+        try:
+            given = {"marks": ("person",)} | options if alone and name != "loads" else options
+            with Previewer(made, show=name, **given) as previewer:
+                drawn.append(previewer.picture(pixels, quality=quality))
+        except DsfabError as error:
+            refused.append(f"{name}: {error}")
+    if not drawn:
+        raise DsfabError(f"nothing can be shown; {'; '.join(refused)}")
+    return Panels(_tiled(drawn), tuple(refused))
+
+
+def _tiled(pictures: Sequence[Bytes]) -> Bytes:
+    wide = across(len(pictures))
+    empty = np.broadcast_to(pictures[0][:1, :1], pictures[0].shape)
+    filled = [*pictures, *(empty for _ in range(-len(pictures) % wide))]
+    return np.concatenate([np.concatenate(filled[i : i + wide], axis=1) for i in range(0, len(filled), wide)])

@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from dsfab.arrays import Floats, Ints
-from dsfab.pattern.wave import GLSL
-from dsfab.render.scene import Bytes, Colour, Floats32
-from dsfab.render.window import set_array
+from dsfab.core.arrays import Floats, Ints
+from dsfab.pattern.stripes import GLSL
+from dsfab.render.scene import Bytes, Colour, Floats32, set_array
 
 FAR = 1e30
 """Distance from what is not there: infinity times a weight of zero would be no number."""

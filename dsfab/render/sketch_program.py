@@ -15,9 +15,8 @@ from queue import SimpleQueue
 from typing import TYPE_CHECKING, Any
 
 from dsfab.render.opengl import take_for_granted
-from dsfab.render.picture import StructurePicture
-from dsfab.render.png import write_png
-from dsfab.render.window import warm_up
+from dsfab.render.picture import StructurePicture, write_png
+from dsfab.render.scene import warm_up
 
 if TYPE_CHECKING:
     from dsfab.render.previewer import Previewer

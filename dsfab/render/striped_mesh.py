@@ -11,11 +11,11 @@ from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from dsfab.arrays import Floats, unit_vectors
+from dsfab.core.arrays import Floats, unit_vectors
+from dsfab.design.design import Design
 from dsfab.pattern import distance_to_boundary, distance_to_vertices
-from dsfab.pattern.even_family import finest_half_widths
-from dsfab.pipeline.design import Design
-from dsfab.preset import AUTO, FAMILIES, STAGES, Pattern, Preset
+from dsfab.pattern.layers import finest_half_widths
+from dsfab.preset.model import AUTO, FAMILIES, STAGES, Pattern, Preset
 from dsfab.render.scene import Bytes, Floats32
 from dsfab.render.shader import BY_VERTEX, FAR, NO_REACH, Settings
 from dsfab.results import EvenStripes, PatternResult

@@ -4,8 +4,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dsfab.arrays import Floats
-from dsfab.errors import DsfabError
+from dsfab.core.arrays import Floats
+from dsfab.core.errors import DsfabError
 from dsfab.surface import LoadCase, Surface
 
 ANGLE = 24.0

@@ -1,16 +1,22 @@
-"""The numbers of `dsfab compare`: results.csv, results.json, and the chart over several masses."""
+"""Files of `dsfab compare`: tables of results, and a summary page of several comparisons."""
 
 import csv
 import io
 import json
-from collections.abc import Sequence
+import os
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
+from urllib.parse import quote
 
+from dsfab.core.limits import SEVERITY
+from dsfab.core.messages import mass
+from dsfab.report.compliance.findings import LABELS, digits_of, enumeration, share_of, within
 from dsfab.report.design.facts import versions
+from dsfab.report.html_pages import Block, Document, Paragraph, ReportSection, Table, escaped
 
 if TYPE_CHECKING:
-    from dsfab.preset import Preset
+    from dsfab.preset.model import Preset
     from dsfab.study import Comparison
 
 
@@ -18,7 +24,7 @@ def write_results(
     preset: "Preset", found: "Sequence[tuple[float | None, Comparison]]", command: str, folder: Path
 ) -> str:
     """results.csv and results.json, whose text is returned; `verdict` is the full check of the design."""
-    from dsfab.preset_file import preset_toml
+    from dsfab.preset.file import preset_toml
 
     rows = [{"volume": share, **row} for share, one in found for row in one.record()["competitors"]]
     about = {"name": preset.name, "command": command, "versions": versions(), "preset": preset_toml(preset)}
@@ -29,7 +35,7 @@ def write_results(
     (folder / "results.csv").write_text(_csv(rows), encoding="utf-8", newline="")
     shared = [row for row in rows if row["volume"] is not None]
     if len({row["volume"] for row in shared}) > 1:
-        from dsfab.report.comparison_chart import write_chart
+        from dsfab.report.compliance.figures import write_chart
 
         write_chart(shared, f"{preset.name}: compliance over mass", folder / "chart")
     return document
@@ -59,3 +65,63 @@ def _cell(value: Any) -> Any:
     if isinstance(value, tuple):
         return " ".join(f"{x:.9g}" for x in value)
     return json.dumps(value) if isinstance(value, dict) else value
+
+
+def summary_page(rows: Sequence[Mapping[str, Any]], against: Sequence[str], folder: Path) -> Document:
+    """rows : see `dsfab.app.compare.Row`.    folder : where the page will stand."""
+    made = [row for row in rows if not row["error"]]
+    blocks: list[Block] = [Paragraph(_counted(rows), "lead")]
+    if made:
+        blocks.append(_table(made, against, folder))
+    told = [row for row in rows if row["error"] or row["verdict"] == "fail"]
+    reasons = [(escaped(row["name"]), escaped(row["error"] or row["reason"])) for row in told]
+    if reasons:
+        caption = "<b>Table 2.</b> Not compared, or not carrying their loads."
+        blocks.append(Table(caption, ("Design", "Why"), reasons, 2, "", (1, 5)))
+    facts = [("Designs", str(len(rows))), ("Checked by", f"dsfab {versions()['dsfab']}")]
+    footer = "About stiffness, no proof of safety under a code; what was assumed stands in each report"
+    return Document("Structural compliance", "Several designs", facts, [ReportSection("Summary", blocks)], footer)
+
+
+def _counted(rows: Sequence[Mapping[str, Any]]) -> str:
+    """'3 designs pass, 1 is unknown and 1 was refused.'"""
+    told = [f"{count} {verdict}" for verdict in SEVERITY if (count := sum(row["verdict"] == verdict for row in rows))]
+    if refused := sum(bool(row["error"]) for row in rows):
+        told.append(f"{refused} refused")
+    return f"Of {len(rows)} designs: {enumeration(told)}."
+
+
+def _table(made: Sequence[Mapping[str, Any]], against: Sequence[str], folder: Path) -> Table:
+    rows = []
+    for row in made:
+        stiff = row["compliance_J"] is not None
+        rows.append(
+            (
+                _linked(row, folder),
+                row["verdict"],
+                mass(row["mass_kg"]) if row["mass_kg"] is not None else "-",
+                share_of(row["area_fraction"]) if row["area_fraction"] is not None else "-",
+                within(row["compliance_J"], row["bound"], "J") if stiff else "-",
+                digits_of(row["ratio_to_full"]) if stiff else "-",
+                *(_ratio(row, name) for name in against),
+                f"{row['seconds']:.0f}",
+            )
+        )
+    head = ("Design", "Verdict", "Mass", "Kept", "Compliance", "Over whole sheet", *(LABELS[x] for x in against), "s")
+    note = (
+        "Columns of competitors: their compliance over the design's at the same mass, so how many times as stiff the "
+        "design is; under 1 it is softer. Verdict: whether the compliance is known, not whether the design is good."
+    )
+    widths = (2.4, 1, 1.1, 1, 2, 1, *([1.2] * len(against)), 0.6)
+    return Table("<b>Table 1.</b> Compliance, and competitors of the same mass.", head, rows, 1, note, widths)
+
+
+def _linked(row: Mapping[str, Any], folder: Path) -> str:
+    report = Path(row["folder"]) / "report.html"
+    name = escaped(row["name"])
+    return f'<a href="{quote(os.path.relpath(report, folder))}">{name}</a>' if report.exists() else name
+
+
+def _ratio(row: Mapping[str, Any], name: str) -> str:
+    value = row.get(f"{name}_ratio")
+    return "-" if value is None else f"{digits_of(value)} ×"

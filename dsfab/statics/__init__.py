@@ -4,35 +4,59 @@ from collections.abc import Mapping
 
 from scipy.sparse import csr_array
 
-from dsfab.errors import StaticsError
-from dsfab.statics.answers import Answers, Ask, SolvedCase, sheet_answers
-from dsfab.statics.balance import Resultant, resultant, support_reactions
+from dsfab.core.errors import StaticsError
+from dsfab.statics.assembly import added
 from dsfab.statics.bending import bending_stiffness
-from dsfab.statics.blocks import added
-from dsfab.statics.corners import membrane_strains, membrane_stresses
-from dsfab.statics.curvature import facet_number
-from dsfab.statics.elements import PAPER, Bending, Elements, Membrane
-from dsfab.statics.entries import LoadEntry, SupportEntry, load_entries, support_entries
-from dsfab.statics.faces import FaceStiffness
-from dsfab.statics.factor import Factor, FactorOf, KeptFactor, factored
-from dsfab.statics.layers import LAYERS, Layer, Peak, Principal, SheetStress, plane_von_mises, sheet_stress
-from dsfab.statics.material import Law, Material
+from dsfab.statics.bending_moments import facet_number
+from dsfab.statics.boundary_conditions import SpreadLoad, spread_load, with_springs
+from dsfab.statics.elements import (
+    PAPER,
+    REPORTED,
+    USES,
+    Aid,
+    Bending,
+    Elements,
+    Membrane,
+    Quantity,
+    Use,
+    elements_of,
+    flatness,
+    needles_told,
+    tolerance_of,
+)
+from dsfab.statics.factorisation import Factor, FactorOf, KeptFactor, factored
+from dsfab.statics.internal_forces import CONVENTION, SectionForces, ShearRecovery, section_forces
 from dsfab.statics.membrane import membrane_stiffness
-from dsfab.statics.model import SheetMaterial, SheetModel
-from dsfab.statics.modes import Buckling, Vibration, buckling, frequencies
-from dsfab.statics.needles import flatness, needles_told
-from dsfab.statics.out_of_plane import ModeSupports, mode_supports
-from dsfab.statics.sections import CONVENTION, SectionForces, section_forces
-from dsfab.statics.shear import ShearRecovery
+from dsfab.statics.model import Law, Material, SheetMaterial, SheetModel
+from dsfab.statics.modes import Buckling, ModeSupports, Vibration, buckling, frequencies, mode_supports
+from dsfab.statics.reactions import (
+    LoadEntry,
+    Resultant,
+    SupportEntry,
+    load_entries,
+    resultant,
+    support_entries,
+    support_reactions,
+)
+from dsfab.statics.requested_results import Answers, Ask, SolvedCase, sheet_answers
 from dsfab.statics.solve import Equilibrium, equilibria, equilibrium, flat_axis
-from dsfab.statics.spread import SpreadLoad, spread_load
-from dsfab.statics.stiffness import sheet_stiffness
-from dsfab.statics.stress import stress, von_mises
-from dsfab.statics.supports import with_springs
+from dsfab.statics.stiffness import FaceStiffness, sheet_stiffness
+from dsfab.statics.stress import (
+    LAYERS,
+    Layer,
+    Peak,
+    Principal,
+    SheetStress,
+    membrane_strains,
+    membrane_stresses,
+    plane_von_mises,
+    sheet_stress,
+    stress,
+    von_mises,
+)
 from dsfab.statics.torsion import RibShape, rib_shape, torsion_loss, torsion_share
-from dsfab.statics.uses import REPORTED, USES, Aid, Quantity, Use, elements_of, tolerance_of
-from dsfab.statics.varying import optimality_step, varying_thickness
-from dsfab.surface.loads import LoadCase
+from dsfab.statics.variable_thickness import optimality_step, varying_thickness
+from dsfab.surface.loads.load_case import LoadCase
 
 __all__ = [
     "CONVENTION",

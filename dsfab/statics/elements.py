@@ -1,23 +1,16 @@
-"""The element family by name: which unknowns a choice of membrane and bending has, and where they stand in the vector.
+"""Finite elements by name: their unknowns, the pair of elements for each use, and needles among triangles."""
 
-All elements live on the same flat triangles. Besides three displacements per vertex they may have unknowns on edges:
-
-            k
-           / \\         rotation  of the edge about its own direction, rad (mean over the edge)
-          /   \\        slope     its linear part, rad: rotation + slope (2 x - 1), x from 0 to 1 along the edge
-         i--e--j       along, across, normal   the bubbles 4 phi_i phi_j, metres: how far the middle of the edge leaves
-                       the chord, in the edge's own frame (`edge_frames`)
-"""
-
+from collections.abc import Mapping
 from dataclasses import dataclass, replace
+from types import MappingProxyType
 from typing import Literal, Self, get_args
 from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.sparse import csr_array
 
-from dsfab.arrays import Floats, Ints
-from dsfab.errors import StaticsError
+from dsfab.core.arrays import Floats, Ints
+from dsfab.core.errors import StaticsError
 from dsfab.surface.mesh import Surface
 
 Membrane = Literal["constant", "quadratic", "hybrid"]
@@ -86,7 +79,7 @@ class Elements:
 
 
 PAPER = Elements("constant", "hinge")
-"""The elements of the paper. Which pair answers what is in `dsfab.statics.uses`."""
+"""The elements of the paper. Which pair answers what is in `dsfab.statics.elements`."""
 
 
 def half_edge_signs(surface: Surface) -> Floats:
@@ -164,3 +157,94 @@ def padded(K: csr_array, size: int) -> csr_array:
 
 def _outer(a: Floats, b: Floats) -> Floats:
     return np.asarray(a[:, :, None] * b[:, None, :])
+
+
+Quantity = Literal["compliance", "compliance_once", "displacement", "stress", "frequency", "buckling", "six_nodes"]
+"""What is reported."""
+
+Aid = Literal["needles", "spread", "ranking", "directions"]
+"""What is not reported itself, but leads to what is."""
+
+
+@dataclass(frozen=True)
+class Use:
+    """What a pair of elements is for.
+
+    pair      : the elements (without bending for a sheet that is solved in its plane).
+    tolerance : largest relative error on the finest mesh of a verification test; None for what is not reported, and
+                not tested therefore.
+    about     : what it is for, in words.
+    """
+
+    pair: Elements
+    tolerance: float | None
+    about: str
+
+
+_HYBRID, _SIX_NODES = Elements("hybrid", "hhj"), Elements("quadratic", "hhj")
+
+USES: Mapping[Quantity | Aid, Use] = MappingProxyType(
+    {
+        "compliance": Use(_SIX_NODES, 0.02, "compliance with its bound, from finer and finer meshes"),
+        "compliance_once": Use(_HYBRID, 0.02, "compliance by one solve"),
+        "displacement": Use(_HYBRID, 0.02, "displacements and reactions"),
+        "stress": Use(_HYBRID, 0.02, "stress and utilisation"),
+        "frequency": Use(_HYBRID, 0.02, "natural frequencies"),
+        "buckling": Use(_HYBRID, 0.02, "factors of linear buckling"),
+        "six_nodes": Use(_SIX_NODES, 0.02, "what a program with six-node triangles should find"),
+        "needles": Use(Elements("quadratic", "midedge"), None, "one solve of sheets with needles of faces"),
+        "spread": Use(Elements("quadratic", "midedge"), None, "beside the compliance, for its bound alone"),
+        "ranking": Use(Elements("constant", "midedge"), None, "which of many candidates is stiffer"),
+        "directions": Use(PAPER, None, "directions of the stress, as in the paper"),
+    }
+)
+"""The bounds of compliances are calibrated for their pairs (`dsfab.study.verdict.estimates`): they change together."""
+
+REPORTED: tuple[Elements, ...] = tuple(dict.fromkeys(use.pair for use in USES.values() if use.tolerance is not None))
+"""Every pair that something is reported from."""
+
+
+def elements_of(use: Quantity | Aid) -> Elements:
+    """The pair of elements for a use. Raises KeyError for a use that is not in the table."""
+    return USES[use].pair
+
+
+def tolerance_of(quantity: Quantity) -> float:
+    """The relative error that a reported quantity may have on the finest mesh of a verification test."""
+    tolerance = USES[quantity].tolerance
+    assert tolerance is not None  # what is reported has one
+    return tolerance
+
+
+NEEDLE = 0.02
+"""A triangle whose smallest height is less than this share of its longest edge is a needle: an angle of a degree."""
+
+
+def _longest_edges(surface: Surface) -> Floats:
+    """(m,) metres, of each triangle."""
+    corners = surface.V[surface.F]
+    return np.asarray(np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1))
+
+
+def heights(surface: Surface) -> Floats:
+    """(m,) the smallest height of each triangle, metres."""
+    return np.asarray(2 * surface.areas / _longest_edges(surface))
+
+
+def flatness(surface: Surface) -> Floats:
+    """(m,) smallest height of each triangle over its longest edge: 0.87 when equilateral, 0 when collapsed."""
+    return np.asarray(2 * surface.areas / _longest_edges(surface) ** 2)
+
+
+def needles_told(surface: Surface) -> str:
+    """How many needles there are and where the worst is, for a sentence; empty when there are none."""
+    shape = flatness(surface)
+    count = int((shape < NEEDLE).sum())
+    if not count:
+        return ""
+    where = surface.centroids[shape.argmin()].round(3).tolist()
+    are = "triangle is a needle" if count == 1 else "triangles are needles"
+    return (
+        f"{count} of {surface.m} {are}, lower than {NEEDLE:g} of the longest edge (the worst, {shape.min():.1g}, is "
+        f"around {where} m)"
+    )

@@ -1,11 +1,58 @@
-"""`SheetModel`: the sheet that is solved; and `SheetMaterial`: what it is made of."""
+"""`Material` and `SheetModel`: an elastic, isotropic material and the sheet that is solved."""
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
-from dsfab.arrays import Bools
-from dsfab.statics.material import Law, Material
-from dsfab.surface.loads import LoadCase
+import numpy as np
+
+from dsfab.core.arrays import Bools, Floats
+from dsfab.core.errors import StaticsError
+from dsfab.surface.loads.load_case import LoadCase
 from dsfab.surface.mesh import Surface
+
+Law = Literal["plane_stress", "stvk"]
+
+
+@dataclass(frozen=True)
+class Material:
+    """Young's modulus (Pa), Poisson's ratio and density (kg/m^3) of a linear elastic, isotropic solid.
+
+    Raises StaticsError unless young > 0, -1 < poisson < 0.5 and density >= 0.
+    """
+
+    young: float
+    poisson: float
+    density: float = 0.0
+
+    def __post_init__(self) -> None:
+        if not (self.young > 0 and np.isfinite(self.young)):
+            raise StaticsError(f"young = {self.young} Pa must be positive")
+        if not -1 < self.poisson < 0.5:
+            raise StaticsError(f"poisson = {self.poisson} must lie between -1 and 0.5 (most solids: 0.2 to 0.4)")
+        if not (self.density >= 0 and np.isfinite(self.density)):
+            raise StaticsError(f"density = {self.density} kg/m3 must not be negative")
+
+    def membrane(self, law: Law) -> Floats:
+        """(3, 3) stress from strain in the sheet's plane, Pa, for (xx, yy, 2 xy).
+
+        `plane_stress`: the sheet is free to get thinner or thicker, which is what a thin sheet does.
+        `stvk`: the paper's law to the letter (St. Venant-Kirchhoff, linearised); its F leaves the normal unstretched,
+        which is plane *strain*.
+        """
+        mu = self.young / (2 * (1 + self.poisson))
+        lam = self.young * self.poisson / ((1 + self.poisson) * (1 - 2 * self.poisson))
+        if law == "plane_stress":
+            lam = 2 * lam * mu / (lam + 2 * mu)
+        return np.array([[lam + 2 * mu, lam, 0], [lam, lam + 2 * mu, 0], [0, 0, mu]])
+
+    def bending_stiffness(self, thickness: float) -> float:
+        """D = E h^3 / (12 (1 - nu^2)), N m: moment per unit length and unit curvature (Kirchhoff)."""
+        return self.young * thickness**3 / (12 * (1 - self.poisson**2))
+
+    def bending(self, thickness: float) -> Floats:
+        """(3, 3) moments per unit length from curvatures (xx, yy, 2 xy) of a plate, N m (Kirchhoff, plane stress)."""
+        nu = self.poisson
+        return self.bending_stiffness(thickness) * np.array([[1, nu, 0], [nu, 1, 0], [0, 0, (1 - nu) / 2]])
 
 
 @dataclass(frozen=True, eq=False)

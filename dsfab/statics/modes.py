@@ -1,25 +1,60 @@
-"""What a sheet does by itself: natural frequencies, and the load factor at which it buckles."""
+"""Natural frequencies and buckling factors of a sheet, and its supports out of its plane."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
-from dsfab.arrays import Bools, Floats, lock
-from dsfab.errors import StaticsError
-from dsfab.statics.elements import BUBBLES, Elements, assembled, edge_frames
-from dsfab.statics.factor import FactorOf, factored
-from dsfab.statics.mechanisms import require_held
+from dsfab.core.arrays import Bools, Floats, lock
+from dsfab.core.errors import StaticsError
+from dsfab.statics.boundary_conditions import all_clamped, held_on_edges, require_clampable, require_held, with_springs
+from dsfab.statics.elements import BUBBLES, Elements, assembled, edge_frames, elements_of
+from dsfab.statics.factorisation import FactorOf, factored
 from dsfab.statics.model import SheetModel
-from dsfab.statics.solve import Equilibrium
+from dsfab.statics.solve import Equilibrium, flat_axis
 from dsfab.statics.stiffness import sheet_stiffness
 from dsfab.statics.stress import stress
-from dsfab.statics.supports import all_clamped, held_on_edges, require_clampable, with_springs
-from dsfab.statics.uses import elements_of
-from dsfab.surface.hats import hat_gradients, tangents
-from dsfab.surface.loads import LoadCase
-from dsfab.surface.mesh import Surface
+from dsfab.surface import LoadCase, Surface
+from dsfab.surface.fields import hat_gradients, tangents
+
+HELD = "its supports hold it out of its plane too"
+UPRIGHT = f"{HELD}, and their edges do not turn: on hinges it would fall over"
+
+
+@dataclass(frozen=True, eq=False)
+class ModeSupports:
+    """load : with the supports that a sheet vibrates and buckles on.   told : what was assumed of them, or ''."""
+
+    load: LoadCase
+    told: str = ""
+
+
+def mode_supports(surface: Surface, load: LoadCase, plane: bool | None = None) -> ModeSupports:
+    """The supports of a sheet that vibrates and buckles: those given, where it is not solved in its plane.
+
+    A sheet that is loaded in its plane is mostly given supports in the plane alone, which leave it free to fall over.
+    Where one of them holds a vertex or stands it on a spring, the sheet is held rigidly across its plane as well. Where
+    it could still turn about a line through all of them (a wall on its base, a cantilever), the free edges between such
+    vertices do not turn either: a support that holds a length of the sheet holds it upright.
+
+    plane : whether it is solved in its plane; found from the load when left out.
+    """
+    axis = flat_axis(surface, load)
+    if axis is None or plane is False:
+        return ModeSupports(load)
+    fixed, held = load.fixed.copy(), load.held
+    fixed[held, axis] = True
+    across = replace(load, fixed=fixed)
+    try:
+        require_held(surface, across, fixed, all_clamped(across))
+    except StaticsError:
+        edges = surface.edges
+        upright = edges.boundary & held[edges.ends].all(axis=1)
+        given = all_clamped(load)
+        return ModeSupports(replace(across, clamped=upright if given is None else upright | given), UPRIGHT)
+    return ModeSupports(across, HELD)
+
 
 FOR_FREQUENCIES, FOR_BUCKLING = elements_of("frequency"), elements_of("buckling")
 """Elements unless others are named."""

@@ -8,16 +8,21 @@ from types import MappingProxyType
 import numpy as np
 from scipy.sparse import csr_array
 
-from dsfab.arrays import Bools, Floats, lock, locked
-from dsfab.errors import StaticsError
-from dsfab.limits import BALANCE, RESIDUAL
-from dsfab.statics.elements import PAPER, Elements, edge_frames
-from dsfab.statics.factor import FactorOf, factored, refined_solution
-from dsfab.statics.mechanisms import require_held, require_loads_on_faces
-from dsfab.statics.needles import needles_told
-from dsfab.statics.spread import SpreadLoad
-from dsfab.statics.supports import all_clamped, held_on_edges, require_clampable, with_springs
-from dsfab.surface.loads import LoadCase
+from dsfab.core.arrays import Bools, Floats, lock, locked
+from dsfab.core.errors import StaticsError
+from dsfab.core.limits import BALANCE, RESIDUAL
+from dsfab.statics.boundary_conditions import (
+    SpreadLoad,
+    all_clamped,
+    held_on_edges,
+    require_clampable,
+    require_held,
+    require_loads_on_faces,
+    with_springs,
+)
+from dsfab.statics.elements import PAPER, Elements, edge_frames, needles_told
+from dsfab.statics.factorisation import FactorOf, factored, refined_solution
+from dsfab.surface.loads.load_case import LoadCase
 from dsfab.surface.mesh import Surface
 
 IN_PLANE = 1e-12

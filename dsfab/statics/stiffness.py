@@ -1,15 +1,24 @@
-"""The stiffness of a sheet: membrane and bending together."""
+"""Stiffness of a whole sheet, membrane and bending together, also with stiffer and softer faces."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
+from dataclasses import dataclass
+from typing import Self
 
+import numpy as np
 from scipy.sparse import csr_array
 
-from dsfab.statics.bending import bending_stiffness, hinge_blocks
-from dsfab.statics.blocks import added
-from dsfab.statics.elements import PAPER, Elements
-from dsfab.statics.membrane import constant_blocks, membrane_stiffness
-from dsfab.statics.model import SheetModel
+from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.core.errors import StaticsError
+from dsfab.core.sparse import Factor, NotPositiveDefinite, factorise
+from dsfab.statics.assembly import added
+from dsfab.statics.bending import bending_stiffness, curvatures, hinge_blocks
+from dsfab.statics.boundary_conditions import all_clamped, held_on_edges, require_held, require_loads_on_faces
+from dsfab.statics.elements import PAPER, Elements, elements_of
+from dsfab.statics.membrane import constant_blocks, corner_strains, membrane_stiffness
+from dsfab.statics.model import Law, Material, SheetModel
+from dsfab.statics.solve import flat_axis
+from dsfab.surface import LoadCase, Surface
 
 Row = Callable[[str], AbstractContextManager[object]]
 """Takes the time of what is done inside, under a name."""
@@ -33,3 +42,119 @@ def sheet_stiffness(sheet: SheetModel, elements: Elements, row: Row = nullcontex
         with row("bending"):
             K = added(K, bending_stiffness(surface, material, thickness, elements))
     return K
+
+
+@dataclass(frozen=True, eq=False)
+class FaceStiffness:
+    """K = sum over the faces of s_f K_f on the free unknowns: constant strain and, out of the plane, mid-edge bending.
+
+    blocks : (m, c, c) K_f, N/m.       unknown : (m, c) the free unknown of each row, `count` where it is held.
+    places : (nnz, m) from factors s (m,) to the values of K.     indices, indptr : where they stand.
+    springs : (nnz,) what the supports add.    points, node : positions, and the point of each free unknown.
+    force  : (count, k) newtons.
+    """
+
+    blocks: Floats
+    unknown: Ints
+    count: int
+    places: csr_array
+    indices: Ints
+    indptr: Ints
+    springs: Floats
+    points: Floats
+    node: Ints
+    force: Floats
+
+    @classmethod
+    def of(cls, sheet: SheetModel, loads: Sequence[LoadCase]) -> Self:
+        """Of a sheet under loads. Raises StaticsError when supports leave a motion free or a load acts on nothing."""
+        surface = sheet.surface
+        axis = flat_axis(surface, *loads)
+        elements = elements_of("ranking")
+        elements = elements if axis is None else elements.in_plane
+        held = _held(surface, loads, elements, axis)
+        blocks, columns = face_blocks(surface, sheet.material, sheet.thickness, sheet.law, elements)
+        free = ~held
+        touched = np.zeros(len(free), dtype=bool)
+        touched[columns] = True
+        numbers = np.flatnonzero(free & touched)
+        count = len(numbers)
+        number = np.full(len(free), count)
+        number[numbers] = np.arange(count)
+        moving = free[columns].any(axis=0) if axis is not None else np.ones(columns.shape[1], dtype=bool)
+        blocks, unknown = np.ascontiguousarray(blocks[:, moving][:, :, moving]), number[columns[:, moving]]
+        places, indices, indptr, diagonal = _places(blocks, unknown, count)
+        springs, force = np.zeros(len(indices)), np.zeros((len(free), len(loads)))
+        soft = np.zeros(len(free))
+        soft[: 3 * surface.n] = loads[0].spring.ravel()
+        springs[diagonal] = soft[numbers]
+        force[: 3 * surface.n] = np.stack([load.force.ravel() for load in loads], axis=1)
+        points = np.concatenate([surface.V, surface.V[surface.edges.ends].mean(axis=1)])
+        node = np.where(numbers < 3 * surface.n, numbers // 3, numbers - 2 * surface.n)
+        return cls(blocks, unknown, count, places, indices, indptr, springs, points, node, np.asarray(force[numbers]))
+
+    def matrix(self, scale: Floats) -> csr_array:
+        """(count, count) K for the factors `scale` (m,)."""
+        values = self.places @ scale + self.springs
+        return csr_array((values, self.indices, self.indptr), shape=(self.count, self.count))
+
+    def factor(self, scale: Floats, earlier: Factor | None = None) -> Factor:
+        """The factor of K at face scales (m,); an `earlier` one lends its analysis. Raises StaticsError for a
+        mechanism."""
+        try:
+            if earlier is None:
+                return factorise(self.matrix(scale), self.points, self.node)
+            earlier.refactor(self.matrix(scale))
+        except NotPositiveDefinite as error:
+            raise StaticsError(
+                "the sheet is a mechanism while it is optimised; hold more directions or check the mesh with "
+                "`dsfab inspect`"
+            ) from error
+        return earlier
+
+    def energies(self, x: Floats) -> Floats:
+        """(m, k) u . K_f u of each face for solutions x (count, k), joules (twice the energy)."""
+        moved = np.concatenate([x, np.zeros((1, x.shape[1]))])[self.unknown]
+        return np.asarray(np.einsum("mck,mck->mk", moved, self.blocks @ moved))
+
+
+def face_blocks(
+    surface: Surface, material: Material, thickness: float, law: Law, elements: Elements
+) -> tuple[Floats, Ints]:
+    """(m, c, c) stiffness of each face, N/m, and (m, c) its unknowns: c = 9 in the plane, 12 with mid-edge bending."""
+    names = ("rotation",) if elements.bending else ()
+    columns = elements.columns(surface, *names)
+    blocks = np.zeros((surface.m, columns.shape[1], columns.shape[1]))
+    B, areas = corner_strains(surface), surface.areas[:, None, None]
+    blocks[:, :9, :9] = B.transpose(0, 2, 1) @ (material.membrane(law) * thickness @ B) * areas
+    if elements.bending:
+        B = curvatures(surface)
+        blocks += B.transpose(0, 2, 1) @ (material.bending(thickness) @ B) * areas
+    return blocks, columns
+
+
+def _held(surface: Surface, loads: Sequence[LoadCase], elements: Elements, axis: int | None) -> Bools:
+    """(N,) unknowns that do not move; raises StaticsError for what is not held."""
+    fixed = loads[0].fixed.copy()
+    if axis is not None:
+        fixed[:, axis] = True
+    turning = all_clamped(loads[0]) if elements.bending else None
+    require_held(surface, loads[0], fixed, turning)
+    for load in loads:
+        require_loads_on_faces(surface, load)
+    held = fixed.ravel()
+    if elements.on_edges:
+        held = np.concatenate([held, held_on_edges(surface, elements, fixed, turning).T.ravel()])
+    return np.asarray(held)
+
+
+def _places(blocks: Floats, unknown: Ints, count: int) -> tuple[csr_array, Ints, Ints, Ints]:
+    """The matrix from factors of faces to values of K, the columns and row pointers of K, and where its diagonal is."""
+    m, c = unknown.shape
+    row, column = np.repeat(unknown, c, axis=1).ravel(), np.tile(unknown, (1, c)).ravel()
+    both = np.flatnonzero((row < count) & (column < count))
+    keys, entry = np.unique(row[both] * count + column[both], return_inverse=True)
+    places = csr_array((blocks.ravel()[both], (entry, both // (c * c))), shape=(len(keys), m))
+    rows, columns = np.divmod(keys, count)
+    indptr = np.concatenate([[0], np.cumsum(np.bincount(rows, minlength=count))])
+    return places, columns.astype(np.int32), indptr.astype(np.int32), np.flatnonzero(rows == columns)

@@ -6,13 +6,12 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from dsfab.arrays import Bools, Floats, Ints
+from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.statics.bending import hhj_stiffness, midedge_stiffness
 from dsfab.statics.elements import Elements, voigt
-from dsfab.statics.hhj import hhj_stiffness
-from dsfab.statics.midedge import midedge_stiffness
 from dsfab.statics.model import SheetModel
 from dsfab.surface import Surface, half_edges
-from dsfab.surface.hats import tangents
+from dsfab.surface.fields import tangents
 
 NARROWEST = 0.01
 """Thicknesses: ribs are taken to be no narrower, so that equations can be solved."""

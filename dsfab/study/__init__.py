@@ -1,14 +1,19 @@
 """Questions about designs: parametric sweeps, comparisons with other designs, and the verification of the elements."""
 
-from dsfab.study.alternatives import ALTERNATIVE_WORDS, Alternative, design_alternatives, is_searched, losing_line
-from dsfab.study.comparison import Comparison, compare_at
-from dsfab.study.competitors import Competitor
+from dsfab.study.alternatives import (
+    ALTERNATIVE_WORDS,
+    Alternative,
+    Competitor,
+    design_alternatives,
+    is_searched,
+    losing_line,
+)
+from dsfab.study.calculix import require_ccx
+from dsfab.study.comparison import Comparison, compare, compare_at, full_at_many_shares
 from dsfab.study.fabrication import require_fit
-from dsfab.study.judges import compare, full_at_many_shares
-from dsfab.study.nonlinear import NonlinearCheck, nonlinear_check, require_ccx
-from dsfab.study.processes import fitting_processes, made_in_processes
+from dsfab.study.nonlinear import NonlinearCheck, nonlinear_check
 from dsfab.study.sweeps import METRICS, Run, sweep
-from dsfab.study.upsampling import CutComparison, compared_cuts
+from dsfab.study.sweeps.workers import fitting_processes, made_in_processes
 
 __all__ = [
     "ALTERNATIVE_WORDS",
@@ -16,12 +21,10 @@ __all__ = [
     "Alternative",
     "Comparison",
     "Competitor",
-    "CutComparison",
     "NonlinearCheck",
     "Run",
     "compare",
     "compare_at",
-    "compared_cuts",
     "design_alternatives",
     "fitting_processes",
     "full_at_many_shares",

@@ -6,9 +6,9 @@ from itertools import product
 from math import isfinite, prod
 from typing import Any
 
-from dsfab.errors import DsfabError
-from dsfab.preset import STAGES
-from dsfab.preset_file import parse_override
+from dsfab.core.errors import DsfabError
+from dsfab.preset.file import parse_override
+from dsfab.preset.model import STAGES
 
 Values = dict[str, list[Any]]
 """Dotted keys and their values."""

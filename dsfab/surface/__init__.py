@@ -1,53 +1,24 @@
 """Stage 1, what is given: the mesh, its supports and its loads."""
 
-from dsfab.surface.bridges import as_circle, as_polyline, require_compas
-from dsfab.surface.cases import Combination, LimitState, load_cases, together
-from dsfab.surface.climate import Snow, Wind
-from dsfab.surface.corner_field import CornerField
-from dsfab.surface.cover import one_sided_pieces
-from dsfab.surface.creases import CREASE
-from dsfab.surface.divided import DividedField
-from dsfab.surface.doubled import twin_remarks
-from dsfab.surface.drawing_files import Marks, marks_on_layers
-from dsfab.surface.en1990 import (
-    OF_LOADS,
-    ActionKind,
-    CombinationRule,
-    DesignFactors,
-    action_mistakes,
-    en1990_combinations,
+from dsfab.surface.clean.overlaps import twin_remarks
+from dsfab.surface.clean.repair import MendedMesh, is_scan, mended, repaired_scan
+from dsfab.surface.clean.seams import coincident
+from dsfab.surface.edge_changes import CREASE, halved, refined
+from dsfab.surface.fields import (
+    CornerField,
+    DividedField,
+    StructureLine,
+    chains,
+    hat_gradients,
+    polyline_length,
+    simplified_line,
 )
-from dsfab.surface.enclosed import box, signed_volume, signed_volumes, total_area
-from dsfab.surface.files import MESH_SUFFIXES, RawMesh, raw_mesh
-from dsfab.surface.formats import DEFAULT_TRIANGLES, FileRecord
-from dsfab.surface.formats.ply import ply_chunks
-from dsfab.surface.geodesic import Distances, Origins, geodesic_distances
-from dsfab.surface.hats import hat_gradients
-from dsfab.surface.lines import StructureLine, chains, polyline_length, simplified_line
-from dsfab.surface.load_parts import LoadParts
-from dsfab.surface.loads import Cladding, Force, Line, Load, LoadCase, Pressure, SelfWeight, load_parts
-from dsfab.surface.mend import MendedMesh, mended
-from dsfab.surface.mesh import Surface
-from dsfab.surface.mirrors import (
-    FAR,
-    LARGEST_GROUP,
-    SNAP,
-    centroid,
-    far_directions,
-    generated_group,
-    mirror,
-    planes_through,
-    round_axis,
-)
-from dsfab.surface.names import load_names, support_names
-from dsfab.surface.nearest import NearestPlaces, nearest, weights_at
-from dsfab.surface.neighbours import corners_of, faces_at, spanned_edges
-from dsfab.surface.orientation import Up, upright
-from dsfab.surface.outlines import Brush, ClosedCurves, PlanPolygon, self_contained
-from dsfab.surface.picker import Picker, edges_of
-from dsfab.surface.pickers import All, Ball, Boundary, Box, CaseName, Facing, Nearest, Side, Vertices, VerticesLeft
-from dsfab.surface.places import coincident
-from dsfab.surface.reader import (
+from dsfab.surface.files import DEFAULT_TRIANGLES, FileRecord
+from dsfab.surface.files.drawings import Marks, marks_on_layers
+from dsfab.surface.files.mesh_files import MESH_SUFFIXES, RawMesh, raw_mesh
+from dsfab.surface.files.other_libraries import as_circle, as_polyline, require_compas
+from dsfab.surface.files.ply import ply_chunks
+from dsfab.surface.files.reader import (
     MeshFacts,
     SurfaceInFile,
     describe,
@@ -60,13 +31,83 @@ from dsfab.surface.reader import (
     surface_of_file,
     unit_guess,
 )
-from dsfab.surface.refine import halved, refined
-from dsfab.surface.regions import PatternRegion, RegionedSurface, region_key, with_regions
+from dsfab.surface.geodesic import Distances, Origins, geodesic_distances
+from dsfab.surface.loads.combinations import (
+    OF_LOADS,
+    ActionKind,
+    Combination,
+    CombinationRule,
+    DesignFactors,
+    LimitState,
+    action_mistakes,
+    en1990_combinations,
+    load_cases,
+    together,
+)
+from dsfab.surface.loads.load_case import (
+    Cladding,
+    Force,
+    Line,
+    Load,
+    LoadCase,
+    LoadParts,
+    Pressure,
+    SelfWeight,
+    Snow,
+    Wind,
+    load_parts,
+)
+from dsfab.surface.loads.outlines import Brush, ClosedCurves, Picker, PlanPolygon, edges_of, self_contained
+from dsfab.surface.loads.pickers import (
+    All,
+    Ball,
+    Boundary,
+    Box,
+    CaseName,
+    Facing,
+    Nearest,
+    Side,
+    Vertices,
+    VerticesLeft,
+)
+from dsfab.surface.loads.regions import PatternRegion, RegionedSurface, region_key, with_regions
+from dsfab.surface.loads.supports import Support, load_names, support_names
+from dsfab.surface.mesh import (
+    NearestPlaces,
+    Surface,
+    box,
+    nearest,
+    signed_volume,
+    signed_volumes,
+    total_area,
+    weights_at,
+)
+from dsfab.surface.orientation import Up, one_sided_pieces, upright
 from dsfab.surface.remesh import SizeField, change_sizes, remeshed
-from dsfab.surface.repair import is_scan, repaired_scan
+from dsfab.surface.remesh.mirrors import (
+    FAR,
+    LARGEST_GROUP,
+    SNAP,
+    centroid,
+    far_directions,
+    generated_group,
+    mirror,
+    planes_through,
+    round_axis,
+)
 from dsfab.surface.shapes import FIGURES, SHAPES
-from dsfab.surface.supports import Support
-from dsfab.surface.topology import EdgeTable, connected, corner_fans, edge_table, half_edges, next_half_edge, pieces
+from dsfab.surface.topology import (
+    EdgeTable,
+    connected,
+    corner_fans,
+    corners_of,
+    edge_table,
+    faces_at,
+    half_edges,
+    next_half_edge,
+    pieces,
+    spanned_edges,
+)
 
 __all__ = [
     "CREASE",

@@ -1,19 +1,132 @@
-"""Turning and collapsing edges, what is decided by integers alone: the quads around edges, which changes keep the
-topology, and which of them can be made at once.
+"""Edges of a mesh halved, flipped and collapsed; creases; smooth subdivision."""
 
-         c                    c
-       /   \\                / | \\
-      a --- b      ->      a  |  b
-       \\   /                \\ | /
-         d                    d
-"""
-
+import igl
 import numpy as np
 from scipy.sparse import csr_array
 
-from dsfab.arrays import Bools, Ints
-from dsfab.surface.neighbours import adjacency
-from dsfab.surface.topology import EdgeTable, next_half_edge
+from dsfab.core.arrays import Bools, Floats, Ints, cross, edge_lengths, lengths
+from dsfab.core.errors import SurfaceError
+from dsfab.surface.mesh import Surface
+from dsfab.surface.topology import EdgeTable, adjacency, edge_table, manifold_faults, misoriented_edges, next_half_edge
+
+CREASE = 30.0
+"""Degrees between the normals of neighbours from which their edge is a crease."""
+
+
+def feature_edges(surface: Surface) -> Bools:
+    """(e,) edges on the boundary, at a crease, or where neighbours face opposite sides."""
+    return border_edges(surface) | sharp_edges(surface)
+
+
+def border_edges(surface: Surface) -> Bools:
+    """(e,) edges on the boundary, or where neighbours face opposite sides."""
+    marks = surface.edges.boundary.copy()
+    marks[misoriented_edges(surface.F, surface.edges)] = True
+    return marks
+
+
+def sharp_edges(surface: Surface) -> Bools:
+    """(e,) edges of two faces whose normals are `CREASE` apart or more."""
+    marks = np.zeros(len(surface.edges.ends), dtype=bool)
+    one, two = surface.normals[surface.edges.pairs // 3].transpose(1, 0, 2)
+    marks[surface.edges.count == 2] = np.einsum("ei,ei->e", one, two) < np.cos(np.radians(CREASE))
+    return marks
+
+
+LARGEST = 4_000_000
+"""More triangles than this are refused before they are made."""
+
+
+def refined(surface: Surface, target: float, smooth: bool = False) -> Surface:
+    """The surface with no edge longer than `target` metres; the vertices it had come first.
+
+    smooth = False : the same flat facets. Long edges are halved in rounds; the longest edge of a face that has a long
+                     one is among them, which keeps angles from shrinking on and on [Rivara 1984]. No T-junctions; area
+                     and boundary stay.
+    smooth = True  : Loop's subdivision [Loop 1987], every triangle in four until all edges are short enough; vertices
+                     move towards the smooth limit surface, but none on a boundary or a crease (30 degrees): these are
+                     halved where they are.
+
+    Raises SurfaceError for a target that is no length or that would take over `LARGEST` triangles, and for `smooth` on
+    a surface that is not manifold and consistently oriented.
+    """
+    if not (np.isfinite(target) and target > 0):
+        raise SurfaceError(f"the edge length {target} to refine to must be a positive length in metres")
+    if smooth and (faults := manifold_faults(surface.F, surface.edges, surface.n)):
+        raise SurfaceError(f"only a manifold surface can be subdivided smoothly: {faults[0]}; set smooth to false")
+    V, F = surface.V, surface.F
+    edges = surface.edges
+    kept = edges.ends[feature_edges(surface)] if smooth else edges.ends[:0]
+    while (long := edge_lengths(V, edges.ends) > target).any():
+        if smooth:
+            _check_count(4 * len(F), target)
+            V, F, kept = _loop(V, F, edges, kept)
+        else:
+            _check_count(len(F) + int(long[edges.of].sum()), target)
+            V, F, _ = halved(V, F, edges, long)
+        edges = edge_table(F)
+    return surface if F is surface.F else Surface(V, F)
+
+
+def _loop(V: Floats, F: Ints, edges: EdgeTable, kept: Ints) -> tuple[Floats, Ints, Ints]:
+    """One step of Loop's subdivision in which edges (k, 2) stay where they are; their halves (2 k, 2)."""
+    at = np.searchsorted(edges.ends @ (len(V), 1), kept @ (len(V), 1))
+    moved, finer = igl.loop(V, F, 1)
+    middle = np.empty(len(edges.ends), dtype=np.int64)
+    quarters = finer.reshape(-1, 4, 3)  # those at corners 0 and 1 come first, each from its corner round
+    middle[edges.of] = np.stack([quarters[:, 0, 1], quarters[:, 1, 1], quarters[:, 0, 2]], axis=1)
+    moved[kept] = V[kept]
+    moved[middle[at]] = V[kept].mean(axis=1)
+    halves = np.stack([kept, np.stack([middle[at], middle[at]], axis=1)], axis=2).reshape(-1, 2)
+    return moved, finer, np.sort(halves, axis=1)
+
+
+def _check_count(count: int, target: float) -> None:
+    if count > LARGEST:
+        raise SurfaceError(f"refining to edges of {target:g} m takes over {LARGEST:,} triangles; ask for longer edges")
+
+
+def halved(V: Floats, F: Ints, edges: EdgeTable, halves: Bools) -> tuple[Floats, Ints, Ints]:
+    """Faces divided along the midpoints of the (e,) edges that are halved: their longest and none, one or both others.
+
+    Returns the vertices, the faces, and what face each of these was.
+
+                 c                             c                          c
+               / | \\                         / | \\                       / \\
+              /  |  \\                      r   |  \\                     r - q
+             /   |   \\                    /  \\ |   \\                   / \\ / \\
+            a -- p -- b                  a -- p --- b                 a - p - b      turned so that a-b is the longest
+    """
+    number = np.cumsum(halves) + len(V) - 1
+    V = np.concatenate([V, V[edges.ends[halves]].mean(axis=1)])
+    on = halves[edges.of]
+    ends = V[edges.ends]  # points, or the places on a chart that stand for them
+    lengths = np.where(on, np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)[edges.of], -1)
+    turn = (lengths.argmax(axis=1)[:, None] + np.arange(3)) % 3
+    a, b, c = np.take_along_axis(F, turn, axis=1).T
+    p, q, r = np.take_along_axis(number[edges.of], turn, axis=1).T
+    ab, bc, ca = np.take_along_axis(on, turn, axis=1).T
+    parts = [
+        (~ab, (a, b, c)),
+        *((ab & ~bc & ~ca, triangle) for triangle in ((a, p, c), (p, b, c))),
+        *((ab & bc & ~ca, triangle) for triangle in ((p, b, q), (p, q, c), (a, p, c))),
+        *((ab & ~bc & ca, triangle) for triangle in ((a, p, r), (p, c, r), (p, b, c))),
+        *((ab & bc & ca, triangle) for triangle in ((a, p, r), (p, b, q), (p, q, r), (r, q, c))),
+    ]
+    faces = np.concatenate([np.stack(triangle, axis=1)[where] for where, triangle in parts])
+    return V, faces, np.concatenate([np.flatnonzero(where) for where, _ in parts])
+
+
+def with_longest(V: Floats, edges: EdgeTable, halves: Bools) -> Bools:
+    """(e,) marked edges, and the longest of each face that has one, and so on [Rivara 1984]."""
+    length = edge_lengths(V, edges.ends)[edges.of]
+    longest = np.take_along_axis(edges.of, length.argmax(axis=1)[:, None], axis=1)[:, 0]
+    while True:
+        more = halves.copy()
+        more[longest[halves[edges.of].any(axis=1)]] = True
+        if np.array_equal(more, halves):
+            return halves
+        halves = more
 
 
 def quads(F: Ints, pairs: Ints) -> Ints:
@@ -76,3 +189,78 @@ def winners(order: Ints, touched: Ints, n: int, beside: Ints | None = None) -> B
         np.minimum.at(near, beside.ravel(), best[beside[:, ::-1]].ravel())
         best = near
     return np.asarray((best[touched] >= rank[:, None]).all(axis=1))
+
+
+BETTER = 1.0
+"""Degrees that the smallest angle of two faces has to gain."""
+ROUNDS = 8
+"""How often edges are turned at most: each time those that do not share a face."""
+
+
+def flipped(surface: Surface, may: Bools, stays: Ints, close: float) -> Surface:
+    """The surface with edges turned, so that smallest angles grow.
+
+    may   : (n,) only faces with a corner among these change.    stays : (k, 2) vertices, edges between which stay.
+    close : metres that the surface may move by at most.
+    """
+    keys = _keys(surface.n, *stays.T)
+    for _ in range(ROUNDS):
+        F = _turned(surface, may, keys, close)
+        if F is None:
+            break
+        surface = Surface(surface.V, F)
+    return surface
+
+
+def _keys(n: int, a: Ints, b: Ints) -> Ints:
+    """(k,) one number for each edge between vertices (k,), whichever comes first."""
+    return np.asarray(np.minimum(a, b) * n + np.maximum(a, b))
+
+
+def _turned(surface: Surface, may: Bools, stays: Ints, close: float) -> Ints | None:
+    """(m, 3) faces after one round, or None where no edge is turned."""
+    V, F, edges = surface.V, surface.F, surface.edges
+    h = edges.pairs
+    quad = quads(F, h)
+    a, b, c, d = quad.T
+    some = (F.ravel()[h[:, 1]] == b) & ~np.isin(_keys(surface.n, a, b), stays) & (may[a] | may[b] | may[c] | may[d])
+    h, quad = h[some], quad[some]
+    a, b, c, d = quad.T
+    gain = np.minimum(_smallest_angle(V, d, c, a), _smallest_angle(V, c, d, b))
+    gain -= np.minimum(_smallest_angle(V, a, b, c), _smallest_angle(V, b, a, d))
+    gain[~_fit(surface, h // 3, quad, close)] = -np.inf
+    best = np.full(surface.m, BETTER)
+    np.maximum.at(best, (h // 3).ravel(), np.repeat(gain, 2))
+    chosen = np.flatnonzero((gain > BETTER) & (gain[:, None] == best[h // 3]).all(axis=1))
+    one, two = h[chosen].T // 3
+    first = np.unique(np.concatenate([one, two]), return_index=True)[1]  # of equal gains at one face the first
+    once = np.zeros(2 * len(chosen), dtype=bool)
+    once[first] = True
+    chosen = chosen[once[: len(chosen)] & once[len(chosen) :]]
+    if not len(chosen):
+        return None
+    F = F.copy()
+    F[h[chosen, 0] // 3] = np.column_stack([d, c, a])[chosen]
+    F[h[chosen, 1] // 3] = np.column_stack([c, d, b])[chosen]
+    return F
+
+
+def _fit(surface: Surface, faces: Ints, quad: Ints, close: float) -> Bools:
+    """(k,) whether two faces (k, 2) around an edge a-b, quads (k, 4), may have the edge c-d instead: it is no edge
+    yet, lies within `close` of them, and neither turns over."""
+    a, b, c, d = (surface.V[k] for k in quad.T)
+    across = cross(b - a, d - c)
+    off = np.abs(np.einsum("ki,ki->k", across, c - a)) / np.maximum(lengths(across), np.finfo(float).tiny)
+    normal = surface.normals[faces].sum(axis=1)
+    turns = [np.einsum("ki,ki->k", cross(q - p, r - p), normal) for p, q, r in ((d, c, a), (c, d, b))]
+    new = has_new_diagonal(quad, surface.edges, surface.n)
+    return np.asarray(new & (off <= close) & (turns[0] > 0) & (turns[1] > 0))
+
+
+def _smallest_angle(V: Floats, a: Ints, b: Ints, c: Ints) -> Floats:
+    """(k,) degrees, of triangles with corners a, b, c (k,)."""
+    P = np.stack([V[a], V[b], V[c]])
+    sides = np.roll(P, -1, axis=0) - P
+    size = np.maximum(lengths(sides), np.finfo(float).tiny)
+    cosine = -np.einsum("ski,ski->sk", sides, np.roll(sides, 1, axis=0)) / (size * np.roll(size, 1, axis=0))
+    return np.asarray(np.degrees(np.arccos(np.clip(cosine.max(axis=0), -1, 1))))

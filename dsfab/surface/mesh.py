@@ -1,16 +1,16 @@
-"""`Surface`: the triangle mesh that every stage works on."""
+"""`Surface`, the triangle mesh of every stage; enclosed volume, area, and the nearest points of a mesh."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import cached_property
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
+import igl
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints, closed_length, cross, edge_lengths, first, lengths, lock
-from dsfab.errors import SurfaceError
-from dsfab.limits import POSSIBLE_SIZE
-from dsfab.surface.enclosed import signed_volume
+from dsfab.core.arrays import Bools, Floats, Ints, closed_length, cross, edge_lengths, first, lengths, lock
+from dsfab.core.errors import SurfaceError
+from dsfab.core.limits import POSSIBLE_SIZE
 from dsfab.surface.topology import EdgeTable, boundary_loops, edge_table, pieces, pinches
 
 if TYPE_CHECKING:
@@ -18,9 +18,90 @@ if TYPE_CHECKING:
     import pyvista
     import trimesh
 
+
+ENCLOSED_CHUNK = 1 << 15
+"""Faces measured together."""
+
+
+def box(V: Floats, F: Ints) -> Floats:
+    """(2, 3) lowest and highest corner of the vertices V (n, 3) that faces F (m, 3) use."""
+    used = np.zeros(len(V), dtype=bool)
+    used[F.ravel()] = True
+    points = V if used.all() else V[used]
+    return np.array([[f(column) for column in points.T] for f in (np.min, np.max)])
+
+
+def signed_volume(V: Floats, F: Ints) -> float:
+    """Volume inside closed faces F (m, 3) of vertices V (n, 3), in their unit cubed; negative where they face inwards.
+
+    By the divergence theorem: signed tetrahedra from the middle of the box, so that no digits are lost far out.
+    """
+    return float(_tetrahedra(V, F).sum())
+
+
+def signed_volumes(V: Floats, F: Ints, shell: Ints, count: int) -> Floats:
+    """(count,) the same of each closed shell of faces, `shell` (m,) the number of each face's; negative for voids."""
+    return np.bincount(shell, _tetrahedra(V, F), count).astype(np.float64)
+
+
+def total_area(V: Floats, F: Ints) -> float:
+    """Area of all faces F (m, 3) of vertices V (n, 3), in their unit squared."""
+    return sum(float(np.sqrt((N**2).sum(axis=0)).sum()) / 2 for _, _, N in _faces(V, F))
+
+
+def _tetrahedra(V: Floats, F: Ints) -> Floats:
+    """(m,) signed volumes of the tetrahedra from the middle of the box to each face."""
+    found = np.zeros(len(F))
+    for some, a, N in _faces(V, F):
+        found[some] = (a * N).sum(axis=0) / 6
+    return found
+
+
+def _faces(V: Floats, F: Ints) -> Iterator[tuple[slice, Floats, Floats]]:
+    """Some faces, their first corners from the middle of the box (3, k), and twice their area vectors (3, k)."""
+    if not len(F):
+        return
+    columns = np.ascontiguousarray((V - box(V, F).mean(axis=0)).T)
+    for k in range(0, len(F), ENCLOSED_CHUNK):
+        some = slice(k, k + ENCLOSED_CHUNK)
+        a, b, c = (np.stack([column.take(corner) for column in columns]) for corner in F[some].T)
+        (x, y, z), (u, v, w) = b - a, c - a
+        yield some, a, np.stack([y * w - z * v, z * u - x * w, x * v - y * u])
+
+
+class NearestPlaces(NamedTuple):
+    """Of points (k,): squared distance, in the mesh's unit squared; the simplex that is nearest; the place (k, 3)."""
+
+    squared: Floats
+    simplex: Ints
+    place: Floats
+
+    @property
+    def distance(self) -> Floats:
+        """(k,) in the mesh's unit."""
+        return np.sqrt(self.squared)
+
+
+def nearest(points: Floats, V: Floats, simplices: Ints) -> NearestPlaces:
+    """The places nearest to points (k, 3) on triangles (m, 3), edges (m, 2) or vertices (m, 1) of V (n, 3); m > 0.
+
+    By a tree of boxes [Jacobson et al. 2018, libigl].
+    """
+    if not len(points):
+        return NearestPlaces(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
+    given = (np.ascontiguousarray(x) for x in (points, V, simplices))
+    squared, simplex, place = igl.point_mesh_squared_distance(*given)
+    return NearestPlaces(np.asarray(squared), np.asarray(simplex, dtype=np.int64), np.asarray(place))
+
+
+def weights_at(places: Floats, V: Floats, corners: Ints) -> Floats:
+    """(k, 3) barycentric weights of places (k, 3) in triangles with corners (k, 3) of V (n, 3)."""
+    return np.asarray(igl.barycentric_coordinates(places, *(np.ascontiguousarray(V[corners[:, i]]) for i in range(3))))
+
+
 ZERO_AREA = 1e-20
 """Faces whose area is under this share of the squared size count as collapsed."""
-CHUNK = 1 << 13
+SURFACE_CHUNK = 1 << 13
 """Faces measured together."""
 
 
@@ -76,33 +157,35 @@ class Surface:
 
     @classmethod
     def from_mesh(cls, V: Any, F: Iterable[Any], unit: str = "m") -> "Surface":
-        """A surface of vertices (n, 3) in `unit` and triangles, quads or polygons; see `dsfab.surface.bridges`."""
-        from dsfab.surface.bridges import surface_from
+        """A surface of vertices (n, 3) in `unit` and triangles, quads or polygons; see
+        `dsfab.surface.files.other_libraries`."""
+        from dsfab.surface.files.other_libraries import surface_from
 
         return surface_from(V, F, unit)
 
     @classmethod
     def of(cls, mesh: Any, unit: str | None = None) -> "Surface":
-        """The surface that a mesh of trimesh, pyvista, compas or the like is; see `dsfab.surface.bridges`."""
-        from dsfab.surface.bridges import surface_of
+        """The surface that a mesh of trimesh, pyvista, compas or the like is; see
+        `dsfab.surface.files.other_libraries`."""
+        from dsfab.surface.files.other_libraries import surface_of
 
         return surface_of(mesh, unit)
 
     def to_trimesh(self) -> "trimesh.Trimesh":
         """The same vertices, metres, and faces."""
-        from dsfab.surface.bridges import as_trimesh
+        from dsfab.surface.files.other_libraries import as_trimesh
 
         return as_trimesh(self.V, self.F)
 
     def to_pyvista(self) -> "pyvista.PolyData":
         """The same vertices, metres, and faces."""
-        from dsfab.surface.bridges import as_pyvista
+        from dsfab.surface.files.other_libraries import as_pyvista
 
         return as_pyvista(self.V, self.F)
 
     def to_compas(self) -> "compas.datastructures.Mesh":
         """The same vertices, metres, and faces; raises SurfaceError where compas is not installed."""
-        from dsfab.surface.bridges import as_compas
+        from dsfab.surface.files.other_libraries import as_compas
 
         return as_compas(self.V, self.F)
 
@@ -125,9 +208,9 @@ class Surface:
     def _area_vectors(self) -> Floats:
         """(m, 3), some faces at a time: as many as stay in the processor's cache."""
         result = np.empty((self.m, 3))
-        for k in range(0, self.m, CHUNK):
-            a, b, c = (self.V.take(corner, axis=0) for corner in self.F[k : k + CHUNK].T)
-            result[k : k + CHUNK] = cross(b - a, c - a)
+        for k in range(0, self.m, SURFACE_CHUNK):
+            a, b, c = (self.V.take(corner, axis=0) for corner in self.F[k : k + SURFACE_CHUNK].T)
+            result[k : k + SURFACE_CHUNK] = cross(b - a, c - a)
         result *= 0.5
         return result
 

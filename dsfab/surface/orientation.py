@@ -1,10 +1,15 @@
-"""Which way is up: coordinates of programs whose vertical axis is not z, turned."""
+"""Orientation of a surface: the axis that points up, and the two sides of a sheet, also of a Moebius strip."""
 
 from typing import Literal
 
 import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import breadth_first_order, connected_components
 
-from dsfab.arrays import Floats
+from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.core.errors import SurfaceError
+from dsfab.surface.mesh import Surface
+from dsfab.surface.topology import EdgeTable, half_edges, misoriented_edges, next_half_edge
 
 Up = Literal["x", "y", "z", "-x", "-y", "-z"]
 """The axis of a file that points to the sky."""
@@ -24,3 +29,75 @@ def upright(V: Floats, up: Up) -> Floats:
     """The vertices V (n, 3), turned so that the axis `up` becomes z; y keeps x, as for glTF (x, -z, y)."""
     axes, signs = _TURNS[up]
     return V if up == "z" else np.asarray(V[:, list(axes)] * np.array(signs, dtype=float) + 0.0)
+
+
+def corner_sides(F: Ints, edges: EdgeTable) -> Ints:
+    """(m, 3) of 1 and -1: whether a face's own side at a corner is that of the first face around the vertex.
+
+    All 1 on an oriented surface. A vertex in which several fans of faces meet has a first face in each of them.
+    """
+    if not len(misoriented_edges(F, edges)):
+        return np.ones_like(F)
+    h0, h1 = edges.pairs.T
+    a, _ = half_edges(F)
+    clash = (a[h0] == a[h1]).astype(np.int64)
+    at_start, at_end = np.where(clash, h1, next_half_edge(h1)), np.where(clash, next_half_edge(h1), h1)
+    i = 2 * np.concatenate([h0, next_half_edge(h0)])
+    j, turn = 2 * np.concatenate([at_start, at_end]), np.tile(clash, 2)
+    i, j = np.concatenate([i, i + 1]), np.concatenate([j + turn, j + 1 - turn])
+    side = _components(i, j, 6 * len(F)).reshape(-1, 2)
+    fan, reference = np.unique(side.min(axis=1), return_index=True)  # a fan has two sides, both at every corner of it
+    first = reference[np.searchsorted(fan, side.min(axis=1))]
+    sides: Ints = np.where(side[:, 0] == side[first, 0], 1, -1).reshape(-1, 3)
+    return sides
+
+
+def one_sided_pieces(F: Ints, edges: EdgeTable) -> Bools:
+    """(m,) whether a face belongs to a piece with one side only: walking over it leads to the face's other side."""
+    m = len(F)
+    if not len(misoriented_edges(F, edges)):
+        return np.zeros(m, dtype=bool)
+    f, g, clash = _neighbours(F, edges)
+    i, j = np.concatenate([f, f + m]), np.concatenate([g + clash * m, g + m - clash * m])
+    copy = _components(i, j, 2 * m)
+    return np.asarray(copy[:m] == copy[m:])
+
+
+def flips_along_tree(F: Ints, edges: EdgeTable) -> Bools:
+    """(m,) faces to turn over so that neighbours agree along a spanning tree of each piece: all but along a short seam.
+
+    For one-sided pieces, of which no turning makes all neighbours agree.
+    """
+    f, g, clash = _neighbours(F, edges)
+    m = len(F)
+    steps = coo_array((np.concatenate([clash, clash]) + 1, (np.r_[f, g], np.r_[g, f])), shape=(m, m)).tocsr()
+    label = _components(f, g, m)
+    flips = np.zeros(m, dtype=bool)
+    for root in np.unique(label, return_index=True)[1]:
+        order, before = breadth_first_order(steps, root, directed=False)
+        turns = np.asarray(steps[before[order[1:]], order[1:]]).ravel() > 1
+        for face, turn in zip(order[1:].tolist(), turns.tolist(), strict=True):
+            flips[face] = flips[before[face]] ^ turn
+    return flips
+
+
+def require_two_sides(surface: Surface, faces: Bools, what: str) -> None:
+    """Raise SurfaceError where `faces` (m,) have one side only: nothing there is inside, outside, above or below."""
+    wrong = int((one_sided_pieces(surface.F, surface.edges) & faces).sum())
+    if wrong:
+        raise SurfaceError(
+            f"{what} needs an outside, and {wrong} of its faces belong to a piece with one side only, like a Moebius "
+            "strip; use forces with a direction, or pick faces elsewhere"
+        )
+
+
+def _neighbours(F: Ints, edges: EdgeTable) -> tuple[Ints, Ints, Ints]:
+    """Pairs of faces over every edge with two, and 1 where they do not agree about their side."""
+    h0, h1 = edges.pairs.T
+    a, _ = half_edges(F)
+    return h0 // 3, h1 // 3, (a[h0] == a[h1]).astype(np.int64)
+
+
+def _components(i: Ints, j: Ints, n: int) -> Ints:
+    links = coo_array((np.ones(len(i), dtype=np.int8), (i, j)), shape=(n, n))
+    return np.asarray(connected_components(links, directed=False)[1].astype(np.int64))

@@ -1,12 +1,13 @@
 """From a sheet to a solid: `offsets` on the uncut surface, `thicken` on what the pattern kept of it."""
 
-from dsfab.thickening.extras import Base, Extra, Feet, Holes, Ring, SplitBodies, Trim, with_extras
-from dsfab.thickening.notes import Repairs
-from dsfab.thickening.offset import SHIFT, Offsets, Side, offsets
-from dsfab.thickening.parts import parts
+from dsfab.thickening.extras import Extra, with_extras
+from dsfab.thickening.extras.bodies import Base
+from dsfab.thickening.extras.cutting import Holes, SplitBodies, Trim
+from dsfab.thickening.extras.feet_and_rings import Feet, Ring
+from dsfab.thickening.offset_vectors import SHIFT, Offsets, Side, offsets
 from dsfab.thickening.separation_proof import OffsetLayer, apart
 from dsfab.thickening.skin import closed_skin
-from dsfab.thickening.solid import Solid, thicken
+from dsfab.thickening.solid import Repairs, Solid, parts, thicken
 
 __all__ = [
     "SHIFT",

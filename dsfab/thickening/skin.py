@@ -1,13 +1,53 @@
-"""The closed triangle mesh around a sheet: two skins (one, if the sheet has one side), and walls along the offsets."""
+"""The closed triangle mesh around a sheet, its rounding to single precision, and fewer triangles for it."""
 
 from dataclasses import dataclass
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints
-from dsfab.surface.cover import corner_sides
+from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.core.errors import SolidError
+from dsfab.core.units import MM_PER_M
 from dsfab.surface.mesh import Surface
-from dsfab.thickening.rounding import rounded
+from dsfab.surface.orientation import corner_sides
+
+FINE = 1e-3
+"""Vertices are rounded when the largest step of rounding is under this share of half the thickness."""
+
+
+def rounded(V: Floats) -> Floats:
+    """V (n, 3), metres, at the nearest millimetres that single precision knows: STL and 3MF change nothing any more."""
+    single: Floats = (V * MM_PER_M).astype(np.float32).astype(np.float64) / MM_PER_M
+    return single
+
+
+def is_fine(V: Floats, D: Floats) -> bool:
+    """Whether rounding moves vertices around V (n, 3) by little, compared with half the thickness |D| (n, 3)."""
+    step = np.spacing(np.float32(np.abs(V).max() * MM_PER_M)) / MM_PER_M
+    return bool(step <= FINE * np.median(np.linalg.norm(D, axis=1)))
+
+
+def rounding_step(V: Floats, D: Floats) -> float:
+    """Metres by which `rounded` moves skins V + 2 D, both (n, 3), at most: three coordinates by half a step each."""
+    largest = (np.abs(V).max() + 2 * np.abs(D).max()) * MM_PER_M
+    return float(np.spacing(np.float32(largest)) / MM_PER_M)
+
+
+def coarsened(V: Floats, F: Ints, tolerance: float) -> tuple[Floats, Ints]:
+    """A closed mesh V (n, 3), F (m, 3) with short edges and flat neighbours collapsed; still closed and oriented.
+
+    tolerance : in the unit of V. manifold3d takes it for each collapse, so the sum may move 1.5 to 3 times as far.
+    Raises SolidError when manifold3d does not take the mesh, or nothing is left of it.
+    """
+    import manifold3d
+
+    given = manifold3d.Manifold(manifold3d.Mesh64(np.array(V), np.array(F, dtype=np.uint64)))
+    simple = given.simplify(tolerance)
+    mesh = simple.to_mesh64()
+    faces = np.asarray(mesh.tri_verts, dtype=np.int64)
+    if simple.status() != manifold3d.Error.NoError or not len(faces):
+        raise SolidError(f"manifold3d does not simplify a solid of {len(F)} triangles ({simple.status().name})")
+    return np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3], faces
+
 
 TIE = 1e-9
 """Diagonals whose squared lengths differ by less than this share count as equal, so that rounding chooses nothing."""

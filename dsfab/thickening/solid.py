@@ -1,24 +1,23 @@
-"""`Solid`, and `thicken`: from a sheet and its offset vectors to a closed, oriented, judged triangle mesh."""
+"""`Solid` and `thicken`: a closed, oriented, judged triangle mesh, its connected parts, and notes on repairs."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from dsfab import ways_out
-from dsfab.arrays import Bools, Floats, Ints, first, lock, locked
-from dsfab.errors import SolidError
-from dsfab.surface import Surface, signed_volume, total_area
-from dsfab.surface.bridges import as_compas, as_pyvista, as_trimesh
-from dsfab.surface.topology import edge_table, misoriented_edges, pieces
-from dsfab.thickening.check import check_contacts, check_edges
-from dsfab.thickening.intersect import intersecting_pairs
-from dsfab.thickening.notes import Repairs, repairs_of, rounding_notes
-from dsfab.thickening.offset import SHIFT, Side
+from dsfab.core.arrays import Bools, Floats, Ints, first, lock, locked
+from dsfab.core.errors import SolidError
+from dsfab.core.units import MM_PER_M
+from dsfab.surface import signed_volume, signed_volumes, total_area
+from dsfab.surface.files.other_libraries import as_compas, as_pyvista, as_trimesh
+from dsfab.surface.mesh import Surface
+from dsfab.surface.topology import edge_table, euler_characteristic, half_edges, misoriented_edges, pieces
+from dsfab.thickening.offset_vectors import SHIFT, Side, check_contacts, check_edges
 from dsfab.thickening.repair import Repaired, repaired
-from dsfab.thickening.rounding import is_fine
-from dsfab.thickening.skin import Skin
+from dsfab.thickening.self_intersection import intersecting_pairs
+from dsfab.thickening.skin import Skin, is_fine
 
 if TYPE_CHECKING:
     import build123d
@@ -26,6 +25,113 @@ if TYPE_CHECKING:
     import manifold3d
     import pyvista
     import trimesh
+
+
+Place = tuple[float, float, float]
+
+
+@dataclass(frozen=True)
+class Repairs:
+    """What was done to make a solid buildable, in numbers.
+
+    rung     : the strongest means that it took: `none`, `flipped` (wall diagonals), `thinned`, or `united` (parts of a
+               sheet that crosses itself).
+    found    : pairs of faces that intersected before.
+    thinned  : vertices of the sheet that were made thinner because it met itself, `thinnest` the smallest share of the
+               thickness left there, and `thinnest_at` its place, metres; 0, 1 and None without any.
+    pairs    : pairs of faces that still intersect, and `pairs_at` the place of the first, metres.
+    crossings : lines along which the sheet crosses itself and its parts were fused.
+    moved    : vertices that were moved where the sheet was folded over itself in a small place, at most by `moved_by`
+               metres.
+    lost     : share of the sheet's volume that thinning took.
+    limited  : vertices of the uncut surface made thinner because it bends too tightly there, down to `smallest`.
+    """
+
+    rung: Literal["none", "flipped", "thinned", "united"] = "none"
+    found: int = 0
+    thinned: int = 0
+    thinnest: float = 1.0
+    thinnest_at: Place | None = None
+    pairs: int = 0
+    pairs_at: Place | None = None
+    crossings: int = 0
+    moved: int = 0
+    moved_by: float = 0.0
+    lost: float = 0.0
+    limited: int = 0
+    smallest: float = 1.0
+
+
+def repairs_of(surface: Surface, D: Floats, repair: Repaired, V: Floats, F: Ints) -> tuple[Repairs, tuple[str, ...]]:
+    """What the repair did to the sheet with offsets D (n, 3), in numbers and in sentences; V, F is the solid made."""
+    told, notes = Repairs(rung="flipped" if repair.found else "none", found=repair.found), []
+    share = np.linalg.norm(repair.D, axis=1) / np.linalg.norm(D, axis=1)
+    thin = int((share < 1 - 1e-9).sum())
+    if thin:
+        at, least = surface.V[share.argmin()], float(share.min())
+        lost = 1 - float(surface.areas @ share[surface.F].mean(axis=1)) / float(surface.areas.sum())
+        told = replace(told, rung="thinned", thinned=thin, thinnest=least, thinnest_at=_triple(at), lost=lost)
+        notes.append(
+            f"the sheet met itself in {repair.found} pairs of faces and was thinned at {thin} of {surface.n} "
+            f"vertices, by {lost:.2%} of its volume, down to {least:.2f} of its thickness near {_place(at)}"
+        )
+    away = np.linalg.norm(repair.V - surface.V, axis=1)
+    if away.any():
+        moved, far = int((away > 0).sum()), float(away.max())
+        told = replace(told, rung=told.rung if thin else "thinned", moved=moved, moved_by=far)
+        notes.append(
+            f"the sheet was folded over itself in places smaller than its thickness; {moved} of its vertices were "
+            f"moved, at most by {far:.3g} m near {_place(surface.V[away.argmax()])}"
+        )
+    if repair.union:
+        told = replace(told, rung="united", crossings=repair.union.places)
+        lines = "in one place" if repair.union.places == 1 else f"in {repair.union.places} places"
+        notes.append(f"the sheet crosses itself {lines}; its parts are fused there")
+    if len(repair.pairs):
+        at = V[F[repair.pairs[0]]].mean(axis=(0, 1))
+        told = replace(told, pairs=len(repair.pairs), pairs_at=_triple(at))
+        notes.append(
+            f"{len(repair.pairs)} pairs of faces of the solid still intersect, the first near {_place(at)}; "
+            f"{_cause(repair)}"
+        )
+    return told, tuple(notes)
+
+
+def rounding_notes(V: Floats, F: Ints) -> tuple[str, ...]:
+    """Which faces F (m, 3) lose a corner when V (n, 3), metres, is rounded to single precision in millimetres, as in
+    STL."""
+    a, b = half_edges(F)
+    lost = np.arange(len(a))
+    for column in V.T:
+        single = (column * MM_PER_M).astype(np.float32)
+        lost = lost[single[a[lost]] == single[b[lost]]]
+    lost = np.unique(lost // 3)
+    if not len(lost):
+        return ()
+    where = _place(V[F[lost[0]]].mean(axis=0))
+    return (
+        f"{len(lost)} of {len(F)} faces collapse in files of single precision (STL), the first near {where}; "
+        "coarsen the sheet there or move it to the origin",
+    )
+
+
+def _cause(repair: Repaired) -> str:
+    """Why the last intersections could not be removed."""
+    if repair.union:
+        return "rounding where parts are fused; programs that slice it for printing take such contacts"
+    if repair.crosses:
+        return f"the surface itself crosses itself, in {repair.crosses} pairs of faces"
+    return "parts of the surface are closer together than the sheet is thick"
+
+
+def _place(point: Floats) -> str:
+    x, y, z = (float(c) for c in point)
+    return f"({x:.4g}, {y:.4g}, {z:.4g}) m"
+
+
+def _triple(point: Floats) -> Place:
+    return float(point[0]), float(point[1]), float(point[2])
+
 
 VOLUME_TOLERANCE = 1e-9
 """Agreement of our volume with manifold3d's, as a share of area times size: both only round."""
@@ -230,3 +336,41 @@ def _pieces_and_shells(surface: Surface, F: Ints) -> tuple[int, int]:
     edges = surface.edges
     open_[label[edges.order[edges.start[:-1][edges.boundary]] // 3]] = True
     return count, count + int((~open_).sum())
+
+
+def parts(solid: Solid) -> tuple[Solid, ...]:
+    """As many solids as the solid has pieces, from low to high, then from front to back and left to right.
+
+    A closed surface inside of a piece is a void of it and stays with the smallest piece around.
+    """
+    if solid.pieces == 1:
+        return (solid,)
+    count, shell = pieces(solid.F, edge_table(solid.F))
+    low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
+    corner = solid.V[solid.F]
+    np.minimum.at(low, shell, corner.min(axis=1))
+    np.maximum.at(high, shell, corner.max(axis=1))
+    outer = signed_volumes(solid.V, solid.F, shell, count) > 0
+    owner = _owners(low, high, outer)
+    order = sorted(np.flatnonzero(outer).tolist(), key=lambda k: tuple(low[k, ::-1].tolist()))
+    return tuple(_part(solid, owner[shell] == k) for k in order)
+
+
+def _owners(low: Floats, high: Floats, outer: Bools) -> Ints:
+    """(count,) each shell's outer one: itself, or for a void the smallest box around its own."""
+    owner = np.arange(len(low))
+    at = np.flatnonzero(outer)
+    size = np.linalg.norm(high[at] - low[at], axis=1)
+    for k in np.flatnonzero(~outer):
+        around = (low[at] <= low[k]).all(axis=1) & (high[at] >= high[k]).all(axis=1)
+        owner[k] = at[np.where(around, size, np.inf).argmin()]
+    return owner
+
+
+def _part(solid: Solid, mine: Bools) -> Solid:
+    F = solid.F[mine]
+    used = np.zeros(len(solid.V), dtype=bool)
+    used[F] = True
+    F = (np.cumsum(used) - 1)[F]
+    table = edge_table(F)
+    return Solid(solid.V[used], F, pieces(F, table)[0] - euler_characteristic(F, table) // 2, 1)

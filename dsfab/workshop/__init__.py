@@ -13,23 +13,25 @@ drawings, tables      outlines, cut lists                              files    
 """
 
 from dsfab.workshop.bars import CLEAR, PlateArm, half_plane_clip, placed_parts, plate_arms
-from dsfab.workshop.built import built_shapes
-from dsfab.workshop.course import StripCourse, member_course
-from dsfab.workshop.development import Development
-from dsfab.workshop.drawings import drawing_files, file_stem
-from dsfab.workshop.files import write_workshop
-from dsfab.workshop.layering import Layering
-from dsfab.workshop.limits import StripLimits, strip_limits
+from dsfab.workshop.bodies import RefoldedPlan, RefoldedStrip, built_shapes, refolded
+from dsfab.workshop.development import Development, StripCourse, member_course
+from dsfab.workshop.files import (
+    bar_table,
+    cut_list,
+    cut_list_workbook,
+    drawing_files,
+    file_stem,
+    node_table,
+    write_workshop,
+)
+from dsfab.workshop.layers import Layering
 from dsfab.workshop.nesting import NestedPart, NestedSheet, nested
 from dsfab.workshop.parts import FlatPart, Hole
 from dsfab.workshop.plan import WorkshopPlan, workshop_plan
 from dsfab.workshop.planks import PlankPlan, PlankStock, plank_plan
-from dsfab.workshop.plates import layer_numbers
-from dsfab.workshop.prices import money, stock_cost, stock_words
-from dsfab.workshop.refolding import RefoldedPlan, RefoldedStrip, refolded
-from dsfab.workshop.sheet import SheetJoint, sheet_parts
-from dsfab.workshop.strips import StripParts, is_strip, strip_parts
-from dsfab.workshop.tables import bar_table, cut_list, cut_list_workbook, node_table
+from dsfab.workshop.plates import SheetJoint, layer_numbers, sheet_parts
+from dsfab.workshop.stock import money, stock_cost, stock_words
+from dsfab.workshop.strips import StripLimits, StripParts, is_strip, strip_limits, strip_parts
 
 __all__ = [
     "CLEAR",

@@ -1,14 +1,270 @@
-"""All that a workshop opens: `nest.dxf`, a DXF and an SVG for each part to cut, and the cut lists, in one folder."""
+"""Files of the workshop: drawings of parts and sheets (DXF, SVG), and cut lists (CSV, XLSX)."""
 
 import csv
-from collections.abc import Iterator, Mapping
+import io
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
 from pathlib import Path
 from types import MappingProxyType
 
-from dsfab.export import check_flat_dxf, flat_dxf, flat_svg, whole_or_nothing, write_chunks
-from dsfab.workshop.drawings import file_stem, nest_drawing, part_drawing, sheet_drawing
+import numpy as np
+
+from dsfab.core.units import MM_PER_M
+from dsfab.export import (
+    FlatCircle,
+    FlatDrawing,
+    FlatLine,
+    check_flat_dxf,
+    flat_dxf,
+    flat_svg,
+    whole_or_nothing,
+    write_chunks,
+)
+from dsfab.workshop.bars import BarPlan
+from dsfab.workshop.nesting import NestedSheet
+from dsfab.workshop.parts import FlatPart, strokes
 from dsfab.workshop.plan import WorkshopPlan
-from dsfab.workshop.tables import bar_table, cut_list, cut_list_workbook, table_csv
+from dsfab.workshop.stock import stock_cost
+
+BETWEEN = 1.15
+"""From sheet to sheet on the drawing of all, over the longest one."""
+TITLE, SMALL_TITLE = 0.06, 0.06
+"""Height of the number of a sheet, metres; of small sheets that share of their width."""
+
+
+def part_drawing(part: FlatPart) -> FlatDrawing:
+    """A part alone, with its middle line on a layer of its own, AXIS, which is not to be cut."""
+    axis = [FlatLine("AXIS", part.axis)] if len(part.axis) else []
+    return FlatDrawing(part.id, (*part_lines(part), *axis), part_circles(part))
+
+
+def file_stem(part: str) -> str:
+    """The name of a part as that of a file."""
+    return part.replace(" ", "_").replace("/", "_")
+
+
+def drawing_files(plan: WorkshopPlan) -> dict[str, list[str]]:
+    """The drawings of the parts of each member, by its name."""
+    found: dict[str, list[str]] = {}
+    for group in plan.same:
+        for k in group:
+            found.setdefault(plan.parts[k].member, []).append(f"{file_stem(plan.parts[group[0]].id)}.dxf")
+    return {member: list(dict.fromkeys(sorted(files))) for member, files in found.items()}
+
+
+def part_lines(part: FlatPart) -> Iterator[FlatLine]:
+    """Outline, openings, engraved lines and folds of a part."""
+    outline, *slots = part.contours
+    yield FlatLine("CUT", outline, closed=True)
+    yield from (FlatLine("SLOTS", slot, closed=True) for slot in slots)
+    yield from (FlatLine("ENGRAVE", mark) for mark in part.marks)
+    yield from (FlatLine("FOLD", fold.line) for fold in part.folds)
+
+
+def part_circles(part: FlatPart) -> tuple[FlatCircle, ...]:
+    """The holes of a part."""
+    return tuple(FlatCircle("HOLES", (float(h.at[0]), float(h.at[1])), h.diameter) for h in part.holes)
+
+
+def nest_drawing(plan: WorkshopPlan, name: str) -> FlatDrawing:
+    """All sheets of a plan, from left to right in rows, each with its number above it."""
+    lines, circles = list[FlatLine](), list[FlatCircle]()
+    wide = max(sheet.size[0] for sheet in plan.sheets) * BETWEEN
+    high = max(sheet.size[1] for sheet in plan.sheets) * BETWEEN
+    across = max(1, round(np.sqrt(len(plan.sheets) * high / wide)))
+    for k, sheet in enumerate(plan.sheets):
+        origin = np.array([k % across * wide, -(k // across) * high])
+        frame = origin + np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * sheet.size
+        lines.append(FlatLine("STOCK", frame, closed=True))
+        title = f"SHEET {k + 1}" if len(plan.sheets) > 1 else "SHEET"
+        title += f"   {MM_PER_M * plan.thickness_of(sheet.parts[0].part):g} MM" if plan.bars else ""
+        tall = min(TITLE, SMALL_TITLE * sheet.size[1])
+        lines += [FlatLine("STOCK", mark + frame[3] + [0.0, tall / 2]) for mark in strokes(title, tall)]
+        for nested in sheet.parts:
+            _ = nested.part.contours  # found before it is moved, once for all drawings
+            part = nested.placed.moved(0.0, origin)
+            lines += part_lines(part)
+            circles += part_circles(part)
+    return FlatDrawing(name, tuple(lines), tuple(circles))
+
+
+def sheet_drawing(sheet: NestedSheet, title: str) -> FlatDrawing:
+    """A sheet alone, its lower left corner at the origin: what a laser is given."""
+    frame = FlatLine("STOCK", np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * sheet.size, closed=True)
+    parts = [nested.placed for nested in sheet.parts]
+    lines = [line for part in parts for line in part_lines(part)]
+    return FlatDrawing(title, (frame, *lines), tuple(circle for part in parts for circle in part_circles(part)))
+
+
+Cell = str | int | float
+NEVER = datetime(1980, 1, 1)
+"""The date in every workbook: the same plan gives the same bytes."""
+WIDEST = 40
+"""Letters that a column of a workbook is wide, at most."""
+
+
+@dataclass(frozen=True)
+class PlanTable:
+    """Rows under a head, by a name."""
+
+    name: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[Cell, ...], ...]
+
+
+def part_table(plan: WorkshopPlan) -> PlanTable:
+    """A row for each part that differs from all others: how often it is cut, and as which parts."""
+    costs = part_costs(plan)
+    head = (
+        *("part", "count", "same_as_it", "member", "length_mm", "width_mm", "thickness_mm", "area_m2", "holes"),
+        *("layer_mm", "strain", "sheets", "file", *(("cost",) if costs else ())),
+    )
+    rows = []
+    for group in plan.same:
+        part, names = plan.parts[group[0]], [plan.parts[k].id for k in group]
+        a, b = (MM_PER_M * part.size).round(1).tolist()
+        sheets = sorted({plan.sheet_of[one] for one in names})
+        rows.append(
+            (part.id, len(names), " ".join(x.replace(" ", "_") for x in names[1:]), part.member, a, b)
+            + (round(MM_PER_M * plan.thickness_of(part), 3), round(part.area, 4), len(part.holes))
+            + (round(MM_PER_M * part.layer, 3), f"{part.strain:.2e}", " ".join(map(str, sheets)))
+            + (f"{file_stem(part.id)}.dxf",)
+            + ((round(sum(costs[one] for one in names), 2),) if costs else ())
+        )
+    return PlanTable("parts", head, tuple(rows))
+
+
+def part_costs(plan: WorkshopPlan) -> dict[str, float]:
+    """What each part, by its name, costs: its share, by area, of its sheet's price; empty where there are no prices."""
+    if not any(sheet.price for sheet in plan.sheets):
+        return {}
+    whole = [sum(one.part.area for one in sheet.parts) for sheet in plan.sheets]
+    shares = [sheet.price / area for sheet, area in zip(plan.sheets, whole, strict=True)]
+    return {
+        one.part.id: share * one.part.area
+        for sheet, share in zip(plan.sheets, shares, strict=True)
+        for one in sheet.parts
+    }
+
+
+def stock_table(plan: WorkshopPlan) -> PlanTable:
+    """A row for each size and thickness of the sheets: how many there are, how much of them becomes parts, and their
+    price, where they have one."""
+    kinds: dict[tuple[float, ...], list[NestedSheet]] = {}
+    for sheet in plan.sheets:
+        thickness = plan.thickness_of(sheet.parts[0].part)
+        kinds.setdefault((*sheet.size, thickness, sheet.price), []).append(sheet)
+    rows = []
+    for (a, b, thickness, price), sheets in sorted(kinds.items()):
+        mm = [round(MM_PER_M * x, 3) for x in (a, b, thickness)]
+        used = sum(sheet.used for sheet in sheets) / len(sheets)
+        rows.append((*mm, len(sheets), round(used, 3), *((price, round(price * len(sheets), 2)) if price else ())))
+    head = ("length_mm", "width_mm", "thickness_mm", "sheets", "used")
+    return PlanTable("stock", (*head, *(("price", "cost") if stock_cost(plan.sheets) else ())), tuple(rows))
+
+
+def nest_table(plan: WorkshopPlan) -> PlanTable:
+    """A row for each part on its sheet: where the lower left corner of its box is, and how far it is turned."""
+    head = ("sheet", "sheet_length_mm", "sheet_width_mm", "sheet_used", "part", "x_mm", "y_mm", "turned_deg")
+    rows = []
+    for k, sheet in enumerate(plan.sheets, 1):
+        for one in sheet.parts:
+            x, y = (MM_PER_M * one.placed.outline.min(axis=0)).round(1).tolist()
+            a, b = (round(MM_PER_M * size, 1) for size in sheet.size)
+            rows.append((k, a, b, round(sheet.used, 3), one.part.id, x, y, round(float(np.degrees(one.turn)), 1)))
+    return PlanTable("nests", head, tuple(rows))
+
+
+def node_table(plan: WorkshopPlan) -> PlanTable:
+    """A row for each node that has a bolt: its members and where they meet; empty for a flat sheet."""
+    head = ("node", "kind", "member_a", "member_b", "along_a_mm", "along_b_mm", "angle_deg", "x_mm", "y_mm", "z_mm")
+    nodes = [node for node in plan.graph.nodes if node.kind != "grazing"] if plan.graph else []
+    rows = []
+    for node in nodes:
+        along = [round(MM_PER_M * s, 1) for s in node.at]
+        place = (MM_PER_M * node.point).round(1).tolist()
+        rows.append((node.id, node.kind, *node.members, *along, round(node.angle, 2), *place))
+    return PlanTable("nodes", head, tuple(rows))
+
+
+def bar_table(plan: WorkshopPlan) -> PlanTable:
+    """A row for each bar of a plan, as `bar_rows` has it; empty where there is none."""
+    if plan.bars is None:
+        return PlanTable("bars", BAR_HEAD, ())
+    files = {plan.parts[k].id: file_stem(plan.parts[some[0]].id) for some in plan.same for k in some}
+    return bar_rows(plan.bars, files)
+
+
+BAR_HEAD = (
+    *("bar", "from", "to", "nodes_apart_mm", "length_mm", "width_mm", "from_along_deg", "from_dip_deg"),
+    *("to_along_deg", "to_dip_deg", "twist_deg", "bow_mm", "file"),
+)
+
+
+def bar_rows(plan: BarPlan, files: Mapping[str, str]) -> PlanTable:
+    """Each bar: from which node to which, and its angles; `files` has the stems of drawings that are not its own.
+
+    along : degrees from the first bar of the node, counter-clockwise as seen from outside.    dip : degrees below the
+    plate of the node, by which its arm is folded.    twist : degrees that the bar turns by from its first node to its
+    second one, right-handed.    bow : millimetres that the member's axis is from the bar.
+    """
+    nodes, rows = plan.found.lattice.nodes, []
+    sizes = {part.id: part.size for part in plan.parts}
+    for bar in plan.found.bars:
+        name, (one, two) = bar.bay.id, (nodes[end.node] for end in bar.ends)
+        mm = MM_PER_M * np.array([float(np.linalg.norm(two.point - one.point)), *sizes[name]])
+        turned = np.degrees([*(x for end in bar.ends for x in (end.azimuth, end.dip)), bar.twist]).round(4) + 0.0
+        row = name, one.id, two.id, *mm.round(1).tolist(), *turned.tolist()
+        rows.append((*row, round(MM_PER_M * bar.sagitta, 1), f"{files.get(name, file_stem(name))}.dxf"))
+    return PlanTable("bars", BAR_HEAD, tuple(rows))
+
+
+def cut_list(plan: WorkshopPlan) -> str:
+    """The parts as CSV."""
+    return table_csv(part_table(plan))
+
+
+def table_csv(table: PlanTable) -> str:
+    """A table as CSV."""
+    text = io.StringIO()
+    writer = csv.writer(text)
+    writer.writerow(table.head)
+    writer.writerows(table.rows)
+    return text.getvalue()
+
+
+def cut_list_workbook(plan: WorkshopPlan) -> bytes:
+    """Parts, nests, stock, nodes and bars as an Excel workbook, a sheet for each that has rows."""
+    import xlsxwriter
+
+    file = io.BytesIO()
+    with xlsxwriter.Workbook(file, {"in_memory": True}) as book:
+        book.set_properties({"created": NEVER})
+        strong = book.add_format({"bold": True, "bottom": 1})
+        for table in (f(plan) for f in (part_table, nest_table, stock_table, node_table, bar_table)):
+            if not table.rows:
+                continue
+            sheet = book.add_worksheet(table.name)
+            sheet.write_row(0, 0, table.head, strong)
+            for k, row in enumerate(table.rows, 1):
+                sheet.write_row(k, 0, [_number(cell) for cell in row])
+            sheet.freeze_panes(1, 1)
+            sheet.autofilter(0, 0, len(table.rows), len(table.head) - 1)
+            for k, width in enumerate(_widths(table)):
+                sheet.set_column(k, k, width)
+    return file.getvalue()
+
+
+def _number(cell: Cell) -> Cell:
+    """Numbers that are written in words of their own are numbers in a workbook; names of parts are none."""
+    return float(cell) if isinstance(cell, str) and "e-" in cell and cell[0].isdigit() else cell
+
+
+def _widths(table: PlanTable) -> Sequence[int]:
+    columns = zip(table.head, *table.rows, strict=True)
+    return [min(max(len(str(cell)) for cell in column) + 3, WIDEST) for column in columns]
+
 
 NEST, CUTLIST, WORKBOOK, BARS, SHEET = "nest", "cutlist.csv", "cutlist.xlsx", "bars.csv", "sheet_"
 LASER = 1e-4

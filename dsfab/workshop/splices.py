@@ -5,9 +5,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dsfab.arrays import Floats
-from dsfab.errors import PatternError
-from dsfab.wording import length
+from dsfab.core.arrays import Floats
+from dsfab.core.errors import PatternError
+from dsfab.core.messages import length
 from dsfab.workshop.development import Development
 from dsfab.workshop.parts import label, polygon_area
 

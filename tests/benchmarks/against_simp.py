@@ -3,7 +3,8 @@
 Four shapes at 50 and 30 % of their material: an L-bracket and a plate with a hole off its centre, both pulled in their
 plane; a wall with an arched opening under a line load; half a sphere with an open crown, loaded along the edge of that
 and by snow. Each is designed by one preset, whose pattern says no more than `method = "auto"` and the share, and by
-`dsfab.study.simp`, which is cut along a level line until its mass is the same. Both are judged by `quick`.
+`dsfab.study.baselines.topology_optimisation`, which is cut along a level line until its mass is the same. Both are
+judged by `quick`.
 
     least           compliance over that of the uncut sheet which no sheet with openings can have: of the stiffest sheet
                     of varying thickness on the same mesh, by the elements that rank
@@ -26,13 +27,13 @@ from typing import Any
 import numpy as np
 
 import dsfab
-from dsfab.errors import DsfabError
-from dsfab.pipeline import Design
-from dsfab.preset_file import overridden
+from dsfab.core.errors import DsfabError
+from dsfab.core.messages import table
+from dsfab.design import Design
+from dsfab.preset.file import overridden
 from dsfab.statics import varying_thickness
 from dsfab.study.baselines import BASELINES, ComparisonTask, Structure
-from dsfab.study.judging import quick
-from dsfab.wording import table
+from dsfab.study.judges import quick
 from tests.benchmarks.projected_simp import EDGE, projected_simp
 
 ASKED = {0.5: 1.15, 0.3: 1.5}

@@ -29,10 +29,10 @@ from pathlib import Path
 
 import numpy as np
 
-from dsfab.errors import SurfaceError
-from dsfab.sparse import peak_memory
+from dsfab.core.errors import SurfaceError
+from dsfab.core.messages import table
+from dsfab.core.sparse import peak_memory
 from dsfab.surface import surface_in_file
-from dsfab.wording import table
 from tests.bad_meshes import FORMATS, GOOD, BadFile, F, bombs, marked, odd_faces, polygons, trailing, written
 from tests.fuzz.oracles import as_trimesh_reads
 

@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 from scipy.sparse import csc_array, csr_array, tril
 
-from dsfab.preset import Preset
-from dsfab.preset_file import load_preset
+from dsfab.preset.file import load_preset
+from dsfab.preset.model import Preset
 
 HERE = Path(__file__).resolve().parent
 

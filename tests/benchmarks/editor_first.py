@@ -15,9 +15,9 @@ import tempfile
 import time
 from pathlib import Path
 
-from dsfab.pipeline import draft
-from dsfab.preset_file import load_preset
-from dsfab.preset_list import shipped_presets
+from dsfab.core.toml_files import shipped_presets
+from dsfab.design import draft
+from dsfab.preset.file import load_preset
 from tests.browser import Tab, opened
 
 SIZE = (1280, 800)

@@ -12,8 +12,8 @@ import tempfile
 import time
 from pathlib import Path
 
-from dsfab.app.editor.source import Opened
-from dsfab.preset_file import load_preset
+from dsfab.app.editor.workspace import Opened
+from dsfab.preset.file import load_preset
 from tests.browser import opened
 from tests.presets import DOME_MODES
 from tests.test_app_editor import serving

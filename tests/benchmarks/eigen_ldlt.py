@@ -15,9 +15,9 @@ from pathlib import Path
 
 import numpy as np
 
-from dsfab import sparse
+from dsfab.core import sparse
 from dsfab.statics import SheetModel, equilibrium, sheet_stiffness, stress
-from dsfab.statics.factor import factored
+from dsfab.statics.factorisation import factored
 from dsfab.surface import LoadCase
 from tests.benchmarks.common import compiled, sizes, sphere, write_lower
 

@@ -27,12 +27,12 @@ from pathlib import Path
 
 import numpy as np
 
-from dsfab.delivery.files import deliverable
-from dsfab.errors import DsfabError
+from dsfab.core.errors import DsfabError
+from dsfab.design import run
+from dsfab.design.design import Design
+from dsfab.design.output.files import deliverable
 from dsfab.export import Written, write
-from dsfab.pipeline import run
-from dsfab.pipeline.design import Design
-from dsfab.preset_file import load_preset, overridden
+from dsfab.preset.file import load_preset, overridden
 
 DESIGNS = ("sphere", "dome", "cantilever", "tower", "bob")
 FORMATS = (".stl", ".3mf", ".obj", ".ply", ".off", ".glb", ".3dm", ".ifc", ".step", ".smooth.step", ".stpz", ".brep",

@@ -21,7 +21,7 @@ import time
 from contextlib import suppress
 from pathlib import Path
 
-from dsfab.errors import DsfabError
+from dsfab.core.errors import DsfabError
 from dsfab.study.sweeps.folder import SweepFolder
 from tests.presets import DOME_MODES
 

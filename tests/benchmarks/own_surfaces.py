@@ -15,9 +15,9 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
-from dsfab.render.palette import PAPER
+from dsfab.core.messages import table
+from dsfab.render.lettering import PAPER
 from dsfab.report.contact_sheet import Tile, contact_sheet
-from dsfab.wording import table
 from tests.own_meshes import OWN
 
 ACROSS, WIDE, ASPECT = 5, 640, 4 / 3

@@ -19,14 +19,14 @@ from pathlib import Path
 import numpy as np
 from scipy.sparse import csr_array, diags_array
 
+from dsfab.design import Design, Log
+from dsfab.design.directions import diffusion_step
+from dsfab.design.surface_and_statics import statics_step
 from dsfab.diffusion import diffusion_operator
 from dsfab.diffusion.modes import SPARE
-from dsfab.pipeline import Design, Log
-from dsfab.pipeline.directions import diffusion_step
-from dsfab.pipeline.structure import statics_step
 from dsfab.statics import SheetModel, sheet_stiffness
-from dsfab.statics.factor import factored
-from dsfab.surface.hats import voronoi_mass
+from dsfab.statics.factorisation import factored
+from dsfab.surface.fields import voronoi_mass
 from tests.benchmarks.common import compiled, sizes, sphere, write_lower
 from tests.benchmarks.spectra_modes import theirs
 

@@ -16,12 +16,11 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.spatial import cKDTree
 
-from dsfab.arrays import Floats
+from dsfab.core.arrays import Floats
 from dsfab.pattern import vertex_means
 from dsfab.statics import FaceStiffness, optimality_step
 from dsfab.study.baselines import ComparisonTask, Structure
-from dsfab.study.baselines.optimised import level_line
-from dsfab.study.simp import face_filter
+from dsfab.study.baselines.topology_optimisation import face_filter, level_line
 from dsfab.surface import Surface
 
 EDGE, RADIUS = 0.15, 0.3

@@ -17,9 +17,9 @@ from functools import cache
 from pathlib import Path
 
 import dsfab
-from dsfab.pipeline import Design
+from dsfab.core.messages import table
+from dsfab.design import Design
 from dsfab.study.comparison import Comparison
-from dsfab.wording import table
 from tests.benchmarks import against_simp
 
 ROOT = Path(__file__).resolve().parents[2]

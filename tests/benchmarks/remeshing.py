@@ -23,7 +23,7 @@ import numpy as np
 sys.path.insert(0, str(Path(__file__).resolve().parents[2]))
 
 from dsfab.surface import SHAPES, Surface, read_surface, remeshed
-from dsfab.surface.nearest import nearest
+from dsfab.surface.mesh import nearest
 from dsfab.surface.remesh.features import design_features
 from dsfab.surface.topology import euler_characteristic, manifold_faults, pieces
 from tests.canopy import canopy

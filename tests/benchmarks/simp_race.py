@@ -16,15 +16,14 @@ import numpy as np
 from scipy.sparse import csc_array
 from scipy.sparse.linalg import splu
 
-from dsfab.pipeline import draft
-from dsfab.pipeline.geometry import slicing_step
-from dsfab.pipeline.handover import sheet_load
-from dsfab.pipeline.log import Log
-from dsfab.preset_file import load_preset
+from dsfab.design import draft
+from dsfab.design.log import Log
+from dsfab.design.sheet_loads import sheet_load
+from dsfab.design.slicing_and_thickening import slicing_step
+from dsfab.preset.file import load_preset
 from dsfab.statics import Elements, FaceStiffness, SheetModel, solve_statics
 from dsfab.study.baselines import ComparisonTask
-from dsfab.study.baselines.optimised import level_line, optimised_densities
-from dsfab.study.simp import Simp
+from dsfab.study.baselines.topology_optimisation import Simp, level_line, optimised_densities
 from tests.benchmarks.common import sizes
 
 AUTO = {f"pattern.{family}.mode": "auto" for family in ("major", "minor")}

@@ -23,16 +23,16 @@ import igl
 import numpy as np
 from scipy.sparse.linalg import eigsh
 
-from dsfab.delivery.files import curved_sheet
-from dsfab.errors import DsfabError
-from dsfab.export import ladder, step
+from dsfab.core.errors import DsfabError
+from dsfab.design.output.files import curved_sheet
+from dsfab.export.cad.step import file as step
+from dsfab.export.cad.step import strategies
+from dsfab.export.cad.step.smooth.build import smooth_file
 from dsfab.export.part import Part, part_of
-from dsfab.export.smooth.build import smooth_file
 from dsfab.slicing import cut, resolve_pinches
 from dsfab.surface import Surface
-from dsfab.surface.shapes.closed import sphere, torus
 from dsfab.surface.shapes.roofs import barrel_vault, hypar
-from dsfab.surface.shapes.turned import dome
+from dsfab.surface.shapes.round_shapes import dome, sphere, torus
 from dsfab.thickening import offsets, thicken
 from tests.benchmarks.common import cpu
 
@@ -40,7 +40,7 @@ SHARE = 0.01
 FACES = 9000
 """Coarser files are divided [Loop 1987] until they have so many."""
 PER_TRIANGLE = 740
-"""Bytes of a faceted file for each triangle (see `dsfab.export.step`)."""
+"""Bytes of a faceted file for each triangle (see `dsfab.export.cad.step.file`)."""
 
 
 def from_file(name: str) -> Surface:
@@ -87,7 +87,7 @@ def patterned(name: str, number: int) -> tuple[Part, int, float]:
     D = sheet.carry_corners(offsets(surface, thickness).at_corners(surface.F), surface.F)
     solid = thicken(sheet.surface, D)
     smooth = replace(part_of(solid, "part", 10**6), step="smooth")
-    part = replace(ladder.prepare(smooth), curved=partial(curved_sheet, surface, sheet, thickness))
+    part = replace(strategies.prepare(smooth), curved=partial(curved_sheet, surface, sheet, thickness))
     return part, len(solid.F), thickness
 
 

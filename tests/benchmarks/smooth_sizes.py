@@ -15,13 +15,13 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
-from dsfab.delivery.files import curved_design
+from dsfab.design import run
+from dsfab.design.output.files import curved_design
+from dsfab.export.cad.step.smooth.build import smooth_file
+from dsfab.export.cad.step.strategies import prepare
 from dsfab.export.formats import FORMATS
-from dsfab.export.ladder import prepare
 from dsfab.export.part import part_of
-from dsfab.export.smooth.build import smooth_file
-from dsfab.pipeline import run
-from dsfab.preset_file import load_preset
+from dsfab.preset.file import load_preset
 from tests.benchmarks.common import cpu
 
 OPENING = {"slicing.min_opening": 0.03}

@@ -20,7 +20,7 @@ import numpy as np
 from dsfab.slicing import cut, resolve_pinches
 from dsfab.surface import Surface
 from dsfab.thickening import OffsetLayer, apart, offsets, thicken
-from dsfab.thickening.intersect import intersecting_pairs
+from dsfab.thickening.self_intersection import intersecting_pairs
 from tests.benchmarks.common import sizes, sphere
 
 ROWS = ("offsets", "slicing", "pinches", "carrying", "proof", "thickening", "of it: manifold3d", "test unproven")

@@ -8,8 +8,8 @@ from typing import Any
 import numpy as np
 
 import dsfab
-from dsfab.pipeline.design import Design
-from dsfab.study.verdict.trials import KINDS, WIDTHS, Kind
+from dsfab.design.design import Design
+from dsfab.study.verdict.calibration import KINDS, WIDTHS, Kind
 from tests.meshes import FOLDER
 
 _EDGES = {"at": {"pick": "boundary"}, "hold": "xyz"}

@@ -22,14 +22,11 @@ from typing import Any
 
 import numpy as np
 
-from dsfab.errors import DsfabError
+from dsfab.core.errors import DsfabError
 from dsfab.slicing import Sheet
 from dsfab.study.verdict import LoadedSurface, check
-from dsfab.study.verdict.check import members
-from dsfab.study.verdict.finer import meshes, shares
-from dsfab.study.verdict.loaded_surface import attached_material
-from dsfab.study.verdict.smooth import SmoothSurface
-from dsfab.study.verdict.theory import RibSoftening, theory_share
+from dsfab.study.verdict.levels import RibSoftening, SmoothSurface, meshes, shares, theory_share
+from dsfab.study.verdict.verdict import attached_material, members
 from tests.benchmarks.solid_designs import DRAWN, FITTED, LATER, NAMED, drawn_design, named_design
 from tests.benchmarks.solid_wedges import solid_compliance
 

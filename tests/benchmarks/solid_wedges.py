@@ -10,12 +10,12 @@ from typing import Any
 
 import numpy as np
 
-from dsfab.arrays import Bools, Floats, Ints
-from dsfab.errors import DsfabError
+from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.core.errors import DsfabError
 from dsfab.slicing import Sheet
 from dsfab.statics import flat_axis
 from dsfab.study.verdict import LoadedSurface
-from dsfab.study.verdict.finer import on_mesh
+from dsfab.study.verdict.levels import on_mesh
 from dsfab.surface import LoadCase, Surface
 
 ENERGY = re.compile(r"total internal energy.*?\n\s*\n\s*(\S+)")

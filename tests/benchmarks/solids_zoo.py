@@ -17,10 +17,10 @@ import pytest
 import trimesh
 
 import dsfab
-from dsfab.errors import DsfabError
+from dsfab.core.errors import DsfabError
+from dsfab.core.units import MM_PER_M
 from dsfab.surface import Surface
-from dsfab.thickening.intersect import intersecting_pairs
-from dsfab.units import MM_PER_M
+from dsfab.thickening.self_intersection import intersecting_pairs
 from tests.meshes import mesh_file
 from tests.test_thickening import made, real
 from tests.test_thickening_zoo import MESHES, SHAPE_OF, SHAPES

@@ -13,7 +13,7 @@ import time
 from pathlib import Path
 
 import dsfab
-from dsfab.export.network import use_check
+from dsfab.export.cad.step.worker import use_check
 
 SECONDS = 3600
 

@@ -24,9 +24,9 @@ from pathlib import Path
 import numpy as np
 
 import dsfab
-from dsfab.errors import DsfabError
-from dsfab.export.network import use_check
-from dsfab.preset_file import overridden
+from dsfab.core.errors import DsfabError
+from dsfab.export.cad.step.worker import use_check
+from dsfab.preset.file import overridden
 from dsfab.study.file_check import check_file
 from tests.benchmarks.step_sheets import OWN
 

@@ -29,20 +29,19 @@ from typing import Any
 
 import numpy as np
 
-from dsfab.arrays import Floats
-from dsfab.pipeline import Design, Log
-from dsfab.pipeline.directions import diffusion_step
-from dsfab.pipeline.even import even_stripes
-from dsfab.preset import Preset
-from dsfab.preset_file import load_preset, overridden
-from dsfab.proposal import preset_for
+from dsfab.core.arrays import Floats
+from dsfab.core.messages import table
+from dsfab.core.sparse import give_back, peak_memory
+from dsfab.design import Design, Log
+from dsfab.design.directions import diffusion_step
+from dsfab.design.even_stripes import even_stripes
+from dsfab.preset.file import load_preset, overridden
+from dsfab.preset.model import Preset
+from dsfab.preset.proposal import preset_for
 from dsfab.results import DiffusionResult
 from dsfab.slicing import cut
-from dsfab.sparse import give_back, peak_memory
 from dsfab.surface import Surface
-from dsfab.surface.corner_field import CornerField
-from dsfab.surface.hats import hat_gradients
-from dsfab.wording import table
+from dsfab.surface.fields import CornerField, hat_gradients
 
 ROOT = Path(__file__).parents[2]
 LEVELS = np.arange(-200.0, 201.0)

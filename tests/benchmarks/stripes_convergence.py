@@ -20,13 +20,13 @@ from pathlib import Path
 
 import numpy as np
 
-from dsfab.pipeline import Design, sheet_loads
-from dsfab.preset_file import overridden
-from dsfab.proposal import preset_for
+from dsfab.core.messages import table
+from dsfab.design import Design, sheet_loads
+from dsfab.preset.file import overridden
+from dsfab.preset.proposal import preset_for
 from dsfab.statics import solve_for
 from dsfab.study.comparison import comparison
 from dsfab.surface import Surface, refined
-from dsfab.wording import table
 
 ROOT = Path(__file__).parents[2]
 MESHES = Path(os.environ.get("DSFAB_MESHES", ROOT / "../shared/meshes")).resolve()

@@ -16,11 +16,11 @@ import time
 from collections.abc import Iterator
 from pathlib import Path
 
-from dsfab.errors import DsfabError
-from dsfab.pipeline import Design
-from dsfab.preset import Preset
-from dsfab.preset_file import load_preset
-from dsfab.wording import table
+from dsfab.core.errors import DsfabError
+from dsfab.core.messages import table
+from dsfab.design import Design
+from dsfab.preset.file import load_preset
+from dsfab.preset.model import Preset
 
 ROOT = Path(__file__).parents[2]
 MESHES = Path(os.environ.get("DSFAB_MESHES", ROOT / "../shared/meshes")).resolve()

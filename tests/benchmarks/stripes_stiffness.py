@@ -18,20 +18,19 @@ from pathlib import Path
 from typing import Any
 
 import dsfab
-from dsfab.errors import DsfabError
-from dsfab.pipeline import Design, draft
-from dsfab.pipeline.even import even_stripes
-from dsfab.pipeline.log import Log
-from dsfab.pipeline.patterns import striped_families
-from dsfab.pipeline.stressing import stressed_step
-from dsfab.preset import Preset
-from dsfab.preset_file import load_preset, overridden
+from dsfab.core.errors import DsfabError
+from dsfab.core.messages import table
+from dsfab.design import Design, draft
+from dsfab.design.even_stripes import even_stripes
+from dsfab.design.log import Log
+from dsfab.design.mode_search import stressed_step
+from dsfab.design.stripe_pattern import striped_families
+from dsfab.preset.file import load_preset, overridden
+from dsfab.preset.model import Preset
 from dsfab.study.baselines import ComparisonTask, Structure
-from dsfab.study.baselines.matching import striped_structure, widened_structure
+from dsfab.study.baselines.structures import striped_structure, widened_structure
 from dsfab.study.comparison import comparison
-from dsfab.study.full_check import full
-from dsfab.study.judging import Judgement, quick
-from dsfab.wording import table
+from dsfab.study.judges import Judgement, full, quick
 from tests.presets import BARREL_VAULT_MODES, DOME_MODES, FIGURINE_MODES, GLOBE_MODES, ROOF_MODES
 
 ROOT = Path(__file__).parents[2]

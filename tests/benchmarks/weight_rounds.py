@@ -8,8 +8,8 @@ By preset and number of rounds: joules of the cut structure under its own weight
 import sys
 
 from dsfab import load_preset
-from dsfab.pipeline.design import Design
-from dsfab.preset import Preset
+from dsfab.design.design import Design
+from dsfab.preset.model import Preset
 from dsfab.study.comparison import comparison
 
 PRESETS = ("barrel_vault", "gridshell", "tower")

@@ -15,7 +15,7 @@ from typing import Any
 from unittest.mock import patch
 
 from dsfab import load_preset
-from dsfab.pipeline import Design
+from dsfab.design import Design
 from dsfab.render import up_axis
 from dsfab.report.assembly import assembly_page, assembly_pdf
 from dsfab.workshop import workshop_plan, write_workshop
@@ -23,13 +23,13 @@ from dsfab.workshop import workshop_plan, write_workshop
 PRESETS = ("dome", "barrel_vault")
 PARTS = {
     "members": ("dsfab.members.member_graph",),
-    "limits": ("dsfab.workshop.plan.strip_limits", "dsfab.workshop.plan.chosen_route"),
-    "develop": ("dsfab.workshop.plan.strip_parts",),
-    "splice": ("dsfab.workshop.strips.splice_cuts",),
+    "limits": ("dsfab.workshop.strips.strip_limits", "dsfab.workshop.plan.chosen_route"),
+    "develop": ("dsfab.workshop.strips.strip_parts",),
+    "splice": ("dsfab.workshop.splices.splice_cuts",),
     "drill and engrave": ("dsfab.workshop.strips._Strip._part",),
-    "plates": ("dsfab.workshop.plan.plate_parts",),
+    "plates": ("dsfab.workshop.plates.plate_parts",),
     "nest": ("dsfab.workshop.plan.nested_by_thickness",),
-    "hints": ("dsfab.workshop.plan.sheet_hints",),
+    "hints": ("dsfab.workshop.stock.sheet_hints",),
     "same parts": ("dsfab.workshop.plan.same_parts",),
 }
 """Functions by the part of the work that they are; what none of them is counts as "else"."""

@@ -4,8 +4,8 @@ import tempfile
 from collections.abc import Iterator
 from pathlib import Path
 
-from dsfab.preset import Preset
-from dsfab.preset_list import shipped_presets
+from dsfab.core.toml_files import shipped_presets
+from dsfab.preset.model import Preset
 from tests.bad_meshes import FORMATS, bombs, marked, odd_faces, trailing
 
 SEEDS = Path(__file__).with_name("seeds")

@@ -17,10 +17,10 @@ import numpy as np
 import tomli_w
 import trimesh
 
-from dsfab.errors import DsfabError, SurfaceError
-from dsfab.preset import Preset
-from dsfab.preset_file import load_preset, parse_override, preset_toml
-from dsfab.preset_list import shipped_presets
+from dsfab.core.errors import DsfabError, SurfaceError
+from dsfab.core.toml_files import shipped_presets
+from dsfab.preset.file import load_preset, parse_override, preset_toml
+from dsfab.preset.model import Preset
 from dsfab.surface import ClosedCurves, surface_in_file
 
 PYTHON = ("list index", "Error", "NoneType", "literal", "to unpack", "' object", "Traceback", "argument", "codec")

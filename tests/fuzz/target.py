@@ -23,8 +23,19 @@ MEMORY = 1500
 ENDLESS = -1
 """For how many files are tried: as many as the time allows, as libFuzzer writes it."""
 INSTRUMENTED = (
-    *("dsfab.surface.formats", "dsfab.surface.files", "dsfab.surface.polygons", "dsfab.surface.drawing_files"),
-    *("dsfab.arrays", "dsfab.surface.plane_loops", "dsfab.preset_file", "dsfab.preset_errors", "dsfab.preset_list"),
+    *(
+        "dsfab.surface.files",
+        "dsfab.surface.files.mesh_files",
+        "dsfab.surface.files.polygons",
+        "dsfab.surface.files.drawings",
+    ),
+    *(
+        "dsfab.core.arrays",
+        "dsfab.surface.loads.outlines",
+        "dsfab.preset.file",
+        "dsfab.preset.checks",
+        "dsfab.core.toml_files",
+    ),
     *("tomllib", "ezdxf.recover", "ezdxf.lldxf", "ezdxf.path"),
 )
 """Modules whose branches guide the fuzzer."""

@@ -1,4 +1,39 @@
-"""`dsfab blender`: an add-on for Blender, one file that a person installs there.
+"""The command `dsfab blender`: it writes the add-on for Blender."""
 
-addon    what Blender runs: of its own libraries and of Python's alone       command  `dsfab blender` writes it
-"""
+import sys
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from dsfab.app.terminal import out
+from dsfab.core.errors import DsfabError
+
+UNSET = 'PYTHON = ""\n'
+"""The line of the add-on that names the Python of dsfab."""
+
+
+def addon(python: str) -> str:
+    """The text of the add-on, which runs dsfab by this Python."""
+    text = Path(__file__).with_name("addon.py").read_text(encoding="utf-8")
+    return text.replace(UNSET, f"PYTHON = {python!r}\n", 1)
+
+
+def blender(
+    *,
+    output: Annotated[Path, Parameter(name=["-o", "--output"], help="Python file to write.")] = Path(
+        "dsfab_blender.py"
+    ),
+    force: Annotated[bool, Parameter(negative=(), help="Write over a file that is there.")] = False,
+) -> int:
+    """Write an add-on for Blender: it builds the mesh of the active object, by the dsfab that wrote it."""
+    from dsfab.export import replacing
+
+    if output.suffix != ".py":
+        raise DsfabError(f"-o {output}: an add-on is a .py file; write for instance -o {output.stem}.py")
+    if output.exists() and not force:
+        raise DsfabError(f"{output} is there already; choose another name with -o, or write over it with --force")
+    with replacing(output) as path:
+        path.write_text(addon(sys.executable), encoding="utf-8")
+    out(f"written to {output}; in Blender: Preferences > Add-ons > Install from Disk, then sidebar (N) > dsfab")
+    return 0

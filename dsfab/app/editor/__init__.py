@@ -1,7 +1,57 @@
-"""`dsfab edit`: a live structure in the user's own browser, served by a small server on this machine alone.
+"""The command `dsfab edit`: a live structure in a browser, from a server on this machine."""
 
-command ── opens ──► server (doors, security)     static/   the page
-                        │  asks
-                        ▼
-                     session (what is opened)  ──  jobs (one worker, cancel)  ──  payload (arrays for the page)
-"""
+import sys
+import webbrowser
+from pathlib import Path
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from dsfab.app.options import UNCHANGED, Source
+from dsfab.app.terminal import out, signals_as_interrupts
+from dsfab.core.errors import DsfabError
+
+OUTPUTS = "outputs"
+"""Where builds go, from where the command was started: as those of `dsfab build`."""
+
+
+def edit(
+    target: str = "dome",
+    /,
+    *,
+    source: Source = UNCHANGED,
+    port: Annotated[int, Parameter(help="Port on this machine; 0 takes a free one.")] = 0,
+    open_: Annotated[bool, Parameter(name="--open", help="Open it in the browser.")] = True,
+) -> int:
+    """Pull sliders and see the structure change, in your own browser; nothing leaves this machine.
+
+    Parameters
+    ----------
+    target
+        Name of a shipped preset (see `dsfab presets`), a TOML file, or a mesh file.
+    """
+    from dsfab.app.editor.server import EditorServer
+    from dsfab.app.editor.session import Session
+    from dsfab.app.editor.workspace import Outputs, open_preset
+
+    first = open_preset(target, source)
+    outputs = Outputs(Path(OUTPUTS).absolute(), OUTPUTS)
+    with signals_as_interrupts(), Session(first, outputs=outputs) as session:
+        session.ask_solve({})  # while the door is opened and the browser starts
+        try:
+            server = EditorServer(session, port)
+        except OSError as error:
+            raise DsfabError(
+                f"port {port} cannot be used ({error.strerror}); leave --port out for a free one"
+            ) from None
+        with server:
+            try:
+                out(f"dsfab edit {first.preset.name}: {server.address}")
+                out("Ctrl-C ends it.")
+                sys.stdout.flush()  # into a pipe too: whoever reads it waits for the address
+                if open_:
+                    webbrowser.open(server.address)
+                server.serve_forever(poll_interval=0.2)
+            except KeyboardInterrupt:
+                out()
+    return 0

@@ -14,10 +14,10 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any, TextIO
 
-from dsfab.app.editor.job import Telling
-from dsfab.app.editor.source import MeshRequest, opened_mesh
-from dsfab.errors import DsfabError
-from dsfab.preset_file import preset_toml
+from dsfab.app.editor.jobs import Telling
+from dsfab.app.editor.workspace import MeshRequest, opened_mesh
+from dsfab.core.errors import DsfabError
+from dsfab.preset.file import preset_toml
 
 
 def main() -> None:

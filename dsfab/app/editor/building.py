@@ -1,17 +1,31 @@
-"""What the page's Build does: what `dsfab build` does, with its own words for the progress."""
+"""Builds of the page: in a process of their own that can be cancelled, with their folders of files."""
 
 import io
+import json
+import os
+import queue
 import shutil
-from dataclasses import dataclass
+import signal
+import subprocess
+import sys
+import tempfile
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any
 
-from dsfab.app.editor.job import Telling
-from dsfab.app.editor.source import with_file
-from dsfab.pipeline import draft, revise, run
-from dsfab.pipeline.design import Design
-from dsfab.preset import Preset
-from dsfab.render.caption import caption
+import dsfab
+from dsfab.app.carrier import carried, carried_preset
+from dsfab.app.editor.jobs import JobProgress, Telling
+from dsfab.app.editor.workspace import MeshRequest, Opened, Outputs, with_file
+from dsfab.core.errors import DsfabError
+from dsfab.design import draft, revise, run
+from dsfab.design.design import Design
+from dsfab.preset.model import Preset
+from dsfab.preset.proposal import Decision
+from dsfab.render.design_picture import caption
 from dsfab.report.design.save import save
 
 
@@ -72,7 +86,7 @@ def exported(request: BuildRequest, folder: Path, progress: Telling) -> EditorBu
     Raises DsfabError, of the stage that refuses or of the format.
     """
     from dsfab.app.export import CALCULIX, SUFFIX, ExportRequest, write_file
-    from dsfab.delivery.archive import read_archive
+    from dsfab.design.output.archive import read_archive
 
     suffix = SUFFIX if request.only == CALCULIX else f".{request.only}"
     preset, before = request.preset, request.before
@@ -107,7 +121,7 @@ def draw_png(
     from PIL import Image
 
     from dsfab.render import light
-    from dsfab.render.answers import asking
+    from dsfab.render.colouring import asking
     from dsfab.render.previewer import Previewer
 
     made = draft(asking(preset, show), progress, old)
@@ -117,3 +131,169 @@ def draw_png(
     file = io.BytesIO()
     Image.fromarray(pixels).save(file, format="PNG")
     return file.getvalue()
+
+
+PAUSE = 0.1
+"""Seconds after which somebody looks whether the job was cancelled."""
+
+PROGRAM = "import sys; sys.path.append(sys.argv[1]); from dsfab.app.editor.builder import main; main()"
+
+
+class BuilderError(RuntimeError):
+    """A mistake of ours in the other process."""
+
+
+def built_apart(request: BuildRequest, folder: Path, progress: JobProgress) -> EditorBuild:
+    """What `building.built` makes, or `exported` where one file is wanted.
+
+    Raises what it raises, and Cancelled within a fraction of a second.
+
+    Whatever ends it before its end: the process and those that it began are ended, and the folder is gone.
+    """
+    asked = carried((request, str(folder)))
+    try:
+        with (
+            tempfile.TemporaryDirectory(dir=folder.parent, ignore_cleanup_errors=True) as aside,
+            _process(Path(aside)) as process,
+        ):
+            told = _followed(process, asked, progress, "the build", "build with fewer kinds of files")
+    except BaseException:
+        shutil.rmtree(folder, ignore_errors=True)
+        raise
+    return EditorBuild([folder / name for name in told["files"]], told["done"])
+
+
+def opened_apart(request: MeshRequest, progress: JobProgress) -> Opened:
+    """What `source.opened_mesh` makes; raises what it raises, and Cancelled within a fraction of a second."""
+    progress("surface", f"reading {request.name}")
+    asked = carried((request, ""))
+    with (
+        tempfile.TemporaryDirectory(dir=request.path.parent, ignore_cleanup_errors=True) as aside,
+        _process(Path(aside)) as process,
+    ):
+        told = _followed(process, asked, progress, "reading the mesh", "make it coarser")
+    return Opened(carried_preset(told["preset"]), (), request.name, tuple(Decision(**one) for one in told["decided"]))
+
+
+def _followed(
+    process: "subprocess.Popen[bytes]", asked: bytes, progress: JobProgress, what: str, advice: str
+) -> dict[str, Any]:
+    """The last thing it says; its progress is told on the way.
+
+    what, advice : of the sentence that says that it ended before.
+    """
+    lines: queue.Queue[bytes] = queue.Queue()
+    for act in (lambda: _send(process, asked), lambda: _read(process, lines)):
+        threading.Thread(target=act, daemon=True).start()
+    while True:
+        progress.check()
+        try:
+            line = lines.get(timeout=PAUSE)
+        except queue.Empty:
+            continue
+        if not line:
+            code = process.wait()
+            raise DsfabError(f"{what} ended before its end (exit code {code}); {advice}")
+        told: dict[str, Any] = json.loads(line)
+        if "stage" in told:
+            progress(told["stage"], told["text"])
+        elif "refused" in told:
+            raise DsfabError(told["refused"])
+        elif "mistaken" in told:
+            raise BuilderError(told["mistaken"])
+        else:
+            return told
+
+
+def _send(process: "subprocess.Popen[bytes]", asked: bytes) -> None:
+    assert process.stdin is not None
+    with suppress(OSError):  # it was ended
+        process.stdin.write(len(asked).to_bytes(8, "little") + asked)
+        process.stdin.flush()
+
+
+def _read(process: "subprocess.Popen[bytes]", lines: "queue.Queue[bytes]") -> None:
+    assert process.stdout is not None
+    with suppress(OSError, ValueError):
+        for line in process.stdout:
+            lines.put(line)
+    lines.put(b"")
+
+
+@contextmanager
+def _process(aside: Path) -> Iterator["subprocess.Popen[bytes]"]:
+    """The program; at the end it is ended with all that it began. Its temporary files go into `aside`."""
+    home = str(Path(dsfab.__file__).parent.parent)
+    process = subprocess.Popen(
+        [sys.executable, "-P", "-c", PROGRAM, home],
+        stdin=subprocess.PIPE,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.DEVNULL,
+        env={**os.environ, **dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(aside))},
+        start_new_session=True,  # a group of its own
+    )
+    try:
+        yield process
+    finally:
+        _end(process)
+
+
+def _end(process: "subprocess.Popen[bytes]") -> None:
+    if os.name == "nt":
+        subprocess.run(["taskkill", "/F", "/T", "/PID", str(process.pid)], capture_output=True, check=False)
+    else:
+        with suppress(ProcessLookupError, PermissionError):
+            os.killpg(process.pid, signal.SIGKILL)
+    process.kill()
+    process.wait()
+    for pipe in (process.stdin, process.stdout):
+        if pipe:
+            with suppress(OSError):
+                pipe.close()
+
+
+class Builds:
+    """Files that were built, by the number of their build; `aside` is where they are while they are made."""
+
+    def __init__(self, outputs: Outputs, aside: Path) -> None:
+        self.outputs, self._aside = outputs, aside
+        self._files: dict[int, list[Path]] = {}
+
+    def file(self, build: int, index: int) -> Path | None:
+        """A file that was built, by its number; the page names no path."""
+        files = self._files.get(build, [])
+        return files[index] if 0 <= index < len(files) else None
+
+    @property
+    def latest(self) -> list[Path]:
+        """The files that were built last."""
+        return list(self._files[max(self._files)]) if self._files else []
+
+    def taken(self, name: str) -> dict[str, Any]:
+        """What the page asks the person before it writes into the folder of that name; nothing where it need not."""
+        count = self.outputs.standing(name)
+        if not count:
+            return {}
+        place = f"{self.outputs.shown}/{name}"
+        files = "1 file" if count == 1 else f"{count} files"
+        would = "files of the same names, and what a build wrote there, would be replaced."
+        text = f"{place} holds {files} of before; {would}"
+        return {"taken": text, "free": self.outputs.free(name)}
+
+    def make(self, request: BuildRequest, progress: JobProgress) -> dict[str, Any]:
+        """Build, move the files to their place, and tell the page of them. Raises DsfabError, and Cancelled."""
+
+        name = request.preset.name
+        request = replace(request, before=self.outputs.folder(name))
+        folder = Path(tempfile.mkdtemp(prefix="build-", dir=self._aside))
+        made = built_apart(request, folder, progress)
+        there = self.outputs.publish(folder, name)
+        folder.rmdir()
+        number = len(self._files) + 1
+        self._files[number] = files = [there / path.name for path in made.files]
+        listed = [{"name": path.name, "bytes": path.stat().st_size} for path in files]
+        place = f"{self.outputs.shown}/{name}" if self.outputs.shown else ""
+        facts = made.facts
+        if "told" in facts:  # name the place where the file is now
+            facts = facts | {"told": [line.replace(str(folder), place or str(there)) for line in facts["told"]]}
+        return {"build": number, "files": listed, "folder": place, **facts}

@@ -1,14 +1,140 @@
-"""The controls of the page as a table: what a person may change, in which unit, and between which numbers."""
+"""The controls of the page: keys of the preset with their units and ranges."""
 
-from dataclasses import asdict, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any, get_args
 
-from dsfab.app.editor.control import Control, one_digit
-from dsfab.app.editor.controls_given import given
+import numpy as np
+
+from dsfab.core.materials import MATERIALS
+from dsfab.diffusion import Labelling
 from dsfab.pattern import Rule
-from dsfab.preset import Family, Pattern, Preset
+from dsfab.preset.model import Family, Pattern, Preset
 from dsfab.render.striped_mesh import SLIDING
 from dsfab.surface import Surface
+
+
+@dataclass(frozen=True)
+class Control:
+    """One key of a preset.
+
+    kind            : number, whole (a whole number), choice, switch, length (a number of metres), words (a list of
+                      them), size (three lengths) or material (a choice that other keys follow).
+    low, high, step : of the slider; the number beside it takes what the preset takes.
+    log             : whether the slider runs in decades.
+    live            : whether the picture follows in the same frame; others are solved for on the server.
+    word            : what may stand there instead of a number ("auto", "off").
+    worth           : the number that the word stands for; without one it is the value itself.
+    method          : the one pattern.method that takes it; others do not show it.
+    instead         : the number that 0 stands for where stripes are evenly spaced.
+    """
+
+    group: str
+    key: str
+    label: str
+    kind: str = "number"
+    unit: str = ""
+    low: float = 0.0
+    high: float = 1.0
+    step: float = 0.01
+    log: bool = False
+    live: bool = True
+    word: str = ""
+    choices: tuple[str, ...] = ()
+    hint: str = ""
+    method: str = ""
+    instead: float = 0.0
+    worth: float | None = None
+
+
+def one_digit(value: float) -> float:
+    """The nearest number with one digit."""
+    digit = 10.0 ** np.floor(np.log10(value))
+    return float(digit * max(round(value / digit), 1))
+
+
+def given(surface: Surface) -> list[Control]:
+    """All of them; lengths go by the size of the surface."""
+    return [*_directions(), *_sheet(surface), *_mesh(surface), *_workshop(surface)]
+
+
+def _directions() -> list[Control]:
+    flow = "directions"
+    return [
+        Control(flow, "diffusion.r", "follow stress", low=1, high=1e4, log=True, live=False, hint="r: 1 ignores it."),
+        Control(flow, "diffusion.gamma", "load factor", low=0.01, high=100, log=True, live=False, hint=_GAMMA),
+        Control(flow, "diffusion.labelling", "major follows", "choice", choices=get_args(Labelling), live=False),
+        Control(flow, "diffusion.modes", "modes", "whole", low=1, high=20, step=1, live=False, hint="How many."),
+        Control(
+            flow, "diffusion.symmetry", "symmetry", "words", live=False, hint=_CONTROLS_GIVEN_ALIKE, method="modes"
+        ),
+    ]
+
+
+_GAMMA = "gamma: multiplies the loads before faces are told isotropic or not."
+_CONTROLS_GIVEN_ALIKE = (
+    "Symmetry that the modes must have: x, y or z for a mirror, rot:6:z for sixths of a turn; several with commas."
+)
+
+
+def _sheet(surface: Surface) -> list[Control]:
+    sheet, thin = "sheet and material", one_digit(surface.size / 3000)
+    return [
+        Control(sheet, "statics.thickness", "thickness", "length", "m", thin, 30 * thin, thin / 10, live=False),
+        Control(sheet, "statics.material", "material", "material", choices=tuple(MATERIALS), live=False),
+        Control(sheet, "statics.young", "stiffness", unit="Pa", low=1e8, high=1e12, log=True, live=False, hint=_YOUNG),
+        Control(sheet, "statics.poisson", "Poisson's ratio", low=0, high=0.49, live=False),
+        Control(sheet, "statics.density", "density", unit="kg/m3", low=0, high=9000, step=10, live=False),
+        _limit(Control(sheet, "statics.strength", "strength", "number", "Pa", 1e6, 1e9, hint=_STRENGTH)),
+    ]
+
+
+_YOUNG = "Young's modulus."
+_STRENGTH = "What the largest stress is compared with, in reports; off compares nothing."
+
+
+def _mesh(surface: Surface) -> list[Control]:
+    fine, coarse = one_digit(surface.size / 150), one_digit(surface.size / 5)
+    return [
+        _limit(Control("mesh", "surface.refine", "no edge over", "length", "m", fine, coarse, hint=_REFINE)),
+        Control("mesh", "surface.smooth", "round facets", "switch", live=False, hint=_SMOOTH),
+    ]
+
+
+_REFINE = "Triangles are divided until no edge is longer; off leaves them as they are."
+_SMOOTH = "Dividing also rounds the facets (Loop subdivision)."
+
+
+def _workshop(surface: Surface) -> list[Control]:
+    group, thin = "workshop", one_digit(surface.size / 3000)
+    limits = {
+        "min_member": ("min. member", "The narrowest member that can be made; narrower ones are told."),
+        "min_gap": ("min. gap", "The narrowest opening that can be made; narrower ones are told."),
+        "min_wall": ("min. wall", "The thinnest wall of the solid that can be made; thinner ones are told."),
+    }
+    return [
+        *(
+            _limit(Control(group, f"fabrication.{key}", label, "length", "m", thin, 100 * thin, hint=hint))
+            for key, (label, hint) in limits.items()
+        ),
+        Control(group, "pattern.workshop", "no slits", "switch", live=False, hint=_NO_SLITS),
+        Control(group, "fabrication.bed", "fits into", "size", "m", live=False, hint=_BED),
+        Control(group, "fabrication.accept", "accept faults", "switch", live=False, hint=_ACCEPT),
+    ]
+
+
+_NO_SLITS = (
+    "Closes openings and widens members that are narrower than a workshop makes, by the sheet's thickness. "
+    "A dash: on for evenly spaced stripes, but where widths follow the stress."
+)
+_BED = "Metres along x, y and z that fit into the machine, 0.25 x 0.21 x 0.2 for instance; empty checks nothing."
+
+
+_ACCEPT = "Also with loads that nothing carries, a sheet that was thinned to a film, or what is under 1 mm and fails."
+
+
+def _limit(control: Control) -> Control:
+    """One whose slider runs in decades, and which is off at 0."""
+    return replace(control, log=True, live=False, word="off", worth=0.0)
 
 
 def controls(preset: Preset, surface: Surface) -> list[dict[str, Any]]:
@@ -27,7 +153,14 @@ def _method() -> list[Control]:
         Control(group, "pattern.families", "families", "choice", choices=shown, hint=_FAMILIES),
         Control(group, "pattern.halve", "halve", "switch", live=False, hint=_HALVE, method=even),
         Control(
-            group, "pattern.symmetry", "symmetry", "choice", choices=symmetries, live=False, hint=_ALIKE, method=even
+            group,
+            "pattern.symmetry",
+            "symmetry",
+            "choice",
+            choices=symmetries,
+            live=False,
+            hint=_EDITOR_ALIKE,
+            method=even,
         ),
         Control(group, "pattern.forces", "forces", "choice", choices=forces, live=False, hint=_FORCES, method=even),
         Control(
@@ -42,7 +175,7 @@ def _method() -> list[Control]:
 _METHOD = "modes: stripes run on the smoothest fields of the diffusion; stripes: evenly spaced, along the stress."
 _FAMILIES = "One family alone has no crossings: rim and kept regions hold it together."
 _HALVE = "Leave out every second stripe where they crowd, ended on the members that cross."
-_ALIKE = "auto: the mirrors and turns that surface, supports and loads have; none: stripes run as they come."
+_EDITOR_ALIKE = "auto: the mirrors and turns that surface, supports and loads have; none: stripes run as they come."
 _FORCES = "Stripes run along those of the uncut sheet, or of the stiffest sheet of varying thickness (needs a share)."
 _ROUNDS = "How often directions are sought again, with the weight of what stripes leave; 0: of the uncut sheet."
 _TURN = "Degrees that both families are turned by from the stress; 90 lets them change places."

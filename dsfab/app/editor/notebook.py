@@ -3,11 +3,11 @@
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dsfab.app.editor.source import Opened, open_preset
-from dsfab.errors import DsfabError
-from dsfab.pipeline import draft
-from dsfab.pipeline.design import Design
-from dsfab.preset import Preset
+from dsfab.app.editor.workspace import Opened, open_preset
+from dsfab.core.errors import DsfabError
+from dsfab.design import draft
+from dsfab.design.design import Design
+from dsfab.preset.model import Preset
 
 if TYPE_CHECKING:
     from dsfab.app.editor.widget import Editor

@@ -14,10 +14,9 @@ from http import HTTPStatus
 from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 from urllib.parse import parse_qs, quote, urlsplit
 
-from dsfab.app.editor.page import KINDS, page, static_files
-from dsfab.app.editor.requests import ASKS, AskError, Given
+from dsfab.app.editor.page import ASKS, KINDS, AskError, Given, page, static_files
 from dsfab.app.editor.session import Session
-from dsfab.errors import DsfabError
+from dsfab.core.errors import DsfabError
 
 log = logging.getLogger(__name__)
 

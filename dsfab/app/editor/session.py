@@ -13,28 +13,23 @@ from typing import Any
 
 from numpy.typing import NDArray
 
-from dsfab.app.editor.building import BuildRequest
-from dsfab.app.editor.builds import Builds
+from dsfab.app.editor.building import BuildRequest, Builds, opened_apart
 from dsfab.app.editor.controls import controls
-from dsfab.app.editor.job import JobProgress
-from dsfab.app.editor.jobs import Jobs
-from dsfab.app.editor.outputs import Outputs
-from dsfab.app.editor.payload import colours, model, packed, widths
-from dsfab.app.editor.process import opened_apart
-from dsfab.app.editor.source import MeshRequest, Opened, opened_shipped, saved_preset
-from dsfab.app.editor.tray import VariantTray
+from dsfab.app.editor.drafts import colours, model, packed, widths
+from dsfab.app.editor.jobs import JobProgress, Jobs
+from dsfab.app.editor.workspace import MeshRequest, Opened, Outputs, VariantTray, opened_shipped, saved_preset
 from dsfab.app.export import format_suffix
-from dsfab.errors import DsfabError
+from dsfab.core.errors import DsfabError
+from dsfab.core.materials import MATERIALS
+from dsfab.core.toml_files import shipped_presets
+from dsfab.core.units import METRES_PER
+from dsfab.design import Design
 from dsfab.export import temporary_folder
-from dsfab.materials import MATERIALS
-from dsfab.pattern.wave import GLSL
-from dsfab.pipeline import Design
-from dsfab.preset import Preset
-from dsfab.preset_list import shipped_presets
+from dsfab.pattern.stripes import GLSL
+from dsfab.preset.model import Preset
 from dsfab.render.striped_mesh import StripedMesh
 from dsfab.slicing import Sheet
 from dsfab.surface import MESH_SUFFIXES
-from dsfab.units import METRES_PER
 
 PAUSE = 0.01
 """Seconds between two looks for the first answer."""
@@ -235,7 +230,7 @@ class Session:
 
     def cut(self, draft: int) -> bytes:
         """The sheet that the figures of a draft were measured on, see settled.py; nothing where another one follows."""
-        from dsfab.app.editor.settled import settled
+        from dsfab.app.editor.drafts import settled
 
         with self._lock:
             last = self._cut
@@ -282,7 +277,7 @@ class Session:
         return SessionView(made, last.number + 1, last.version if same else last.version + 1, opening)
 
     def _figures(self, shown: SessionView, progress: JobProgress) -> dict[str, Any]:
-        from dsfab.app.editor.figures import cut_as_built, figures
+        from dsfab.app.editor.drafts import cut_as_built, figures
 
         cut, notes = cut_as_built(shown.draft, progress)
         progress("slicing", "measuring members")

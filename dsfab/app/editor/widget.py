@@ -9,13 +9,12 @@ from typing import Any
 import anywidget
 import traitlets
 
-from dsfab.app.editor.page import bundle
-from dsfab.app.editor.requests import ASKS, Given
+from dsfab.app.editor.page import ASKS, Given, bundle
 from dsfab.app.editor.session import Session
-from dsfab.app.editor.source import Opened
-from dsfab.errors import DsfabError
-from dsfab.pipeline.design import Design
-from dsfab.preset import Preset
+from dsfab.app.editor.workspace import Opened
+from dsfab.core.errors import DsfabError
+from dsfab.design.design import Design
+from dsfab.preset.model import Preset
 
 
 class Editor(anywidget.AnyWidget):

@@ -1,7 +1,39 @@
-"""`dsfab hops`: components for Grasshopper. A Hops component there takes the address of this server as it is.
+"""The command `dsfab hops`: a server of components for Grasshopper."""
 
-protocol     what Hops asks and is answered, as JSON: parameters, values, units
-components   what is offered: Structure, Preview, Members, Workshop parts
-solver       one request after the other, in a process that is ended when it takes too long
-server       HTTP on this machine alone      command   `dsfab hops`
-"""
+import sys
+from typing import Annotated
+
+from cyclopts import Parameter
+
+from dsfab.app.terminal import out
+from dsfab.core.errors import DsfabError
+
+
+def hops(
+    *,
+    port: Annotated[int, Parameter(help="Port on this machine; 0 takes a free one.")] = 5000,
+    seconds: Annotated[float, Parameter(help="After which a component that is still at work is ended.")] = 300.0,
+) -> int:
+    """Serve components to Grasshopper on this machine: give a Hops component one of the addresses that are printed."""
+    from dsfab.app.hops.components import COMPONENTS
+    from dsfab.app.hops.server import HopsServer, Solver
+    from dsfab.export import require_rhino
+
+    require_rhino("geometry of Grasshopper needs")
+    if not seconds > 0:
+        raise DsfabError(f"--seconds {seconds:g}: give a number over 0")
+    with Solver(seconds) as solver:
+        try:
+            server = HopsServer(solver, port)
+        except (OSError, OverflowError):
+            raise DsfabError(f"port {port} cannot be used; take another one: --port 0 for a free one") from None
+        with server:
+            try:
+                for component in COMPONENTS.values():
+                    out(f"{server.address}/{component.name}  {component.about}")
+                out("Paste one into a Hops component of Grasshopper. Ctrl-C ends it.")
+                sys.stdout.flush()  # into a pipe too: whoever reads it waits for the address
+                server.serve_forever(poll_interval=0.2)
+            except KeyboardInterrupt:
+                out()
+    return 0

@@ -7,14 +7,14 @@ from typing import Any
 import numpy as np
 
 from dsfab.app.hops.protocol import HopsComponent, HopsError, Parameter, Request
-from dsfab.arrays import Floats
-from dsfab.delivery import design_lines
+from dsfab.core.arrays import Floats
+from dsfab.core.toml_files import TomlError, toml_table
+from dsfab.design import Design
+from dsfab.design.output import design_lines
 from dsfab.export import mesh_json, polyline_json
-from dsfab.pipeline import Design
-from dsfab.preset import Preset
-from dsfab.preset_file import overridden
-from dsfab.preset_list import TomlError, toml_table
-from dsfab.proposal import preset_for
+from dsfab.preset.file import overridden
+from dsfab.preset.model import Preset
+from dsfab.preset.proposal import preset_for
 from dsfab.study import METRICS
 from dsfab.workshop import workshop_plan
 

@@ -10,9 +10,9 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Literal
 
-from dsfab.errors import DsfabError
+from dsfab.core.errors import DsfabError
+from dsfab.core.units import METRES_PER
 from dsfab.export import mesh_arrays
-from dsfab.units import METRES_PER
 
 Kind = Literal["Mesh", "Curve", "Point", "Number", "Text"]
 RESULTS: dict[Kind, str] = {

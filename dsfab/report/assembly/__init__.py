@@ -8,7 +8,7 @@ shades       what it colours members by
 """
 
 from dsfab.report.assembly.book import assembly_pdf
-from dsfab.report.assembly.page import assembly_page
+from dsfab.report.assembly.interactive_page import assembly_page
 from dsfab.report.assembly.sequence import AssemblyStep, assembly_steps
 
 __all__ = ["AssemblyStep", "assembly_page", "assembly_pdf", "assembly_steps"]

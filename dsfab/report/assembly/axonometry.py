@@ -5,7 +5,7 @@ from typing import Self
 
 import numpy as np
 
-from dsfab.arrays import Floats
+from dsfab.core.arrays import Floats
 from dsfab.members import Member, MemberGraph
 from dsfab.render import Palette
 from dsfab.workshop import Layering, WorkshopPlan, is_strip, layer_numbers, placed_parts

@@ -7,8 +7,10 @@ from functools import partial
 import numpy as np
 
 from dsfab import __version__
-from dsfab.arrays import Floats
-from dsfab.pipeline import Design
+from dsfab.core.arrays import Floats
+from dsfab.core.messages import length
+from dsfab.core.units import MM_PER_M
+from dsfab.design import Design
 from dsfab.render import PAPER, up_axis
 from dsfab.report.assembly.axonometry import (
     Axonometry,
@@ -19,19 +21,13 @@ from dsfab.report.assembly.axonometry import (
     plank_faces,
     skin_faces,
 )
-from dsfab.report.assembly.bars import BAR_RULE, BARS_UNCHECKED, bar_figures, bar_pages, bar_steps
+from dsfab.report.assembly.bar_pages import BAR_RULE, BARS_UNCHECKED, bar_figures, bar_pages, bar_steps, joint_pages
 from dsfab.report.assembly.card_model import MODEL_UNCHECKED, model_figures, model_pages
-from dsfab.report.assembly.families import family_pages
-from dsfab.report.assembly.flat_parts import cut_list_pages, nest_pages, node_pages, sheet_figures
-from dsfab.report.assembly.joint import joint_pages
-from dsfab.report.assembly.overview import cover, named_view
+from dsfab.report.assembly.flat_parts import cut_list_pages, family_pages, nest_pages, node_pages, sheet_figures
+from dsfab.report.assembly.overview import cover, named_view, refolded_pages
 from dsfab.report.assembly.paper import HAIR, HIGH, INK, MARGIN, MM, PAGE, QUIET, WIDE, Paper
-from dsfab.report.assembly.refolding import refolded_pages
-from dsfab.report.assembly.sequence import RULE, assembly_steps, plank_rule, plank_steps
-from dsfab.report.assembly.steps import step_pages
-from dsfab.report.compliance.pdf_style import fonts
-from dsfab.units import MM_PER_M
-from dsfab.wording import length
+from dsfab.report.assembly.sequence import RULE, assembly_steps, plank_rule, plank_steps, step_pages
+from dsfab.report.pdf_pages import fonts
 from dsfab.workshop import WorkshopPlan
 
 Page = tuple[str, Callable[[Paper], None]]

@@ -4,10 +4,10 @@ from collections.abc import Callable, Iterator
 
 import numpy as np
 
+from dsfab.core.messages import length
+from dsfab.core.units import MM_PER_M
 from dsfab.report.assembly.flat_parts import Page, sheet_figures
 from dsfab.report.assembly.paper import HAIR, INK, PAGE, QUIET, Fitted, Paper, PaperBox, usual_scale
-from dsfab.units import MM_PER_M
-from dsfab.wording import length
 from dsfab.workshop import FlatPart, WorkshopPlan
 
 MODEL_UNCHECKED = (

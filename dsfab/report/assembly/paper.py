@@ -6,9 +6,9 @@ from typing import Any, Literal
 
 import numpy as np
 
-from dsfab.arrays import Floats
+from dsfab.core.arrays import Floats
 from dsfab.report.assembly.axonometry import FaceList
-from dsfab.report.html import COLOURS
+from dsfab.report.html_pages import COLOURS
 
 MM = 72 / 25.4
 """Points."""

@@ -1,4 +1,4 @@
-"""In which order members are put up: lower layers first, and within a layer from the supports upwards."""
+"""The order of assembly, and its pages."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -7,8 +7,11 @@ from itertools import groupby
 
 import numpy as np
 
-from dsfab.arrays import Floats
+from dsfab.core.arrays import Floats
 from dsfab.members import Member, MemberGraph
+from dsfab.report.assembly.axonometry import Axonometry, MemberFaces
+from dsfab.report.assembly.overview import structure
+from dsfab.report.assembly.paper import PAGE, QUIET, Paper, PaperBox
 from dsfab.workshop import Layering, WorkshopPlan, is_strip, layer_numbers
 
 MOST = 12
@@ -97,3 +100,67 @@ def _heights(graph: MemberGraph, up: Floats) -> dict[str, float]:
     surface = graph.sheet.surface
     z = surface.V @ up
     return {member.id: float(z[surface.F[member.cells]].min()) for member in graph.members}
+
+
+ACROSS, DOWN = 3, 2
+"""Steps on a page."""
+STANDING = (0.82, 0.81, 0.79)
+"""The colour of what stands already."""
+LINES = 3
+"""Of names below a picture."""
+
+
+def step_pages(
+    steps: tuple[AssemblyStep, ...], faces: list[MemberFaces], up: Floats, rule: str
+) -> list[tuple[str, Callable[[Paper], None]]]:
+    """Pages of pictures: what is new is in its colour, what stands is grey; above them by which rule."""
+    per_page = ACROSS * DOWN
+    return [
+        (
+            f"Assembly: steps {k + 1} to {min(k + per_page, len(steps))} of {len(steps)}",
+            _page(steps, k, faces, (up, rule)),
+        )
+        for k in range(0, len(steps), per_page)
+    ]
+
+
+def _page(
+    steps: tuple[AssemblyStep, ...], first: int, faces: list[MemberFaces], how: tuple[Floats, str]
+) -> Callable[[Paper], None]:
+    up, rule = how
+    view = Axonometry.of(up)
+    extent = np.concatenate([view.flat(one.quads).reshape(-1, 2) for one in faces])
+
+    def draw(paper: Paper) -> None:
+        top = PAGE.y + PAGE.high
+        for k, line in enumerate(paper.wrapped(rule, PAGE.wide, 8)):
+            paper.text((PAGE.x, top - 3 - 3.8 * k), line, 8, QUIET)
+        room = PaperBox(PAGE.x, PAGE.y, PAGE.wide, PAGE.high - 13)
+        some = range(first, min(first + ACROSS * DOWN, len(steps)))
+        for k, cell in zip(some, room.cells(ACROSS, DOWN, 8.0), strict=False):
+            _step(paper, steps, k, faces, cell, (view, extent))
+
+    return draw
+
+
+def _step(
+    paper: Paper,
+    steps: tuple[AssemblyStep, ...],
+    k: int,
+    faces: list[MemberFaces],
+    cell: PaperBox,
+    seen: tuple[Axonometry, Floats],
+) -> None:
+    view, extent = seen
+    new = set(steps[k].members)
+    before = {name for step in steps[:k] for name in step.members} - new
+    there = [one for one in faces if one.id in new or one.id in before]
+    below = 5.0 + 3.4 * LINES
+    picture = PaperBox(cell.x, cell.y + below, cell.wide, cell.high - below)
+    structure(paper, there, view, picture, dict.fromkeys(before, STANDING), extent)
+    paper.text((cell.x, cell.y + below - 3), f"{k + 1}", 12, bold=True)
+    lines = paper.wrapped(", ".join(steps[k].members), cell.wide - 10, 8)
+    if len(lines) > LINES:
+        lines = [*lines[: LINES - 1], f"... to {steps[k].members[-1]}"]
+    for row, line in enumerate(lines):
+        paper.text((cell.x + 8, cell.y + below - 3 - 3.4 * row), line, 8)

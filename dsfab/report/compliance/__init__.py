@@ -9,15 +9,14 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
-from dsfab.errors import ExportError
-from dsfab.report.compliance import failed, sections
-from dsfab.report.compliance.charts import Charts, charts
-from dsfab.report.compliance.document import Document, Numbers, ReportSection
+from dsfab.core.errors import ExportError
+from dsfab.report.compliance import sections
+from dsfab.report.compliance import sections as failed
+from dsfab.report.compliance.figures import Charts, Pictures, charts
 from dsfab.report.compliance.findings import Findings
-from dsfab.report.compliance.html import page
-from dsfab.report.compliance.pdf import pdf
-from dsfab.report.compliance.pictures import Pictures
 from dsfab.report.design.facts import versions
+from dsfab.report.html_pages import Document, Numbers, ReportSection, page
+from dsfab.report.pdf_pages import pdf
 
 FILES = ("report.html", "report.pdf")
 
@@ -26,7 +25,7 @@ __all__ = ["FILES", "Findings", "report", "write_report"]
 
 def report(found: Findings, rows: Sequence[Mapping[str, Any]], pictures: Pictures) -> Document:
     """Everything that was found. rows : those of `results.json`, at several volumes."""
-    from dsfab.preset_file import preset_toml
+    from dsfab.preset.file import preset_toml
 
     preset, known = found.task.preset, versions()
     make = _parts if found.carries else failed.parts

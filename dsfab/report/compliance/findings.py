@@ -1,25 +1,97 @@
-"""What a report is about: a comparison, what it says of its design, and whether that is good."""
+"""Findings of a comparison: the status of a design, its reasons, and numbers in words."""
 
 import math
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
-from dsfab.arrays import Floats
-from dsfab.errors import StaticsError
-from dsfab.limits import BALANCE, CONVERGED, FACETS, RESIDUAL, Mark, Status, worst
-from dsfab.pipeline import loads_on
-from dsfab.report.compliance.document import escaped
-from dsfab.report.compliance.words import length, percent, quantity, share_of, times, within
+from dsfab.core.arrays import Floats
+from dsfab.core.errors import StaticsError
+from dsfab.core.limits import BALANCE, CONVERGED, FACETS, RESIDUAL, Mark, Status, worst
+from dsfab.core.messages import bounded, mass
+from dsfab.core.messages import length as length_words
+from dsfab.design import loads_on
+from dsfab.report.html_pages import escaped
 from dsfab.statics import flat_axis
 from dsfab.study import Comparison
+from dsfab.study.alternatives import Competitor
 from dsfab.study.baselines import ComparisonTask, Structure
-from dsfab.study.competitors import Competitor
-from dsfab.study.judging import Answered, Carried, Judgement, solved_loads
-from dsfab.study.verdict import rules
-from dsfab.study.verdict.stresses import Extreme
+from dsfab.study.judges import Answered, Carried, Judgement, solved_loads
+from dsfab.study.verdict import estimates
+from dsfab.study.verdict.estimates import Extreme
 from dsfab.surface import LimitState
-from dsfab.wording import bounded, mass
+
+PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "µ"))
+
+
+def unit_for(size: float, unit: str) -> tuple[float, str]:
+    """What to divide values of this size by, and the unit with its prefix."""
+    size = abs(size)
+    factor, prefix = next(((f, p) for f, p in PREFIXES if size >= 0.9995 * f), (1.0, "") if not size else PREFIXES[-1])
+    return factor, prefix + unit
+
+
+def quantity(value: float | None, unit: str, digits: int = 3) -> str:
+    """'12.3 kN'; 'n/a' for what is not known."""
+    if value is None or not math.isfinite(value):
+        return "n/a"
+    factor, name = unit_for(value, unit)
+    return f"{digits_of(value / factor, digits)} {name}"
+
+
+def digits_of(value: float, digits: int = 3) -> str:
+    """So many digits, without an exponent: '0.0123', '12.3', '12 300'."""
+    if value == 0 or not math.isfinite(value):
+        return "0" if value == 0 else "n/a"
+    value = float(f"{value:.{digits - 1}e}")  # 9.996 has become 10.00 before its digits are counted
+    after = max(0, digits - 1 - math.floor(math.log10(abs(value)) + 1e-12))
+    return f"{value:,.{after}f}".replace(",", " ")
+
+
+def within(value: float, bound: float | None, unit: str) -> str:
+    """'59.9 J ± 1.8 %': as many digits as the bound leaves."""
+    if not math.isfinite(value):
+        return "n/a"
+    if bound is None or not math.isfinite(bound):
+        return f"{quantity(value, unit)} (bound unknown)"
+    return f"{quantity(value, unit, 4 if bound < 0.005 else 3)} ± {percent(bound)}"
+
+
+def share_of(part: float) -> str:
+    """'41.3 %', of the surface."""
+    return f"{100 * part:.1f} %"
+
+
+def percent(share: float) -> str:
+    """'1.8 %', '0.3 %', '12 %'."""
+    return f"{100 * share:.2g} %" if abs(share) < 0.1 else f"{100 * share:.0f} %"
+
+
+def times(low: float, middle: float, high: float) -> str:
+    """'1.92 (1.87 to 1.97)'."""
+    return f"{digits_of(middle)} ({digits_of(low)} to {digits_of(high)})"
+
+
+def point(place: Sequence[float]) -> str:
+    """'(1.20, 0.00, 3.98) m'."""
+    return f"({', '.join(f'{x + 0.0:.2f}' for x in place)}) m"
+
+
+def length(metres: float | None) -> str:
+    """'0.31 mm', '2.4 m'."""
+    return "n/a" if metres is None or not math.isfinite(metres) else length_words(metres)
+
+
+def enumeration(words: Sequence[str]) -> str:
+    """'a, b and c'."""
+    return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
+
+
+def nice(value: float) -> float:
+    """The next of 1, 2, 2.5 and 5 times a power of ten."""
+    power = 10.0 ** math.floor(math.log10(value))
+    return float(next(power * step for step in (1.0, 2.0, 2.5, 5.0, 10.0) if power * step >= value * (1 - 1e-9)))
+
 
 KNOCKED_DOWN = 5.0
 """Real shells buckle at a fifth to a half of the linear load factor: a factor above this needs no second look."""
@@ -220,10 +292,12 @@ class Findings:
         check = self.judged.check
         if check is None or not math.isfinite(check.per_member):
             return None
-        fine = check.per_member >= rules.MEMBER
+        fine = check.per_member >= estimates.MEMBER
         told = f"{check.per_member:.2g} edges of the uncut mesh across a member"
         more = "" if fine else "; the outline is coarse, the structure as drawn is what was checked"
-        return CheckLine("Outline of the members", "pass" if fine else "note", told + more, f"{rules.MEMBER:g} or more")
+        return CheckLine(
+            "Outline of the members", "pass" if fine else "note", told + more, f"{estimates.MEMBER:g} or more"
+        )
 
     def _faceted(self) -> CheckLine | None:
         check = self.judged.check

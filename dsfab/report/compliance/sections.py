@@ -1,10 +1,23 @@
-"""The parts of a report, in their order."""
+"""Sections of a compliance report, for designs that carry their loads and for designs that do not."""
 
 from collections.abc import Mapping, Sequence
 
-from dsfab.limits import CONVERGED
+from dsfab.core.limits import CONVERGED
+from dsfab.core.messages import mass
 from dsfab.report.compliance import tables
-from dsfab.report.compliance.document import (
+from dsfab.report.compliance.figures import Charts, Pictures
+from dsfab.report.compliance.findings import (
+    LABELS,
+    Findings,
+    digits_of,
+    enumeration,
+    length,
+    percent,
+    quantity,
+    share_of,
+)
+from dsfab.report.compliance.verdict_words import banner, losses, standing, thinner_at_volumes
+from dsfab.report.html_pages import (
     Across,
     Block,
     Bullets,
@@ -13,14 +26,11 @@ from dsfab.report.compliance.document import (
     Paragraph,
     ReportFigure,
     ReportSection,
+    Table,
     escaped,
 )
-from dsfab.report.compliance.findings import LABELS, Findings
-from dsfab.report.compliance.pictures import Pictures
-from dsfab.report.compliance.verdict_words import banner, losses, standing, thinner_at_volumes
-from dsfab.report.compliance.words import digits_of, length, percent, quantity
 from dsfab.statics import elements_of
-from dsfab.study.verdict import calibration, rules
+from dsfab.study.verdict import calibration, estimates
 
 PLANE = "The sheet is loaded in its own plane: there is no bending, and the two pairs of elements are one."
 
@@ -88,7 +98,7 @@ def convergence(found: Findings, number: Numbers) -> ReportSection:
     levels = tables.levels_table(found, number)
     if levels is None:
         words = "The compliance was found by one solve on the mesh as it is cut; "
-        words += f"its bound, {percent(rules.QUICK[1])}, holds for nine designs in ten. "
+        words += f"its bound, {percent(estimates.QUICK[1])}, holds for nine designs in ten. "
         words += "It shows no convergence: <code>--level full</code> does."
         return ReportSection("Compliance", [Paragraph(words), tables.cases_table(found, number)])
     check = found.judged.check
@@ -251,3 +261,74 @@ def reproduction(found: Findings, versions: Mapping[str, str], preset: str, numb
         Code(preset),
     ]
     return ReportSection("Making it again", blocks, own_page=True)
+
+
+def parts(
+    found: Findings,
+    pictures: Pictures,
+    number: Numbers,
+    charts: Charts,
+    versions: Mapping[str, str],
+    preset: str,
+) -> list[ReportSection]:
+    """All of it; there are no displacements, stresses and reactions of what is not in equilibrium."""
+    return [
+        _summary(found, pictures, number),
+        checks(found, number),
+        subject(found, number),
+        loads(found, pictures, number),
+        *([comparison(found, number, charts)] if found.compared.rivals or found.volumes else []),
+        *scope(found),
+        reproduction(found, versions, preset, number),
+    ]
+
+
+def _summary(found: Findings, pictures: Pictures, number: Numbers) -> ReportSection:
+    blocks: list[Block] = [banner(found)]
+    blocks += [Paragraph(text, "lead") for text in (_advice(found), *standing(found))]
+    blocks.append(_drawn(found, pictures, number))
+    if found.drawn:
+        blocks.append(_sizes(found, number))
+    return ReportSection("Summary", blocks)
+
+
+def _advice(found: Findings) -> str:
+    """What there is to know and to do."""
+    carrying = [share for share, one in found.volumes if one.design.judgement]
+    told = "No compliance, displacement or stress can be given for what is not in equilibrium. "
+    if carrying:
+        shares = enumeration([f"{share:.0%}" for share in carrying])
+        return told + f"With its widths scaled it carries them at {shares} of the material."
+    return told + (
+        "More material (wider stripes, lower thresholds), a rim, or kept regions around loads and supports close such "
+        "gaps; so do other phases, modes or frequencies."
+    )
+
+
+def _drawn(found: Findings, pictures: Pictures, number: Numbers) -> ReportFigure:
+    if found.drawn:
+        red = "; red reaches no support" if found.design.loose > 0 else ""
+        told = f"What the pattern draws{red}. Arrows are loads, cones are supports."
+        return pictures.everything(number.figure(told), 0.86)
+    told = "The surface before it is cut. Arrows are loads, cones are supports."
+    return pictures.case(found.cases[0], number.figure(told), 0.86)
+
+
+def _sizes(found: Findings, number: Numbers) -> Table:
+    made = found.design
+    rows = [
+        ("Mass", mass(made.mass), f"{share_of(made.area_fraction)} of the surface, {length(made.thickness)} thick"),
+        ("Pieces", str(made.pieces), f"{share_of(made.loose)} of what is drawn reaches no support"),
+        ("Compliance", "none", "not in equilibrium"),
+        *(_carried(found, name) for name in ("full", *(rival.name for rival in found.compared.rivals))),
+    ]
+    return Table(number.table("Key results."), ("Result", "Value", "Remark"), rows, 3, "", (3, 2, 4))
+
+
+def _carried(found: Findings, name: str) -> tuple[str, str, str]:
+    one, full = found.compared[name], found.compared.full
+    label = escaped(LABELS[name])
+    if one.judgement is None:
+        return label, "none", "does not carry the loads either" if one.structure or one.spread else "was not found"
+    ratio = f"{digits_of(one.compliance / full.compliance)} times the compliance of the whole sheet"
+    return label, mass(one.mass), "carries the loads" if name == "full" else f"carries the loads, with {ratio}"

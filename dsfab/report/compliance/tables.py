@@ -6,15 +6,26 @@ from typing import Any
 
 import numpy as np
 
-from dsfab.arrays import Floats
-from dsfab.report.compliance.document import Numbers, Table, escaped
-from dsfab.report.compliance.findings import LABELS, CheckLine, Findings
-from dsfab.report.compliance.words import digits_of, length, percent, point, quantity, share_of, unit_for, within
-from dsfab.slicing.pattern_quality import FamilyQuality, PatternQuality
+from dsfab.core.arrays import Floats
+from dsfab.core.messages import force, mass
+from dsfab.report.compliance.findings import (
+    LABELS,
+    CheckLine,
+    Findings,
+    digits_of,
+    length,
+    percent,
+    point,
+    quantity,
+    share_of,
+    unit_for,
+    within,
+)
+from dsfab.report.html_pages import Numbers, Table, escaped
+from dsfab.slicing.measures.pattern_quality import FamilyQuality, PatternQuality
 from dsfab.statics import elements_of
-from dsfab.study.competitors import Competitor
+from dsfab.study.alternatives import Competitor
 from dsfab.surface import Surface
-from dsfab.wording import force, mass
 
 GB = 1e9
 

@@ -1,11 +1,10 @@
 """The verdict of a report in sentences: what the structure does, and how it stands beside others of its mass."""
 
-from dsfab.report.compliance.document import Banner, escaped
-from dsfab.report.compliance.findings import LABELS, Findings
-from dsfab.report.compliance.words import digits_of, enumeration, percent, times, within
+from dsfab.core.messages import length, mass, sentence
+from dsfab.report.compliance.findings import LABELS, Findings, digits_of, enumeration, percent, times, within
+from dsfab.report.html_pages import Banner, escaped
 from dsfab.study import losing_line
-from dsfab.study.competitors import Competitor
-from dsfab.wording import length, mass, sentence
+from dsfab.study.alternatives import Competitor
 
 TITLES = {
     "pass": "Pass: the structure carries its loads, and its compliance is known",

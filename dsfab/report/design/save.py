@@ -8,19 +8,17 @@ from contextlib import AbstractContextManager, contextmanager, nullcontext
 from pathlib import Path
 from typing import Any, NamedTuple
 
-from dsfab.delivery.archive import with_mesh, write_archive
-from dsfab.delivery.files import deliverable
-from dsfab.errors import ExportError
+from dsfab.core.errors import ExportError
+from dsfab.design.design import Design
+from dsfab.design.log import Progress, silent
+from dsfab.design.output.archive import with_mesh, write_archive
+from dsfab.design.output.files import deliverable
 from dsfab.export import meanwhile, whole_or_nothing, write
-from dsfab.export.folder import DESIGN, MANIFEST, manifest
-from dsfab.pipeline.design import Design
-from dsfab.pipeline.log import Progress, silent
-from dsfab.preset import Preset
-from dsfab.preset_file import preset_toml
-from dsfab.report.design.choice import alternative_facts
-from dsfab.report.design.fabrication import fabrication_facts
-from dsfab.report.design.facts import facts
-from dsfab.report.design.pattern import quality_facts
+from dsfab.export.writing import DESIGN, MANIFEST, manifest
+from dsfab.preset.file import preset_toml
+from dsfab.preset.model import Preset
+from dsfab.report.design.facts import alternative_facts, facts
+from dsfab.report.design.inspection import fabrication_facts, quality_facts
 from dsfab.study import design_alternatives, is_searched, require_fit
 from dsfab.study.fabrication import FabricationMeasures, fabrication
 from dsfab.thickening import SplitBodies, parts
@@ -99,7 +97,7 @@ def _measured(design: Design, progress: Progress, marks: Path | None) -> dict[st
 
 def ready_to_draw(picture: bool) -> AbstractContextManager[None]:
     """Inside, if there will be a picture, another process loads what draws while the design is still being made."""
-    from dsfab.render.finished import picture_ahead
+    from dsfab.render.design_picture import picture_ahead
 
     return picture_ahead() if picture else nullcontext()
 
@@ -107,7 +105,7 @@ def ready_to_draw(picture: bool) -> AbstractContextManager[None]:
 @contextmanager
 def _picture(design: Design, path: Path, progress: Progress) -> Iterator[None]:
     """What is done inside is done while the picture is drawn; at the end it is waited for."""
-    from dsfab.render.finished import picture_meanwhile
+    from dsfab.render.design_picture import picture_meanwhile
 
     with picture_meanwhile(design, path) as finish:
         yield

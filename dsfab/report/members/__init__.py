@@ -1,29 +1,314 @@
-"""The report of `dsfab report`: members against the code of their material, as one HTML file and as a PDF.
+"""The report on members: section forces and utilisation against the Eurocode of their material."""
 
-rating     bands of colour for the cells of bays      diagrams   section forces along members
-sections   its parts, in their order
-"""
-
+import math
+from collections.abc import Mapping, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
-from dsfab.errors import DsfabError, ExportError
-from dsfab.pipeline import Design
+import numpy as np
+from scipy.spatial import cKDTree
+
+from dsfab.core.arrays import Floats
+from dsfab.core.errors import DsfabError, ExportError
+from dsfab.design import Design
+from dsfab.members.eurocode import Utilisation
+from dsfab.members.frame import COMPONENTS
+from dsfab.preset.file import preset_toml
 from dsfab.render import up_axis
 from dsfab.report.assembly import assembly_page
-from dsfab.report.compliance.document import Document, Numbers
-from dsfab.report.compliance.html import page
-from dsfab.report.compliance.pdf import pdf
+from dsfab.report.compliance import tables
+from dsfab.report.compliance.figures import SIZE, WHITE, Chart, jpeg, lettering, png, trimmed
+from dsfab.report.compliance.findings import length, nice, percent, unit_for
 from dsfab.report.design.facts import versions
-from dsfab.report.members import sections
-from dsfab.report.members.rating import rating_figure
+from dsfab.report.html_pages import (
+    Banner,
+    Block,
+    Bullets,
+    Code,
+    Document,
+    Numbers,
+    Paragraph,
+    ReportFigure,
+    ReportSection,
+    Scale,
+    Table,
+    escaped,
+    page,
+)
+from dsfab.report.pdf_pages import pdf
 from dsfab.workshop import workshop_plan
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+
+    from dsfab.members.frame import MemberForces
+
+
+UNITS = (*["N"] * 3, *["N m"] * 3)
+"""Of the components: forces, then moments."""
+SHOWN = tuple(enumerate(zip(COMPONENTS, UNITS, strict=True)))
+"""Component, its name and its unit."""
+ACROSS = 3
+"""Components in a row: forces above, moments below."""
+WIDE, HIGH = 6.8, 0.68
+"""Inches of a row; the axis below has half a row more."""
+RISING, FALLING, INK = "#b84f38", "#21508c", "#3a3532"
+"""Colours of what is above and below zero, and of lines."""
+
+
+def force_diagrams(design: Design, rows: list[tuple[str, str]]) -> Chart:
+    """Two rows for each member, with the case or combination that it is drawn for: N, Vy, Vz, and Mt, My, Mz below.
+
+    Grey lines are the least and the greatest of all cases; strokes at the bottom are nodes.
+    """
+    from matplotlib.figure import Figure
+    from matplotlib.layout_engine import ConstrainedLayoutEngine
+
+    lines = len(SHOWN) // ACROSS
+    with lettering(**{"font.size": 7.5}):
+        layout = ConstrainedLayoutEngine(hspace=0.06, h_pad=0.02)
+        figure = Figure(figsize=(WIDE, HIGH * (lines * len(rows) + 0.4)), layout=layout)
+        grid = figure.subplots(lines * len(rows), ACROSS, squeeze=False)
+        for number, (name, case) in enumerate(rows):
+            block = grid[lines * number : lines * (number + 1)]
+            forces = design.member_forces[name]
+            nodes = [node.at[node.members.index(name)] for node in design.members.along[name]]
+            for axes, (column, (letter, unit)) in zip(block.flat, SHOWN, strict=True):
+                _drawn(axes, forces, case, (column, letter, unit))
+                axes.plot(nodes, np.zeros(len(nodes)), "|", color=INK, ms=4, transform=axes.get_xaxis_transform())
+            for axes in block[:-1].flat:
+                axes.tick_params(labelbottom=False)
+            _titled(block[0, 0], name, case)
+        for axes in grid[-1]:
+            axes.set_xlabel("along the member, m")
+        return png(figure)
+
+
+def _titled(axes: "Axes", name: str, case: str) -> None:
+    """The member and its case, above the titles of the diagrams."""
+    above: dict[str, Any] = {"textcoords": "offset points", "va": "bottom", "fontsize": 8.5}
+    bold = axes.annotate(name, (0, 1), (0, 10), xycoords="axes fraction", fontweight="bold", **above)
+    axes.annotate(case, (1, 0), (6, 0), xycoords=bold, **above)
+
+
+def _drawn(axes: "Axes", forces: "MemberForces", case: str, shown: tuple[int, str, str]) -> None:
+    """One component along one member."""
+    column, letter, unit = shown
+    value, least, most = forces.forces[case][:, column], *np.moveaxis(forces.envelope[:, column], -1, 0)
+    factor, name = unit_for(max(float(np.abs([least, most]).max()), 1e-9), unit)
+    order = np.argsort(forces.s, kind="stable")
+    s, value, least, most = forces.s[order], value[order] / factor, least[order] / factor, most[order] / factor
+    for above, colour in ((True, RISING), (False, FALLING)):
+        axes.fill_between(s, 0, value, where=(value >= 0) == above, color=colour, alpha=0.3, lw=0, interpolate=True)
+    axes.plot(s, value, color=INK, lw=0.9)
+    if len(forces.forces) > 1:
+        for edge in (least, most):
+            axes.plot(s, edge, color="#9a948d", lw=0.6)
+    axes.axhline(0, color=INK, lw=0.5)
+    axes.set_title(f"{letter}, {name}", fontsize=7.5, loc="right", pad=2)
+    axes.margins(x=0.01)
+    axes.locator_params(axis="y", nbins=4)
+    axes.spines[["top", "right", "bottom"]].set_visible(False)
+    axes.tick_params(length=2, pad=2)
+
+
+WORST = 10
+"""Members that are listed, drawn and named."""
+BANDS = 10
+"""Of colour, or a few less."""
+SAMPLES = 8
+"""Points along a bay by which cells find it."""
+
+
+def rating_figure(design: Design, number: Numbers) -> ReportFigure:
+    """The picture, or why there is none."""
+    from dsfab.render import band_colours, rated_members_picture
+
+    found = design.member_utilisation
+    value = bay_values(design)
+    limit = float(np.nanmax(value)) if np.isfinite(value).any() else 1.0
+    step = nice(max(limit, 1e-3) / BANDS)
+    count = max(2, math.ceil(limit / step - 1e-9))
+    band = np.where(np.isnan(value), -1, np.minimum(np.nan_to_num(value) / step, count - 1)).astype(np.int64)
+    names = [found.bays.member[bay] for bay in found.worst_bays(WORST)]
+    labels = [f"{100 * step * k:.4g} %" for k in range(count + 1)]
+    caption = number.figure(
+        f"What each bay bears of what it can, in the case and the check that decide. The {len(names)} worst members "
+        "are named; plates, discs and fills are not checked and have no colour."
+    )
+    scale = Scale("utilisation: 100 % is full", band_colours(count), labels)
+    try:
+        pixels = trimmed(rated_members_picture(design, band, count, names, size=SIZE, palette=WHITE), WHITE.paper)
+    except DsfabError as error:
+        return ReportFigure(caption, b"", SIZE, missing=f"no picture: {error}")
+    return ReportFigure(caption, jpeg(pixels), (pixels.shape[1], pixels.shape[0]), 0.86, scale)
+
+
+def bay_values(design: Design) -> Floats:
+    """(m,) utilisation: of the bay that each cell of the members' sheet is nearest to along its member. Where members
+    cross, the larger; NaN where there is none."""
+    graph, found = design.members, design.member_utilisation
+    value = np.full(graph.sheet.surface.m, -np.inf)
+    for name in dict.fromkeys(found.bays.member):
+        member, own = graph.by_id[name], [k for k, one in enumerate(found.bays.member) if one == name]
+        assert member.axis is not None
+        s = np.array([np.linspace(found.bays.s[k, 0], found.bays.s[k, -1], SAMPLES) for k in own]).ravel()
+        P = member.axis.at(s % member.axis.length if member.axis.closed else s)[0]
+        nearest = np.asarray(cKDTree(P).query(graph.sheet.surface.centroids[member.cells])[1]) // SAMPLES
+        value[member.cells] = np.maximum(value[member.cells], found.largest[np.array(own)[nearest]])
+    return np.where(np.isinf(value), np.nan, value)
+
+
+LISTED = 400
+"""Members in the list of all of them, at most."""
+IN_A_FIGURE = 3
+"""Members in one figure of diagrams: two of these are a page."""
+
+
+def worst_words(found: Utilisation) -> str:
+    """'B10, 63 %'."""
+    return f"{found.bays.member[found.order[0]]}, {percent(float(found.largest[found.order[0]]))}"
+
+
+def summary(found: Utilisation, picture: ReportFigure, number: Numbers) -> ReportSection:
+    """One page: a verdict of the members alone, and the structure."""
+    over = sum(value > 1 for value in found.by_member.values())
+    if found.standard.startswith("no standard"):
+        status, title = "unknown", "No standard: stress over strength"
+    elif over:
+        status, title = "fail", f"{over} of {len(found.by_member)} members bear more than they can"
+    else:
+        status = "pass" if found.combined else "unknown"
+        title = f"Each of {len(found.by_member)} members bears less than it can"
+        title += "" if found.combined else ", of loads without partial factors"
+    blocks: list[Block] = [
+        Banner(status, title, escaped(f"{found.told}. Checked by {found.standard}. {found.assumed[0]}")),
+        Paragraph(
+            "Forces are summed up from the shell, section by section. Joints, and the stability of the structure as a "
+            "whole, are not checked here: see what was not checked.",
+        ),
+        picture,
+    ]
+    return ReportSection("Summary", blocks)
+
+
+def worst(found: Utilisation, number: Numbers) -> ReportSection:
+    """The members that bear most of what they can, with the clause and the forces that decide."""
+    chosen = found.worst_bays(WORST)
+    decisive = []
+    for bay in chosen:
+        check, case, _ = found.governing(bay)
+        share = percent(float(found.largest[bay]))
+        words = check.name, check.clause, case
+        decisive.append((found.bays.member[bay], found.bays.name[bay], *map(escaped, words), share))
+    head = ("Member", "Bay", "Check", "Clause and formula", "Case", "Utilisation")
+    caption = number.table("The worst bay of each of the worst members.")
+    one = Table(caption, head, decisive, 5, "", (1, 1.5, 2.6, 3.2, 1.5, 1.3))
+    return ReportSection("The worst members", [one, _forces_table(found, chosen, number)], own_page=True)
+
+
+def _forces_table(found: Utilisation, chosen: Sequence[int], number: Numbers) -> Table:
+    """Sections and forces of some bays, where the check that decides over them is largest."""
+    bays, at = found.bays, [(bay, *found.governing(bay)[1:]) for bay in chosen]
+    forces = np.array([bays.forces[case][bay, station] for bay, case, station in at])
+    scale = [_scale(forces[:, [unit == one for one in UNITS]], unit) for unit in UNITS]
+    rows = []
+    for (bay, _, station), row in zip(at, forces, strict=True):
+        section = f"{length(float(bays.width[bay, station]))} × {length(bays.thickness)}"
+        numbers = [f"{x / factor:.{after}f}" for x, (factor, _, after) in zip(row, scale, strict=True)]
+        rows.append((bays.member[bay], section, length(float(bays.length[bay])), *numbers))
+    heads = [f"{name}, {unit}" for name, (_, unit, _) in zip(COMPONENTS, scale, strict=True)]
+    caption = number.table("The same: section, length from node to node, and forces where that check decides.")
+    note = "N positive is tension. My bends with the surface and stretches the side of its normal, Mz bends in it."
+    return Table(
+        caption, ("Member", "Section", "Bay", *heads), rows, 2, note, (0.9, 2.2, 1.1, *[1.3] * len(COMPONENTS))
+    )
+
+
+def _scale(values: Floats, unit: str) -> tuple[float, str, int]:
+    """One unit for all forces or all moments, so that columns can be compared: what to divide by, its name, and digits
+    behind the point, four of the largest and two at least."""
+    largest = max(float(np.abs(values).max()), 1e-9)
+    factor, name = unit_for(largest, unit)
+    return factor, name, max(2, 3 - int(np.floor(np.log10(largest / factor))))
+
+
+def along(design: Design, number: Numbers) -> ReportSection:
+    """Diagrams of the same members."""
+    found = design.member_utilisation
+    rows = [(found.bays.member[bay], found.governing(bay)[1]) for bay in found.worst_bays(WORST)]
+    several = len(found.bays.forces) > 1
+    told = "Each in the case that decides, named beside it; grey: least and greatest of all cases. " if several else ""
+    figures = []
+    for first in range(0, len(rows), IN_A_FIGURE):
+        part = rows[first : first + IN_A_FIGURE]
+        image, size = force_diagrams(design, part)
+        names = ", ".join(name for name, _ in part)
+        words = f"Section forces along {names}. {told}Strokes at the bottom are nodes."
+        figures.append(ReportFigure(number.figure(words), image, size, 1.0))
+    return ReportSection("Forces along them", figures, own_page=True)
+
+
+def checks(found: Utilisation, number: Numbers) -> ReportSection:
+    """The largest of each check."""
+    rows = []
+    for column, check in enumerate(found.checks):
+        values = found.worst[:, column]
+        bay = int(values.argmax())
+        member = found.bays.member[bay] if values[bay] > 0 else "-"
+        rows.append((escaped(check.name), escaped(check.clause), member, percent(float(values[bay]))))
+    caption = number.table("The largest of each check over all bays and cases.")
+    table = Table(caption, ("Check", "Clause and formula", "Member", "Utilisation"), rows, 3, "", (3, 4.4, 1.2, 1.3))
+    return ReportSection("Check by check", [table])
+
+
+def scope(found: Utilisation) -> ReportSection:
+    """What was taken for granted, and what nobody looked at."""
+    assumed = [escaped(line) for line in found.assumed]
+    missing = [escaped(line[0].upper() + line[1:]) + "." for line in found.unchecked]
+    blocks: list[Block] = [
+        Paragraph(f"<b>Checked by</b> {escaped(found.standard)}."),
+        Bullets(assumed),
+        Paragraph("<b>Not checked:</b>"),
+        Bullets(missing),
+        Paragraph("This is a first look, and does not take the place of an engineer's proof.", "quiet"),
+    ]
+    return ReportSection("What was assumed, and what was not checked", blocks)
+
+
+def members(found: Utilisation, number: Numbers) -> ReportSection:
+    """All members, those that bear most first, in three columns."""
+    ranked = sorted(found.by_member.items(), key=lambda one: -one[1])
+    shown = [(name, percent(value)) for name, value in ranked[:LISTED]]
+    third = -(-len(shown) // 3)
+    columns = [[*shown[k * third : (k + 1) * third]] for k in range(3)]
+    rows = [_across(columns, row) for row in range(third)]
+    more = f" {len(ranked) - LISTED} more are in member_utilisation.csv." if len(ranked) > LISTED else ""
+    caption = number.table("All members with bays between nodes, the largest of each." + more)
+    head = ("Member", "Utilisation") * 3
+    return ReportSection("All members", [Table(caption, head, rows, 0, "", (1, 1, 1, 1, 1, 1))])
+
+
+def _across(columns: Sequence[Sequence[tuple[str, str]]], row: int) -> list[str]:
+    return [cell for column in columns for cell in (column[row] if row < len(column) else ("", ""))]
+
+
+def reproduction(design: Design, command: str, known: Mapping[str, str], number: Numbers) -> ReportSection:
+    """Everything that is needed to make it again."""
+    blocks: list[Block] = [
+        Paragraph("Made by this command, with the preset below and these versions:"),
+        Code(command),
+        tables.versions_table(known, number),
+        Paragraph("The preset in full, with every value that was left out:"),
+        Code(preset_toml(design.settled, brief=True)),
+    ]
+    return ReportSection("Making it again", blocks, own_page=True)
+
 
 FILES = ("report.html", "report.pdf")
 STRUCTURE = "structure.html"
 """The structure to turn, cut and colour, for a client."""
-
-__all__ = ["FILES", "member_report", "write_member_report"]
 
 
 def member_report(design: Design, command: str) -> Document:
@@ -36,16 +321,16 @@ def member_report(design: Design, command: str) -> Document:
         ("Design", design.preset.name),
         ("Date", datetime.now(UTC).strftime("%d %B %Y")),
         ("Checked by", f"dsfab {known['dsfab']}"),
-        ("Worst member", sections.worst_words(found)),
+        ("Worst member", worst_words(found)),
     ]
     parts = [
-        sections.summary(found, rating_figure(design, number), number),
-        sections.worst(found, number),
-        sections.along(design, number),
-        sections.checks(found, number),
-        sections.scope(found),
-        sections.members(found, number),
-        sections.reproduction(design, command, known, number),
+        summary(found, rating_figure(design, number), number),
+        worst(found, number),
+        along(design, number),
+        checks(found, number),
+        scope(found),
+        members(found, number),
+        reproduction(design, command, known, number),
     ]
     footer = f"Made by dsfab {known['dsfab']}; a first look at members, no proof of safety under a code"
     return Document("Members against the code", design.preset.name.replace("_", " ").capitalize(), facts, parts, footer)

@@ -2,12 +2,20 @@
 
 from collections.abc import Iterable, Mapping
 
-from dsfab.errors import DsfabError, did_you_mean
-from dsfab.study.baselines.matching import SAME_MASS
-from dsfab.study.baselines.optimised import simp
-from dsfab.study.baselines.striped import grid, isotropic, rotated_stripes, von_mises
-from dsfab.study.baselines.task import Baseline, ComparisonTask, Structure, Variant
-from dsfab.study.baselines.uncut import thinner
+from dsfab.core.errors import DsfabError, did_you_mean
+from dsfab.study.baselines.structures import (
+    SAME_MASS,
+    Baseline,
+    ComparisonTask,
+    Structure,
+    Variant,
+    grid,
+    isotropic,
+    rotated_stripes,
+    thinner,
+    von_mises,
+)
+from dsfab.study.baselines.topology_optimisation import simp
 
 __all__ = ["BASELINES", "DEFAULT", "SAME_MASS", "Baseline", "ComparisonTask", "Structure", "Variant", "chosen"]
 
@@ -20,7 +28,7 @@ BASELINES: Mapping[str, Baseline] = {
     "simp": simp,
 }
 """All of the same mass, and but for `thinner` of the same thickness, with the same loads, supports and kept regions;
-`simp` keeps what is drawn and discs of its own, see `dsfab.study.baselines.optimised.free_task`."""
+`simp` keeps what is drawn and discs of its own, see `dsfab.study.baselines.topology_optimisation.free_task`."""
 
 DEFAULT = ("isotropic", "thinner")
 """Those that a comparison asks for unless it is told otherwise."""

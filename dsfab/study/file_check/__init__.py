@@ -9,18 +9,25 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
-from dsfab.errors import DsfabError
+from dsfab.core.errors import DsfabError
+from dsfab.core.limits import Status
+from dsfab.core.messages import length
+from dsfab.design.design import Design
 from dsfab.export import Fault, Soundness, StepTriangles, curved_soundness, cut_fault, meanwhile, soundness
-from dsfab.limits import Status
-from dsfab.pipeline.design import Design
 from dsfab.study.fabrication import Check, fabrication
-from dsfab.study.file_check.compliance import SolidCompliance, carrying
-from dsfab.study.file_check.distance import Distance, deflection_for, distance
-from dsfab.study.file_check.reading import SUFFIXES, FileContents, read_shipped
-from dsfab.study.file_check.tetrahedra import missing
-from dsfab.study.file_check.walls import Clearance, Clearances, clearances
+from dsfab.study.file_check.file_geometry import (
+    SUFFIXES,
+    Clearance,
+    Clearances,
+    Distance,
+    FileContents,
+    clearances,
+    deflection_for,
+    distance,
+    read_shipped,
+)
+from dsfab.study.file_check.solid_compliance import SolidCompliance, carrying, missing
 from dsfab.surface import DEFAULT_TRIANGLES
-from dsfab.wording import length
 
 __all__ = [
     "SUFFIXES",

@@ -9,7 +9,7 @@ worker, local, cluster                 who makes the runs: processes of this mac
 scheduler, folder                      the only one who writes, and what it writes
 """
 
+from dsfab.study.sweeps.in_memory import Run, sweep
 from dsfab.study.sweeps.metrics import BASIC, METRICS
-from dsfab.study.sweeps.plain import Run, sweep
 
 __all__ = ["BASIC", "METRICS", "Run", "sweep"]

@@ -1,23 +1,58 @@
-"""What a sweep can measure. Each metric makes only the stages that it needs."""
+"""Metrics of a sweep: the numbers that can be measured of a design, each from the stages that it needs."""
 
 from collections.abc import Callable, Mapping
 from typing import Literal, NamedTuple
 
 import numpy as np
 
-from dsfab.arrays import Floats
+from dsfab.core.arrays import Floats
+from dsfab.core.errors import StaticsError
+from dsfab.core.limits import CONVERGED
+from dsfab.design.design import Design
+from dsfab.design.directions import load_axes
+from dsfab.design.pattern_measures import drawn_on_chart, measured_pattern, symmetry_error, used_symmetry
 from dsfab.diffusion import found_symmetry
-from dsfab.errors import StaticsError
-from dsfab.limits import CONVERGED
-from dsfab.pipeline.design import Design
-from dsfab.pipeline.directions import load_axes
-from dsfab.pipeline.measures import drawn_on_chart, measured_pattern, symmetry_error, used_symmetry
-from dsfab.slicing.pattern_quality import PatternQuality
-from dsfab.statics import Equilibrium, FaceStiffness, buckling, elements_of, mode_supports, sheet_stress
+from dsfab.slicing.measures.pattern_quality import PatternQuality
+from dsfab.statics import (
+    Aid,
+    Equilibrium,
+    FaceStiffness,
+    Quantity,
+    buckling,
+    elements_of,
+    mode_supports,
+    sheet_stress,
+    solve_for,
+)
 from dsfab.study.alternatives import design_alternatives
-from dsfab.study.sweeps.cut_sheet import cut_equilibria, verdict
-from dsfab.study.verdict.stresses import quantile
+from dsfab.study.verdict import LoadedSurface, Verdict, check
+from dsfab.study.verdict.estimates import quantile
 from dsfab.surface import hat_gradients
+
+
+def cut_equilibria(design: Design, use: Quantity | Aid) -> dict[str, Equilibrium]:
+    """By name, equilibria of a design's cut sheet under the loads that its pattern follows; worked out once for
+    all uses of the same elements.
+
+    Raises StaticsError when it does not carry them.
+    """
+
+    def solved() -> dict[str, Equilibrium]:
+        return solve_for(design.preset.statics.sheet().on(design.sheet.surface), design.cut_loads, use)
+
+    return design.once("slicing", f"carried by {elements_of(use)}", solved)
+
+
+def verdict(design: Design) -> Verdict:
+    """The full verdict on a design's cut sheet under the loads that its pattern follows; worked out once."""
+
+    def checked() -> Verdict:
+        loads = design.statics.loads(design.preset.followed)
+        setting = LoadedSurface(design.surface, design.preset.statics.sheet(), loads)
+        return check(setting, design.slicing.cells.kept())
+
+    return design.once("slicing", "verdict", checked)
+
 
 Metric = Callable[[Design], float]
 """A function of a design."""

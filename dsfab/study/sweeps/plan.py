@@ -1,14 +1,183 @@
-"""`Plan`: what a sweep is. The one place where the keys of a sweep file, their defaults and ranges are written down."""
+"""Sweep files: the values to vary, constraints, and all keys with their defaults and ranges."""
 
-from typing import Annotated, Any, Literal
+import operator
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from math import exp, isfinite, isnan, log
+from pathlib import Path
+from typing import Annotated, Any, Literal, Self
 
+import tomli_w
 from annotated_types import Ge, Le, MinLen
-from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, field_validator, model_validator
+from pydantic import BaseModel, ConfigDict, Discriminator, Field, Tag, ValidationError, field_validator, model_validator
+from pydantic_core import ErrorDetails
 
-from dsfab.errors import PresetError, did_you_mean
-from dsfab.study.sweeps.constraints import Constraint
+from dsfab.core.errors import PresetError, did_you_mean
+from dsfab.core.toml_files import read_toml
+from dsfab.core.units import METRES_PER
+from dsfab.preset.file import load_preset, require_mesh
+from dsfab.preset.model import Preset
 from dsfab.study.sweeps.metrics import METRICS
-from dsfab.study.sweeps.values import Axis, Range, axes, flat
+
+DIGITS = 6
+"""Significant digits of the values in a range: what is typed is what is built."""
+
+
+class Range(BaseModel):
+    """Values from `from` to `to`, both included; whole numbers where both ends are, evenly apart or by factors."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True, allow_inf_nan=False)
+
+    start: int | float = Field(alias="from")
+    to: int | float
+    count: Annotated[int, Ge(1)] | None = None
+    """How many values a full grid takes."""
+    log: bool = False
+    """Apart by equal factors instead of equal steps."""
+
+    @model_validator(mode="after")
+    def _possible(self) -> Self:
+        if not self.start < self.to:
+            raise ValueError(f"from = {self.start} must be smaller than to = {self.to}")
+        if self.log and self.start <= 0:
+            raise ValueError(f"log runs over positive numbers, from = {self.start} is none")
+        return self
+
+    def at(self, u: float) -> int | float:
+        """The value at u in 0..1 of the way; of whole numbers, each gets an equal share of the way."""
+        if self._whole and not self.log:
+            return self.start + min(int(u * (self.to - self.start + 1)), int(self.to - self.start))
+        value = self._between(u)
+        return round(value) if self._whole else float(f"{value:.{DIGITS}g}")
+
+    def listed(self) -> list[int | float]:
+        """`count` values with both ends."""
+        steps = self.count or 1
+        values = [self._between(i / max(steps - 1, 1)) for i in range(steps)]
+        if self._whole and all(abs(value - round(value)) < 1e-9 * max(1, abs(value)) for value in values):
+            return [round(value) for value in values]
+        return [float(f"{value:.{DIGITS}g}") for value in values]
+
+    @property
+    def _whole(self) -> bool:
+        return isinstance(self.start, int) and isinstance(self.to, int)
+
+    def _between(self, u: float) -> float:
+        if self.log:
+            return exp(log(self.start) + u * (log(self.to) - log(self.start)))
+        return self.start + u * (self.to - self.start)
+
+
+@dataclass(frozen=True)
+class Axis:
+    """One direction of the space of designs: keys that move together, over a range or rows of values."""
+
+    keys: tuple[str, ...]
+    rows: tuple[tuple[Any, ...], ...] = ()
+    span: Range | None = None
+
+    def listed(self) -> list[dict[str, Any]]:
+        """All changes along it."""
+        rows = self.rows if self.span is None else [(value,) for value in self.span.listed()]
+        return [dict(zip(self.keys, row, strict=True)) for row in rows]
+
+    def at(self, u: float) -> dict[str, Any]:
+        """The change at u in 0..1; rows get equal shares."""
+        if self.span is not None:
+            return {self.keys[0]: self.span.at(u)}
+        row = self.rows[min(int(u * len(self.rows)), len(self.rows) - 1)]
+        return dict(zip(self.keys, row, strict=True))
+
+
+def axes(vary: Mapping[str, Sequence[Any] | Range], linked: Sequence[Mapping[str, Sequence[Any]]]) -> list[Axis]:
+    """The axes of a sweep: one for each key, then one for each table of linked keys."""
+    found = [
+        Axis((key,), span=values) if isinstance(values, Range) else Axis((key,), tuple((value,) for value in values))
+        for key, values in vary.items()
+    ]
+    return found + [Axis(tuple(table), tuple(zip(*table.values(), strict=True))) for table in linked]
+
+
+def flat(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
+    """Nested tables as dotted keys. A table with `from` is a range, and stays; so do those of quoted dotted keys, which
+    are values as after --set, and empty ones."""
+    found: dict[str, Any] = {}
+    for key, value in table.items():
+        if isinstance(value, Mapping) and value and "from" not in value and "." not in key:
+            found.update(flat(value, f"{prefix}{key}."))
+        else:
+            found[prefix + key] = value
+    return found
+
+
+def number(text: str) -> int | float:
+    """'5' -> 5, '5.0' -> 5.0; raises ValueError for what is no finite number."""
+    value: int | float = int(text) if text.strip().lstrip("+-").isdigit() else float(text)
+    if not isfinite(value):
+        raise ValueError(text)
+    return value
+
+
+EQUAL = 1e-3
+"""Numbers that differ by less than this share count as equal: a share of 40 % is met by 0.4003."""
+
+_FORM = re.compile(r"^\s*([a-z_]+)\s*(<=|>=|==|!=|=|<|>)\s*([-+0-9.eE]+)\s*([a-z]*)\s*$")
+
+
+def _equal(one: float, other: float) -> bool:
+    return abs(one - other) <= EQUAL * abs(other)
+
+
+_HOLDS: dict[str, Callable[[float, float], bool]] = {
+    "<=": operator.le,
+    ">=": operator.ge,
+    "<": operator.lt,
+    ">": operator.gt,
+    "==": _equal,
+    "=": _equal,
+    "!=": lambda one, other: not _equal(one, other),
+}
+
+
+@dataclass(frozen=True)
+class Constraint:
+    """`metric` compared with a limit in SI units."""
+
+    metric: str
+    sign: str
+    limit: float
+
+    @classmethod
+    def parsed(cls, text: str) -> "Constraint":
+        """Of 'pieces == 1' or 'min_width >= 8 mm'; raises PresetError."""
+        found = _FORM.match(text)
+        try:
+            name, sign, value, unit = found.groups() if found else ("", "", "", "")
+            limit = float(value) * METRES_PER[unit or "m"]
+        except (ValueError, KeyError):
+            raise PresetError(
+                f"constraint {text!r} is not METRIC SIGN NUMBER; write 'pieces == 1' or 'min_width >= 8 mm'"
+            ) from None
+        if name not in METRICS:
+            raise PresetError(
+                f"constraint {text!r}: metric {name!r} is not known{did_you_mean(name, METRICS)}; "
+                f"use {', '.join(METRICS)}"
+            )
+        return cls(name, sign, limit)
+
+    def holds(self, values: Mapping[str, float]) -> bool:
+        """Whether measured values meet it; what was not measured does not."""
+        value = values.get(self.metric, float("nan"))
+        return not isnan(value) and _HOLDS[self.sign](value, self.limit)
+
+    def missed_by(self, values: Mapping[str, float]) -> float:
+        """By which share of its limit it is missed: 0 where it holds, infinite where nothing was measured."""
+        value = values.get(self.metric, float("nan"))
+        if isnan(value):
+            return float("inf")
+        return 0.0 if self.holds(values) else abs(value - self.limit) / max(abs(self.limit), 1e-12)
+
 
 Kept = Literal["picture", "preset", "sheet", "solid"]
 Format = Literal["stl", "3mf", "step", "obj", "ply", "glb"]
@@ -158,3 +327,82 @@ def _told(check: Any, text: str) -> None:
         check(text)
     except PresetError as error:
         raise ValueError(str(error)) from None
+
+
+def load_plan(path: Path) -> Plan:
+    """The plan of a sweep file, its paths starting at its folder; raises PresetError that lists every mistake."""
+    return plan_from(read_plan(path), f"sweep {path.name}")
+
+
+def read_plan(path: Path) -> dict[str, Any]:
+    """The tables of a sweep file, its paths starting at its folder, not checked yet; raises PresetError."""
+    return _from_folder(read_toml(path, "sweep"), path.absolute().parent)
+
+
+def plan_from(values: Mapping[str, Any], source: str = "sweep") -> Plan:
+    """A plan of nested tables; raises PresetError that lists every mistake with its key."""
+    try:
+        return Plan.model_validate(dict(values))
+    except ValidationError as error:
+        told = dict.fromkeys(_sentence(detail) for detail in error.errors())
+        raise PresetError(f"{source}: {'; '.join(told)}") from None
+
+
+def plan_toml(plan: Plan) -> str:
+    """The complete plan, defaults included, as TOML.
+
+    What is varied stays in its order, on which samples and numbers depend. The writer of TOML puts tables behind lists,
+    so ranges are written in one line each.
+    """
+    values = plan.model_dump(mode="json", exclude_none=True, by_alias=True)
+    vary = values.pop("vary")
+    lines = [_line(key, value) for key, value in vary.items()]
+    return "\n".join([tomli_w.dumps(values).rstrip(), "", "[vary]", *lines, ""])
+
+
+def _line(key: str, value: Any) -> str:
+    if isinstance(value, dict):
+        inner = ", ".join(tomli_w.dumps({name: part}).strip() for name, part in value.items())
+        return f"{tomli_w.dumps({key: 0}).partition(' = ')[0]} = {{ {inner} }}"
+    return tomli_w.dumps({key: value}).rstrip()
+
+
+def base_preset(plan: Plan) -> Preset:
+    """What all runs of a plan start from; raises PresetError."""
+    given = load_preset(plan.preset, plan.set, plan.mesh)
+    if plan.mesh is None:
+        require_mesh(given)
+    return given
+
+
+def _from_folder(values: dict[str, Any], folder: Path) -> dict[str, Any]:
+    """Relative files beside the sweep file, as paths that hold from anywhere."""
+    for key in ("preset", "mesh"):
+        given = values.get(key)
+        if isinstance(given, str) and (folder / given).is_file():
+            values[key] = str(folder / given)
+    sampling = values.get("sampling")
+    if isinstance(sampling, str) and sampling.startswith("csv:"):
+        values["sampling"] = f"csv:{folder / sampling.removeprefix('csv:')}"
+    return values
+
+
+def _sentence(detail: ErrorDetails) -> str:
+    """One mistake as 'key = value: what is allowed'."""
+    words = [str(part) for part in detail["loc"] if part not in ("range", "list")]
+    key, kind = ".".join(words) or "sweep", detail["type"]
+    if kind == "extra_forbidden":
+        models: dict[str, Any] = {"search": Search, "vary": Range}
+        fields = models.get(words[0], Plan).model_fields if len(words) > 1 else Plan.model_fields
+        known = [field.alias or name for name, field in fields.items()]
+        return f"unknown key {key}{did_you_mean(words[-1], known)} (known here: {', '.join(known)})"
+    if kind == "missing":
+        return f"{key} is missing"
+    if kind == "value_error":
+        return f"{key}: {detail['ctx']['error']}" if words else str(detail["ctx"]["error"])
+    if key == "sampling":
+        return f"sampling = {detail['input']!r}: use grid, sobol:200, lhs:200 or csv:points.csv"
+    if kind == "too_short":
+        return f"{key} has no values; give at least one"
+    text = detail["msg"].removeprefix("Input ")
+    return f"{key} = {detail['input']!r}: {text[:1].lower()}{text[1:]}"

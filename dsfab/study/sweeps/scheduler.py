@@ -6,11 +6,10 @@ from collections.abc import Callable, Mapping
 from concurrent.futures import FIRST_COMPLETED, Future, wait
 from dataclasses import dataclass, field
 
-from dsfab.errors import DsfabError
-from dsfab.study.sweeps.order import Rows
-from dsfab.study.sweeps.store import Store
-from dsfab.study.sweeps.worker import Outcome
-from dsfab.study.sweeps.workers import Changes, Workers
+from dsfab.core.errors import DsfabError
+from dsfab.study.sweeps.in_memory import Rows
+from dsfab.study.sweeps.runs import Store
+from dsfab.study.sweeps.workers import Changes, Outcome, Workers
 
 TRIES = 2
 """A run whose worker was killed as often as this in one session is left for the next one: it may be the reason. Whose

@@ -1,10 +1,153 @@
-"""`Workers`: who makes the runs, as the scheduler sees them: workers by name, whose answers are futures."""
+"""Workers that make the runs of a sweep: processes of this machine, or of a Dask cluster."""
 
-from collections.abc import Collection, Mapping
-from concurrent.futures import Future
-from typing import Any, Protocol
+import multiprocessing
+import os
+import signal
+import tempfile
+import threading
+import time
+import traceback
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
+from concurrent.futures import BrokenExecutor, Executor, Future, ProcessPoolExecutor
+from contextlib import contextmanager, suppress
+from dataclasses import dataclass, field
+from multiprocessing.connection import wait
+from pathlib import Path
+from typing import Any, Protocol, TypeVar, cast
 
-from dsfab.study.sweeps.worker import Outcome
+from dsfab.core.errors import DsfabError
+from dsfab.core.sparse import peak_memory
+from dsfab.design import Design, draft
+from dsfab.design.output.files import step_options
+from dsfab.preset.file import overridden, preset_from, preset_toml
+from dsfab.preset.model import Preset
+from dsfab.preset.surface_section import FileSurface
+from dsfab.study.sweeps.metrics import metric_value
+
+Drawer = Callable[[Design], bytes]
+"""Draws a design as the bytes of a PNG file; it is handed from `dsfab.app`, which alone can draw."""
+
+
+@dataclass(frozen=True)
+class Job:
+    """What all runs of a sweep have in common, as plain data: it travels to every worker.
+
+    token   : tells jobs apart. preset : the base preset as nested tables. metrics, keep, formats : see `Plan`.
+    draw    : draws a picture, or None. mesh : content of the preset's mesh file where workers cannot read it.
+    """
+
+    token: str
+    preset: Mapping[str, Any]
+    metrics: tuple[str, ...]
+    keep: tuple[str, ...] = ()
+    formats: tuple[str, ...] = ()
+    draw: Drawer | None = None
+    mesh: bytes | None = None
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """How a run ended: what was measured, why it failed ('' if it did not) and the log of that, files by name.
+
+    seconds : of the worker. peak : largest memory of its process so far, bytes (0 where the system does not say).
+    killed  : whether its worker was, each time: then the error says nothing of the design.
+    """
+
+    number: int
+    metrics: Mapping[str, float] = field(default_factory=dict)
+    error: str = ""
+    log: str = ""
+    files: Mapping[str, bytes] = field(default_factory=dict)
+    seconds: float = 0.0
+    peak: int = 0
+    killed: bool = False
+
+
+_alone = threading.Lock()
+"""One run at a time in a process: neither the sparse solver nor the graphics may be used by two threads at once."""
+
+_memory = threading.local()
+"""Of each thread that works: the job, its base preset, and the last design that was made."""
+
+
+def execute(job: Job, number: int, changes: Mapping[str, Any]) -> Outcome:
+    """Make one run. Never raises: a refusal, or a mistake of ours, is its outcome; what was measured before is kept."""
+    with _alone:
+        return _executed(job, number, changes)
+
+
+def _executed(job: Job, number: int, changes: Mapping[str, Any]) -> Outcome:
+    start, metrics, files = time.perf_counter(), dict[str, float](), dict[str, bytes]()
+    doing, wrong, log = "the design", list[str](), ""
+    try:
+        made = _made(job, changes)
+        for name in job.metrics:
+            doing = name
+            try:
+                metrics[name] = metric_value(name, made)
+            except DsfabError as refusal:  # a sheet that carries nothing still has an area and a picture
+                wrong.append(str(refusal))
+        doing = "its files"
+        _keep(job, made, files)
+    except DsfabError as refusal:
+        wrong.append(str(refusal))
+    except Exception as mistake:  # one run must not end a thousand
+        wrong.append(f"{doing}: {type(mistake).__name__}: {mistake}")
+        log = traceback.format_exc()
+    error = "; ".join(dict.fromkeys(wrong))
+    return Outcome(number, metrics, error, log, files, time.perf_counter() - start, peak_memory())
+
+
+def _made(job: Job, changes: Mapping[str, Any]) -> Design:
+    """The design, with the stages of the last one of this worker where they are the same."""
+    if getattr(_memory, "token", None) != job.token:
+        _memory.token, _memory.base, _memory.last = job.token, _base(job), None
+    preset = overridden(_memory.base, changes)
+    _memory.last = draft(preset, old=_memory.last)
+    return _memory.last  # type: ignore[no-any-return]
+
+
+def _base(job: Job) -> Preset:
+    """The base preset; its mesh file is written down here where it came along."""
+    values = dict(job.preset)
+    if job.mesh is not None:
+        from dsfab.export import temporary_folder
+
+        _memory.folder = temporary_folder("dsfab-sweep")
+        mesh = Path(_memory.folder.name) / Path(values["surface"]["file"]).name
+        mesh.write_bytes(job.mesh)
+        values["surface"] = {**values["surface"], "file": str(mesh)}
+    return preset_from(values)
+
+
+def _at_home(job: Job, preset: Preset) -> Preset:
+    """The preset with the mesh file's place on the machine that asked, not on this one."""
+    return preset if job.mesh is None else overridden(preset, {"surface.file": job.preset["surface"]["file"]})
+
+
+def mesh_of(preset: Preset) -> bytes | None:
+    """The content of a preset's mesh file."""
+    return preset.surface.file.read_bytes() if isinstance(preset.surface, FileSurface) else None
+
+
+def _keep(job: Job, made: Design, files: dict[str, bytes]) -> None:
+    """Fill `files` with what is kept of a run."""
+    from dsfab.export import write
+
+    if "preset" in job.keep:
+        files["preset.toml"] = preset_toml(_at_home(job, made.preset)).encode()
+    if "picture" in job.keep and job.draw is not None:
+        files["picture.png"] = job.draw(made)
+    with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
+        if "sheet" in job.keep:
+            files["sheet.ply"] = write(made.sheet.surface, Path(folder) / "sheet.ply").read_bytes()
+        if "solid" in job.keep:
+            name = made.preset.name
+            for suffix in job.formats:
+                path = Path(folder) / f"{name}.{suffix}"
+                write(made.solid, path, step=step_options(made.preset.export))
+                files[f"{name}.{suffix}"] = path.read_bytes()
+
 
 Changes = Mapping[str, Any]
 
@@ -56,3 +199,230 @@ class OneWorker:
     def close(self) -> None:
         """End all workers."""
         self._crew.close()
+
+
+MEMORY_SHARE = 0.8
+"""Share of the memory that was free at the beginning that workers may fill together."""
+
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
+"""Libraries read these when they are loaded. Every worker has one thread: results do not depend on their number."""
+
+
+class LocalWorkers:
+    """Processes. One pool of one process for each worker: when one is killed, the others and their memories stay.
+
+    workers : their number; left out, the first run tells how much memory one needs, and as many follow as fit.
+    """
+
+    def __init__(self, job: Job, workers: int | None = None) -> None:
+        self._job, self._asked = job, workers
+        self._free, self._peak, self._short = free_memory(), 0, memory_kills()
+        self._pools: dict[str, ProcessPoolExecutor] = {}
+        self._pids: dict[str, int] = {}
+
+    def workers(self) -> Collection[str]:
+        """Names of as many workers as there is memory for."""
+        return [f"worker {i}" for i in range(1, self._count() + 1)]
+
+    def _count(self) -> int:
+        if self._asked:
+            return self._asked
+        if not self._peak:
+            return 1
+        return max(1, min(cores(), int(MEMORY_SHARE * self._free / self._peak) if self._free else cores()))
+
+    def submit(self, worker: str, number: int, changes: Changes) -> "Future[Outcome]":
+        """The outcome to come of a run on that worker, which is started when it is not there."""
+        for _ in range(2):
+            if worker not in self._pools:
+                self._begin(worker)
+            try:
+                return self._pools[worker].submit(execute, self._job, number, changes)
+            except BrokenExecutor:  # killed while it had nothing to do
+                self.lost(worker)
+        raise BrokenExecutor(f"{worker} cannot be started")
+
+    def _begin(self, worker: str) -> None:
+        with quiet_start():
+            context = multiprocessing.get_context("spawn")
+            pool = ProcessPoolExecutor(1, mp_context=context, initializer=end_with_parent)
+            self._pools[worker] = pool
+            pool.submit(os.getpid).add_done_callback(lambda future: self._introduce(worker, future))
+
+    def _introduce(self, worker: str, future: "Future[int]") -> None:
+        with suppress(Exception):
+            self._pids[worker] = future.result()
+
+    def lost(self, worker: str) -> str:
+        """End a worker, if it is still there; whether the system has ended a process for want of memory meanwhile."""
+        self._pids.pop(worker, None)
+        pool = self._pools.pop(worker, None)
+        if pool is None:
+            return ""
+        pool.shutdown(wait=False, cancel_futures=True)
+        before, self._short = self._short, memory_kills()
+        return "the system ended a process for want of memory" if self._short > before else ""
+
+    def learn(self, outcome: Outcome) -> None:
+        """Remember the largest memory that a run took."""
+        self._peak = max(self._peak, outcome.peak)
+
+    def close(self) -> None:
+        """End all workers."""
+        for pid in self._pids.values():
+            with suppress(OSError):
+                os.kill(pid, signal.SIGTERM)
+        for worker in list(self._pools):
+            self.lost(worker)
+
+
+@contextmanager
+def quiet_start() -> Iterator[None]:
+    """Processes that begin here compute in one thread, and leave Ctrl-C to the coordinator."""
+    before = {name: os.environ.get(name) for name in THREADS}
+    os.environ.update(dict.fromkeys(THREADS, "1"))
+    mine = threading.current_thread() is threading.main_thread()
+    handler = signal.signal(signal.SIGINT, signal.SIG_IGN) if mine else None
+    try:
+        yield
+    finally:
+        if mine:
+            signal.signal(signal.SIGINT, handler)
+        for name, value in before.items():
+            os.environ.pop(name) if value is None else os.environ.__setitem__(name, value)
+
+
+def end_with_parent() -> None:
+    """Begins in each worker: when the coordinator is killed, nobody else would end its workers."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        threading.Thread(target=_watch, args=(parent.sentinel,), daemon=True).start()
+
+
+def _watch(sentinel: int) -> None:
+    wait([sentinel])
+    os._exit(1)
+
+
+def cores() -> int:
+    """Cores that this process may use."""
+    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+
+
+def free_memory() -> int:
+    """Memory that is free on this machine or in this container, bytes; 0 where the system does not say."""
+    found = []
+    with suppress(OSError, ValueError, IndexError):
+        lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
+        found.append(next(1024 * int(line.split()[1]) for line in lines if line.startswith("MemAvailable")))
+    group = Path("/sys/fs/cgroup")
+    with suppress(OSError, ValueError):
+        limit, used = ((group / name).read_text(encoding="ascii") for name in ("memory.max", "memory.current"))
+        found.append(int(limit) - int(used))
+    return max(0, min(found)) if found else 0
+
+
+def memory_kills() -> int:
+    """How many processes the system has ended for want of memory so far, in this container or on this machine; 0 where
+    it does not say."""
+    for path in ("/sys/fs/cgroup/memory.events", "/proc/vmstat"):
+        with suppress(OSError, ValueError, IndexError, StopIteration):
+            lines = Path(path).read_text(encoding="ascii").splitlines()
+            return next(int(line.split()[1]) for line in lines if line.startswith("oom_kill "))
+    return 0
+
+
+SECONDS = 20
+"""A scheduler that has not answered by then is not there."""
+
+
+class DaskWorkers:
+    """The workers of a scheduler, those that join later too; when one dies, Dask gives its run to another.
+
+    Each worker makes one run at a time, so give it one thread (`dask worker --nthreads 1`), and one worker to a core.
+    Raises DsfabError where dask is not installed or nobody answers.
+    """
+
+    def __init__(self, job: Job, scheduler: str) -> None:
+        try:
+            from distributed import Client
+        except ImportError:
+            raise DsfabError("--scheduler needs Dask: install dsfab[cluster]") from None
+        try:
+            self._client: Any = Client(scheduler, timeout=SECONDS, set_as_default=False)
+        except (OSError, ValueError, TimeoutError) as error:
+            raise DsfabError(
+                f"no Dask scheduler answers at {scheduler}: {error}; start one with `dask scheduler`"
+            ) from (None)
+        self._job = job
+        self._executors: dict[str, Executor] = {}
+
+    def workers(self) -> Collection[str]:
+        # n_workers=-1: newer versions list five workers only when nothing is said
+        """Addresses of the workers that the cluster has now."""
+        found = self._client.scheduler_info(n_workers=-1)["workers"]
+        return list(found)
+
+    def submit(self, worker: str, number: int, changes: Changes) -> "Future[Outcome]":
+        """The outcome to come of a run on that worker."""
+        if worker not in self._executors:
+            self._executors[worker] = self._client.get_executor(
+                workers=[worker], allow_other_workers=True, pure=False, retries=0
+            )
+        return cast("Future[Outcome]", self._executors[worker].submit(execute, self._job, number, changes))
+
+    def lost(self, worker: str) -> str:
+        """Forget a worker that is gone; why, nobody here knows."""
+        self._executors.pop(worker, None)
+        return ""
+
+    def learn(self, outcome: Outcome) -> None:
+        """Nothing to learn: who starts the workers knows their memory."""
+
+    def close(self) -> None:
+        """Leave the cluster."""
+        self._client.close()
+
+
+One = TypeVar("One")
+Made = TypeVar("Made")
+
+MEMORY = 3e9
+"""Bytes that one process may be expected to take."""
+
+
+def fitting_processes(count: int) -> int:
+    """How many processes are worth while for `count` things: one for each core that has enough memory."""
+    free = free_memory()
+    return max(1, min(count, cores(), int(free / MEMORY) if free else cores()))
+
+
+def made_in_processes(
+    job: Callable[[One], Made], given: Sequence[One], workers: int, work: Callable[[One], float] | None = None
+) -> Iterator[Made]:
+    """job(one) of each thing given, in their order, by so many processes of one thread each; by this one for 1.
+
+    work : about how long each takes, in any unit: what takes longest is begun first, so that all processes end about
+           together.
+
+    Raises DsfabError where a process ended before its time. Where the caller stops listening, all of them end.
+    """
+    if workers == 1:
+        yield from map(job, given)
+        return
+    before = set(multiprocessing.active_children())
+    context = multiprocessing.get_context("spawn")
+    pool = ProcessPoolExecutor(workers, mp_context=context, initializer=end_with_parent)
+    try:
+        with quiet_start():
+            first = sorted(range(len(given)), key=lambda k: -work(given[k]) if work else 0.0)
+            results = {k: pool.submit(job, given[k]) for k in first}
+        for k in range(len(given)):
+            yield results[k].result()
+    except BrokenExecutor as error:
+        raise DsfabError("a process ended before its time, perhaps for want of memory; try --workers 1") from error
+    finally:
+        pool.shutdown(wait=False, cancel_futures=True)
+        for child in set(multiprocessing.active_children()) - before:
+            child.terminate()

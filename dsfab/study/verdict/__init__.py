@@ -8,11 +8,9 @@ check ─► attached_material                           pieces and loads (loade
 mode_intervals ─► mode_level, mesh after mesh ─► mode_estimate      the same of buckling and frequency (modes.py)
 """
 
-from dsfab.study.verdict.check import BUDGET, check
 from dsfab.study.verdict.levels import Level
-from dsfab.study.verdict.loaded_surface import Dropped, LoadedSurface, whole_sheet
 from dsfab.study.verdict.modes import ModeIntervals, ModeLevel, mode_intervals
-from dsfab.study.verdict.verdict import CaseVerdict, Depth, Verdict
+from dsfab.study.verdict.verdict import BUDGET, CaseVerdict, Depth, Dropped, LoadedSurface, Verdict, check, whole_sheet
 
 __all__ = [
     "BUDGET",

@@ -4,8 +4,8 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from itertools import islice
 
-from dsfab.errors import DsfabError
-from dsfab.pipeline import Progress
+from dsfab.core.errors import DsfabError
+from dsfab.design import Progress
 from dsfab.slicing import Sheet
 from dsfab.statics import (
     Ask,
@@ -22,12 +22,10 @@ from dsfab.statics import (
     mode_supports,
     sheet_stiffness,
 )
-from dsfab.statics.supports import all_clamped
-from dsfab.study.verdict import rules
-from dsfab.study.verdict.finer import meshes, on_mesh, shares
-from dsfab.study.verdict.levels import memory_needed
-from dsfab.study.verdict.loaded_surface import LoadedSurface, attached_material
-from dsfab.study.verdict.smooth import SmoothSurface
+from dsfab.statics.boundary_conditions import all_clamped
+from dsfab.study.verdict import estimates
+from dsfab.study.verdict.levels import SmoothSurface, memory_needed, meshes, on_mesh, shares
+from dsfab.study.verdict.verdict import LoadedSurface, attached_material
 from dsfab.surface import LoadCase, Surface
 
 PAIR: Elements = elements_of("buckling")
@@ -58,8 +56,8 @@ class ModeIntervals:
     refusals : why something could not be found, or no finer mesh was solved; a sentence each.
     """
 
-    buckling: Mapping[str, rules.ModeEstimate]
-    hertz: rules.ModeEstimate | None
+    buckling: Mapping[str, estimates.ModeEstimate]
+    hertz: estimates.ModeEstimate | None
     levels: tuple[ModeLevel, ...]
     assumed: str = ""
     refusals: tuple[str, ...] = ()
@@ -96,7 +94,7 @@ def mode_intervals(
             assumed = standing.told
             levels.append(mode_level(mesh.surface, setting.made, cases, spreads, standing, ask))
             found = _together(levels)
-            if len(levels) > 1 and all(one.bound <= rules.MODES_KNOWN for one in found):
+            if len(levels) > 1 and all(one.bound <= estimates.MODES_KNOWN for one in found):
                 break
     except DsfabError as error:
         refusals.append(f"no {'finer mesh for the bound of modes' if levels else 'modes'}: {error}")
@@ -136,20 +134,20 @@ def _plane(surface: Surface, cases: Mapping[str, LoadCase]) -> bool:
     return flat_axis(surface, *cases.values()) is not None
 
 
-def _together(levels: list[ModeLevel]) -> list[rules.ModeEstimate]:
+def _together(levels: list[ModeLevel]) -> list[estimates.ModeEstimate]:
     hertz = _hertz(levels)
     return [*_factors(levels).values(), *([hertz] if hertz else [])]
 
 
-def _factors(levels: list[ModeLevel]) -> dict[str, rules.ModeEstimate]:
-    found: dict[str, rules.ModeEstimate] = {}
+def _factors(levels: list[ModeLevel]) -> dict[str, estimates.ModeEstimate]:
+    found: dict[str, estimates.ModeEstimate] = {}
     for name in levels[0].buckling if levels else ():
         values = [value for level in levels if (value := level.buckling[name]) is not None]
         if len(values) == len(levels):
-            found[name] = rules.mode_estimate(values)
+            found[name] = estimates.mode_estimate(values)
     return found
 
 
-def _hertz(levels: list[ModeLevel]) -> rules.ModeEstimate | None:
+def _hertz(levels: list[ModeLevel]) -> estimates.ModeEstimate | None:
     values = [level.hertz for level in levels if level.hertz is not None]
-    return rules.mode_estimate(values) if values else None
+    return estimates.mode_estimate(values) if values else None

@@ -9,6 +9,6 @@ facets.py the smooth surface through a mesh
 """
 
 from dsfab.surface.remesh.remeshing import remeshed
-from dsfab.surface.remesh.size_fields import SizeField, change_sizes
+from dsfab.surface.remesh.sizes import SizeField, change_sizes
 
 __all__ = ["SizeField", "change_sizes", "remeshed"]

@@ -5,24 +5,31 @@ from contextlib import suppress
 
 import numpy as np
 
-from dsfab.arrays import Floats, face_angles, first
-from dsfab.errors import SurfaceError
-from dsfab.surface.mesh import Surface
-from dsfab.surface.nearest import nearest
-from dsfab.surface.refine import LARGEST
-from dsfab.surface.remesh.chamber import NEAR, Chamber
-from dsfab.surface.remesh.collapse import with_short_edges_collapsed
-from dsfab.surface.remesh.curves import FeatureCurves, feature_curves
-from dsfab.surface.remesh.ears import with_ears_turned
-from dsfab.surface.remesh.facets import SmoothPatches, barycentric
-from dsfab.surface.remesh.features import TOLERANCE, design_features
-from dsfab.surface.remesh.flip import with_edges_flipped
-from dsfab.surface.remesh.mirrored import Mirrors
-from dsfab.surface.remesh.net import FIXED, FREE, Net, NetFaces
-from dsfab.surface.remesh.size import chord_lengths, with_sizes
-from dsfab.surface.remesh.size_fields import SizeField, curvature_sizes
-from dsfab.surface.remesh.smoothing import NearestOnSurface, with_even_vertices, with_vertices_at, with_vertices_on
-from dsfab.surface.remesh.split import with_long_edges_halved
+from dsfab.core.arrays import Floats, face_angles, first
+from dsfab.core.errors import SurfaceError
+from dsfab.surface.edge_changes import LARGEST
+from dsfab.surface.mesh import Surface, nearest
+from dsfab.surface.remesh.edges import (
+    FIXED,
+    FREE,
+    Net,
+    NetFaces,
+    with_ears_turned,
+    with_edges_flipped,
+    with_long_edges_halved,
+    with_short_edges_collapsed,
+)
+from dsfab.surface.remesh.features import TOLERANCE, FeatureCurves, design_features, feature_curves
+from dsfab.surface.remesh.mirrors import NEAR, Chamber, Mirrors
+from dsfab.surface.remesh.sizes import SizeField, chord_lengths, curvature_sizes, with_sizes
+from dsfab.surface.remesh.smoothing import (
+    NearestOnSurface,
+    SmoothPatches,
+    barycentric,
+    with_even_vertices,
+    with_vertices_at,
+    with_vertices_on,
+)
 from dsfab.surface.topology import duplicate_faces, named_edges
 
 ROUNDS = 8

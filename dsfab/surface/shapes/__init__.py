@@ -8,13 +8,19 @@ grid whose diagonals all run one way steers the pattern.
 from collections.abc import Callable
 
 from dsfab.surface.mesh import Surface
-from dsfab.surface.shapes.boys import boys_surface
-from dsfab.surface.shapes.closed import sphere, torus
-from dsfab.surface.shapes.figures import camel_head, climbing_hold, duck_ring, mouse, pirate, turkey
-from dsfab.surface.shapes.pavilions import pavilion
-from dsfab.surface.shapes.roofs import barrel_vault, elliptic_paraboloid, hypar, plate
-from dsfab.surface.shapes.structures import bridge, twisty_tower
-from dsfab.surface.shapes.turned import catenoid, cylinder, dome, tower
+from dsfab.surface.shapes.figures import (
+    boys_surface,
+    bridge,
+    camel_head,
+    climbing_hold,
+    duck_ring,
+    mouse,
+    pirate,
+    turkey,
+    twisty_tower,
+)
+from dsfab.surface.shapes.roofs import barrel_vault, elliptic_paraboloid, hypar, pavilion, plate
+from dsfab.surface.shapes.round_shapes import catenoid, cylinder, dome, sphere, torus, tower
 
 FIGURES: dict[str, Callable[..., Surface]] = {
     shape.__name__: shape

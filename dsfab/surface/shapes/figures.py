@@ -1,15 +1,28 @@
-"""Stand-ins for the figures of the paper: smooth unions of simple solids, facing +x, z up unless said.
+"""Stand-ins for the models of the paper: figures, bridge, twisty tower and Boy's surface."""
 
-They are drawn at size 1 and scaled, so that `edge` and the size are in metres. Their topology is that of the paper's
-meshes; their looks are our own.
-"""
+from dataclasses import dataclass
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Ge, Gt, Le
 
-from dsfab.arrays import Floats
+from dsfab.core.arrays import Bools, Floats
 from dsfab.surface.mesh import Surface
-from dsfab.surface.shapes.meshing import Length, shape
-from dsfab.surface.shapes.solids import Field, Point, ball, blended, ellipsoid, limb, mirrored, skin, without
+from dsfab.surface.shapes.implicit import (
+    Field,
+    Point,
+    ball,
+    blended,
+    box,
+    ellipsoid,
+    limb,
+    mirrored,
+    remeshed,
+    skin,
+    smaller,
+    without,
+)
+from dsfab.surface.shapes.meshing import Length, check_density, ring_faces, ring_turns, shape
 
 FOOT = 0.4
 """Where the camel's neck is cut, in the coordinates that it is drawn in."""
@@ -202,3 +215,146 @@ def _arms() -> list[Field]:
     cup = ball((0.115, 0.3, 0.562), 0.042)
     hook = limb([(0.13, 0.3, 0.57), (0.185, 0.3, 0.6), (0.205, 0.3, 0.655), (0.165, 0.3, 0.69)], [0.022] * 4)
     return [right, hand, guard, blade, left, cup, hook]
+
+
+OPENINGS = (0.22, 0.5, 0.78)
+"""Heights of the tower's openings, as shares of its own."""
+
+
+@shape
+def bridge(
+    span: Length = 30.0,
+    rise: Annotated[float, Gt(0.02), Le(0.25)] = 0.13,
+    edge: Length = 0.5,
+) -> Surface:
+    """A deck on an arch with a wall between them, genus 0: along x, as wide as a road, abutments down to z = 0.
+
+    span : between the ends of the deck, metres. rise : of the arch's underside, as a share of the span.
+    """
+    crown = rise + 0.075
+
+    def deck(P: Floats) -> Floats:
+        return box((0, 0, 0), (0.5, 0.095, 0.02), 0.016)(P - _along(P, crown - 0.16 * P[:, 0] ** 2))
+
+    def arch(P: Floats) -> Floats:
+        height = rise + 0.012 - (rise + 0.03) * (P[:, 0] / 0.45) ** 2
+        slope = 2 * (rise + 0.03) * P[:, 0] / 0.45**2
+        across = np.abs(P[:, 1]) - 0.05
+        return np.asarray(_slab((P[:, 2] - height) / np.sqrt(1 + slope**2), across, 0.022, 0.014))
+
+    def wall(P: Floats) -> Floats:
+        below = rise + 0.012 - (rise + 0.03) * (P[:, 0] / 0.45) ** 2 - P[:, 2]
+        above = P[:, 2] - (crown - 0.16 * P[:, 0] ** 2)
+        slope = 2 * (rise + 0.03) * P[:, 0] / 0.45**2
+        inside = _both(below / np.sqrt(1 + slope**2), above)
+        return _both(_both(inside, np.abs(P[:, 0]) - 0.475), np.abs(P[:, 1]) - 0.028)
+
+    whole = blended([blended([wall, arch], 0.02), deck], 0.02)
+    whole = without(whole, lambda P: P[:, 2], 0.012)
+    unit = skin(whole, (-0.56, -0.14, -0.03), (0.56, 0.14, crown + 0.06), edge / span)
+    return Surface(span * unit.V, unit.F)
+
+
+def _both(a: Floats, b: Floats) -> Floats:
+    """The larger value with a rounded corner: the solid inside both."""
+    return -smaller(-a, -b, 0.01)
+
+
+def _along(P: Floats, height: Floats) -> Floats:
+    """Vectors (q, 3) upwards of the given heights."""
+    return np.asarray(np.outer(height, [0, 0, 1.0]))
+
+
+def _slab(u: Floats, v: Floats, half: float, rounding: float) -> Floats:
+    """A strip |u| < half, v < 0 with rounded corners."""
+    q = np.stack([np.abs(u) - half, v], axis=1) + rounding
+    return np.asarray(np.linalg.norm(np.maximum(q, 0), axis=1) + np.minimum(q.max(axis=1), 0) - rounding)
+
+
+@shape
+def twisty_tower(
+    height: Length = 30.0,
+    twist: Annotated[float, Ge(-180), Le(180)] = 120.0,
+    edge: Length = 0.6,
+) -> Surface:
+    """A slab that twists as it rises, with three openings through it one above the other, genus 3, on z = 0.
+
+    twist : degrees that its top is turned against its foot.
+    """
+    slab = box((0, 0, 0.5), (0.19, 0.12, 0.6), 0.07)
+    openings = [limb([(0, -0.5, z), (0, 0.5, z), (0, 0.6, z)], [0.085] * 3) for z in OPENINGS]
+    for opening in openings:
+        slab = without(slab, opening, 0.05)
+    whole = _twisted(slab, np.radians(twist))
+    whole = without(whole, lambda P: P[:, 2], 0.02)
+    whole = without(whole, lambda P: 1.0 - P[:, 2], 0.02)
+    unit = skin(whole, (-0.26, -0.26, -0.03), (0.26, 0.26, 1.03), edge / height)
+    return Surface(height * unit.V, unit.F)
+
+
+def _twisted(field: Field, turn: float) -> Field:
+    """The solid turned about z, by nothing at z = 0 and by `turn` radians at z = 1."""
+
+    def field_there(P: Floats) -> Floats:
+        c, s = np.cos(turn * P[:, 2]), np.sin(turn * P[:, 2])
+        return field(np.stack([c * P[:, 0] + s * P[:, 1], c * P[:, 1] - s * P[:, 0], P[:, 2]], axis=1))
+
+    return field_there
+
+
+LOWEST, HIGHEST = -0.4426307, 2.0
+"""Heights of the lowest points and of the peak in the formula's own units; the lowest are found numerically."""
+
+SHRINK = 0.9
+"""Remeshing for an edge length gives a mean edge this much longer."""
+
+
+@shape
+def boys_surface(height: Length = 3.0, edge: Length = 0.16) -> Surface:
+    """The parametrisation of Bryant and Kusner [Kusner 1987] over the unit disc, its peak up, standing on z = 0.
+
+    Opposite points of the unit circle have the same image: joined there, the surface would be closed and one-sided.
+    It is left open along that seam, which makes it a disc with two sides. It crosses itself, as the projective plane
+    must: three sheets meet in a triple point, and there is no solid of one thickness around it.
+    """
+    check_density(4 * height**2, edge)
+    chart = _Disc(height)
+    rows = 24
+    counts = np.array([1, *(6 * k for k in range(1, rows + 1))])
+    turns = ring_turns(counts)
+    angle, radius = 2 * np.pi * np.concatenate(turns), np.repeat(np.arange(rows + 1) / rows, counts)
+    X = np.stack([radius * np.cos(angle), radius * np.sin(angle)], axis=1)
+    return Surface(*remeshed(chart, X, ring_faces(turns), SHRINK * edge))
+
+
+@dataclass(frozen=True)
+class _Disc:
+    """The unit disc of the complex plane as coordinates of the surface; its circle is the border."""
+
+    height: float
+
+    def place(self, X: Floats) -> Floats:
+        """Points (n, 3), metres."""
+        w = X[:, 0] + 1j * X[:, 1]
+        a = w**6 + np.sqrt(5) * w**3 - 1
+        g = np.stack(
+            [
+                -1.5 * (w * (1 - w**4) / a).imag,
+                -1.5 * (w * (1 + w**4) / a).real,
+                ((1 + w**6) / a).imag - 0.5,
+            ],
+            axis=1,
+        )
+        P = g / (g**2).sum(axis=1, keepdims=True)
+        return np.asarray(self.height * (P * [1, -1, -1] - [0, 0, LOWEST]) / (HIGHEST - LOWEST))
+
+    def moved(self, X: Floats, step: Floats, border: Bools) -> Floats:
+        """The step in the disc whose image is nearest to `step`, put back on the circle or inside of it."""
+        small = 1e-6
+        here = self.place(X)
+        J = np.stack([(self.place(X + small * e) - here) / small for e in np.eye(2)], axis=2)
+        JT = np.swapaxes(J, 1, 2)
+        Y = X + np.linalg.solve(JT @ J, JT @ step[:, :, None])[:, :, 0]
+        r = np.maximum(np.linalg.norm(Y, axis=1), 1e-300)
+        Y *= np.where(border, 1 / r, np.minimum(1, (1 - 1e-3) / r))[:, None]
+        return np.asarray(Y)

@@ -8,9 +8,9 @@ from typing import Annotated, ParamSpec
 import numpy as np
 from annotated_types import Ge, Gt, Le, Lt
 
-from dsfab.arrays import Floats, Ints
-from dsfab.errors import SurfaceError
-from dsfab.limits import POSSIBLE_SIZE
+from dsfab.core.arrays import Floats, Ints
+from dsfab.core.errors import SurfaceError
+from dsfab.core.limits import POSSIBLE_SIZE
 from dsfab.surface.mesh import Surface
 
 P = ParamSpec("P")

@@ -1,8 +1,13 @@
-"""Shapes over a rectangle, meshed in staggered rows."""
+"""Roof shapes: plate, barrel vault, hypar, elliptic paraboloid, and pavilion on a few feet."""
+
+from collections.abc import Callable
+from typing import Annotated
 
 import numpy as np
+from annotated_types import Ge, Le
 
-from dsfab.errors import SurfaceError
+from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.core.errors import SurfaceError
 from dsfab.surface.mesh import Surface
 from dsfab.surface.shapes.meshing import ROW, Length, check_density, pieces_of, shape, staggered
 
@@ -76,3 +81,153 @@ def elliptic_paraboloid(
     u, v = (2 * uv - 1).T
     z = rise - crown * u**2 - (rise - crown) * v**2
     return Surface(np.stack([u * length / 2, v * width / 2, np.where(np.abs(u * v) == 1, 0.0, z)], axis=1), F)
+
+
+GAP = 0.6
+"""Least distance between lattice and rim over the edge: about the height of a triangle between them."""
+
+
+def mesh_region(rim: Floats, inside: Callable[[Floats, float], Bools], edge: float) -> tuple[Floats, Ints]:
+    """Vertices (n, 2) and counter-clockwise faces of a region of the plane.
+
+    rim    : (k, 2) points along the boundary about `edge` apart; they stay where they are and come first.
+    inside : says which points (q, 2) are inside by at least a distance.
+
+    A hexagonal lattice inside and the Delaunay triangles of both. Smoothing after it was tried (5 and 40 Laplacian
+    rounds with new triangles after each, nine pavilions): it made the smallest angle worse, never better.
+    """
+    from scipy.spatial import Delaunay  # here, because it takes a tenth of a second to import
+
+    reach = int(np.ceil(2 * np.abs(rim).max() / edge)) + 2
+    i, j = (x.ravel() for x in np.meshgrid(np.arange(-reach, reach + 1), np.arange(-reach, reach + 1)))
+    lattice = edge * np.stack([i + j / 2, j * np.sqrt(3) / 2], axis=1)
+    P = np.concatenate([rim, lattice[inside(lattice, GAP * edge)]])
+    F = Delaunay(P).simplices.astype(np.int64)
+    u, v = P[F[:, 1]] - P[F[:, 0]], P[F[:, 2]] - P[F[:, 0]]
+    twice = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
+    F = np.where((twice < 0)[:, None], F[:, ::-1], F)
+    # Delaunay fills the convex hull, with slivers along straight parts of the rim
+    return P, np.asarray(F[inside(P[F].mean(axis=1), 0.0) & (np.abs(twice) > 1e-3 * edge**2)])
+
+
+@shape
+def pavilion(
+    span: Length = 14.0,
+    rise: Length = 4.5,
+    opening: Length = 2.8,
+    feet: Annotated[int, Ge(3), Le(8)] = 4,
+    foot: Length = 1.6,
+    edge: Length = 0.28,
+) -> Surface:
+    """A spherical shell on `feet` feet, open between them: Saarinen's Kresge Auditorium (1955) stands on three.
+
+    span    : diameter of the circle through the feet, at z = 0.
+    rise    : height of the crown.
+    opening : height of the arches between the feet at their middle.
+    foot    : width of each foot along the circle.
+
+    The sphere through crown and feet is cut by a plane for each arch. It is meshed in the stereographic plane, where
+    angles are the true ones and every arch is a circle, and mirrors onto itself through every foot. Normals up.
+    """
+    _check(span, rise, opening, feet, foot)
+    radius = (span**2 / 4 + rise**2) / (2 * rise)
+    check_density(2 * np.pi * radius * rise, edge)
+    half = np.pi / feet
+    ground, top = (2 * radius * np.tan(np.arccos(1 - h / radius) / 2) for h in (rise, rise - opening))
+    flat = edge * np.sqrt(1 + (ground / (2 * radius)) ** 2)
+    wedge = _Wedge(half, foot / span, float(ground), float(top), float(flat))
+    rim, axis, seam = wedge.rim()
+    plane, F = _all_round(*mesh_region(rim, wedge.inside, wedge.edge), axis, seam, feet)
+    # stereographic: rho = 2 R tan(theta / 2), from the sphere's lowest point
+    t = (plane**2).sum(axis=1) / (4 * radius**2)
+    V = np.column_stack([plane / (1 + t)[:, None], rise - 2 * radius * t / (1 + t)])
+    V[np.abs(V[:, 2]) < 1e-9 * span, 2] = 0.0
+    return Surface(V, F)
+
+
+def _check(span: float, rise: float, opening: float, feet: int, foot: float) -> None:
+    if rise > span / 2:
+        raise SurfaceError(f"pavilion: rise = {rise:g} m must be at most half the span of {span:g} m")
+    if opening > 0.9 * rise:
+        raise SurfaceError(f"pavilion: opening = {opening:g} m must be at most 0.9 x rise = {0.9 * rise:g} m")
+    widest = 0.6 * np.pi * span / feet
+    if foot > widest:
+        raise SurfaceError(f"pavilion: foot = {foot:g} m closes the openings; use at most {widest:.3g} m")
+
+
+class _Wedge:
+    """Half a foot and half an arch in the stereographic plane: from the middle of a foot, at angle 0, to that of an
+    arch, at angle `half`.
+
+                      x top      the arch is part of a circle, centre outside the shell when it bends inward
+                  /    \\
+        crown x----------x ground
+    """
+
+    def __init__(self, half: float, half_foot: float, ground: float, top: float, edge: float) -> None:
+        self.half, self.half_foot, self.ground, self.edge = half, half_foot, ground, edge
+        # circle through the foot's end, its mirror image, and the top; centre on the ray at angle `half`
+        across, along = ground * np.sin(half - half_foot), ground * np.cos(half - half_foot)
+        dip = along - top
+        if abs(dip) < 1e-3 * ground:  # nearly straight: bend it a little
+            dip, top = 1e-3 * ground, along - 1e-3 * ground
+        self.radius = (across**2 + dip**2) / (2 * abs(dip))
+        self.bend = np.sign(dip)
+        self.top, self.to_centre = top, top + self.bend * self.radius
+        self.centre = self.to_centre * np.array([np.cos(half), np.sin(half)])
+
+    def rim(self) -> tuple[Floats, Ints, Ints]:
+        """Points round the wedge, and those on the rays at angle 0 and `half`; point 0 is the crown of both."""
+        ray = np.linspace(0, self.ground, 1 + self._count(self.ground))
+        back = np.linspace(self.top, 0, 1 + self._count(self.top))[1:-1]
+        foot = np.linspace(0, self.half_foot, 1 + self._count(self.ground * self.half_foot))[1:]
+        corner = self.ground * np.array([np.cos(self.half_foot), np.sin(self.half_foot)])
+        start = np.arctan2(*(corner - self.centre)[::-1])
+        stop = np.arctan2(*(-self.bend * self.centre / self.to_centre)[::-1])
+        sweep = (stop - start + np.pi) % (2 * np.pi) - np.pi
+        turn = start + np.linspace(0, sweep, 1 + self._count(abs(sweep) * self.radius))[1:]
+        points = np.concatenate(
+            [
+                ray[:, None] * [1.0, 0.0],
+                self.ground * _unit(foot),
+                self.centre + self.radius * _unit(turn),
+                back[:, None] * _unit(np.array([self.half])),
+            ]
+        )
+        axis, seam = np.arange(len(ray)), np.arange(len(points) - len(back) - 1, len(points))
+        return points, axis, np.concatenate([[0], seam])
+
+    def _count(self, length: float) -> int:
+        return max(1, round(length / self.edge))
+
+    def inside(self, P: Floats, depth: float) -> Bools:
+        """Whether points (q, 2) are inside by at least `depth`."""
+        x, y = P.T
+        room = [
+            y,
+            x * np.sin(self.half) - y * np.cos(self.half),
+            self.ground - np.hypot(x, y),
+            self.bend * (np.linalg.norm(P - self.centre, axis=1) - self.radius),
+        ]
+        return np.asarray(np.min(room, axis=0) >= depth)
+
+
+def _unit(angle: Floats) -> Floats:
+    """(q, 2) unit vectors at the angles."""
+    return np.stack([np.cos(angle), np.sin(angle)], axis=1)
+
+
+def _all_round(P: Floats, F: Ints, axis: Ints, seam: Ints, feet: int) -> tuple[Floats, Ints]:
+    """The wedge, its mirror image, and both turned to every foot, sewn together along the two rays."""
+    n = len(P)
+    names = np.arange(2 * feet * n).reshape(feet, 2, n)
+    names[:, 1, axis] = names[:, 0, axis]
+    names[:, 1, seam] = np.roll(names[:, 0, seam], 1, axis=0)
+    names[:, :, 0] = 0
+    turn = 2 * np.pi * np.arange(feet) / feet
+    c, s = np.cos(turn)[:, None, None], np.sin(turn)[:, None, None]
+    x, y = P[:, 0], np.stack([P[:, 1], -P[:, 1]])
+    every = np.stack([c * x - s * y, s * x + c * y], axis=-1).reshape(-1, 2)
+    faces = np.concatenate([names[k, side][F if side == 0 else F[:, ::-1]] for k in range(feet) for side in (0, 1)])
+    kept, faces = np.unique(faces, return_inverse=True)
+    return every[kept], faces.reshape(-1, 3)

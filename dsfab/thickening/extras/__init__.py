@@ -1,13 +1,65 @@
-"""What architects add to a solid, `[[thickening.extra]]` in a preset: feet, ring beams, holes, trimming, splitting.
+"""Extras of a solid, `[[thickening.extra]]` in a preset: feet, ring beams, holes, trimming, splitting."""
 
-All of it is boolean work of manifold3d; its result passes the same tests as every solid (see `judge`).
-"""
+from collections.abc import Sequence
+from dataclasses import replace
+from typing import TYPE_CHECKING
 
-from dsfab.thickening.extras.base import Base
-from dsfab.thickening.extras.cutting import Holes, Trim
-from dsfab.thickening.extras.feet import Feet
-from dsfab.thickening.extras.make import Extra, with_extras
-from dsfab.thickening.extras.ring import Ring
-from dsfab.thickening.extras.splitting import SplitBodies
+import numpy as np
 
-__all__ = ["Base", "Extra", "Feet", "Holes", "Ring", "SplitBodies", "Trim", "with_extras"]
+from dsfab.core.errors import SolidError
+from dsfab.surface.topology import edge_table, euler_characteristic
+from dsfab.thickening.extras.bodies import Base
+from dsfab.thickening.extras.cutting import Holes, SplitBodies, Trim
+from dsfab.thickening.extras.feet_and_rings import Feet, Ring
+from dsfab.thickening.self_intersection import intersecting_pairs
+from dsfab.thickening.solid import Solid, judge
+
+if TYPE_CHECKING:
+    import manifold3d
+
+
+SPECK = 1e-6
+"""Pieces under this share of the solid's volume are crumbs of the cutting, and left out."""
+
+Extra = Feet | Ring | Holes | Trim | SplitBodies
+
+
+def with_extras(solid: Solid, extras: Sequence[Extra], base: Base) -> Solid:
+    """The solid after each of the extras, in their order.
+
+    Raises SolidError for an extra that does nothing or too much, and for a result that is not a solid; intersections
+    that rounding leaves are counted in `notes`.
+    """
+    if not extras:
+        return solid
+    import manifold3d
+
+    body = manifold3d.Manifold(manifold3d.Mesh64(np.array(solid.V), np.array(solid.F, dtype=np.uint64)))
+    for extra in extras:
+        body = extra.applied(body, base)
+        if body.status() != manifold3d.Error.NoError or body.is_empty():
+            raise SolidError(f"thickening.extra {extra.kind!r} leaves nothing of the solid; check its sizes and places")
+    return _proven(body, solid)
+
+
+def _proven(body: "manifold3d.Manifold", before: Solid) -> Solid:
+    """The body as a judged solid, without crumbs."""
+    import manifold3d
+
+    whole = body.volume()
+    parts = [part for part in body.decompose() if abs(part.volume()) > SPECK * whole]
+    body = manifold3d.Manifold.compose(parts)
+    mesh = body.to_mesh64()
+    V, F = np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64)
+    notes, repairs = list(before.notes), replace(before.repairs, pairs=0, pairs_at=None)
+    if len(pairs := intersecting_pairs(V, F)):
+        x, y, z = (float(c) for c in V[F[pairs[0]]].mean(axis=(0, 1)))
+        repairs = replace(repairs, pairs=len(pairs), pairs_at=(x, y, z))
+        notes.append(
+            f"{len(pairs)} pairs of faces intersect after the extras, the first near ({x:.4g}, {y:.4g}, {z:.4g}) m; "
+            "move the extra a little"
+        )
+    outer = sum(part.volume() > 0 for part in parts)
+    result = Solid(V, F, len(parts) - euler_characteristic(F, edge_table(F)) // 2, outer, tuple(notes), repairs)
+    judge(result)
+    return result

@@ -1,14 +1,15 @@
-"""Holes, and what is cut off by a plane or a box."""
+"""Holes, trimming by a plane or a box, and splitting into parts that fit a machine."""
 
 from dataclasses import dataclass
+from itertools import pairwise
 from typing import TYPE_CHECKING, Any, ClassVar, Literal
 
 import numpy as np
 
-from dsfab.errors import SolidError
-from dsfab.surface.pickers import STRICT, Real, Vector
-from dsfab.thickening.extras.base import Base
-from dsfab.thickening.extras.bodies import box, drill, positive, unit
+from dsfab.core.arrays import Floats
+from dsfab.core.errors import SolidError
+from dsfab.surface.loads.pickers import STRICT, Real, Vector
+from dsfab.thickening.extras.bodies import Base, box, drill, positive, unit, united_bodies
 
 if TYPE_CHECKING:
     import manifold3d
@@ -70,3 +71,96 @@ class Trim:
                 raise SolidError("thickening.extra 'trim': low must be below high along x, y and z")
             solid = solid ^ box(np.array(self.low), np.array(self.high))
         return solid
+
+
+HALVINGS = 12
+"""Steps towards the innermost point of a cut face."""
+
+
+@dataclass(frozen=True)
+class SplitBodies:
+    """`kind = "split"`: cut the solid into parts that fit a machine, moved apart, with holes for dowels in the cuts.
+
+    bed    : metres along x, y, z that a part may have; parts are equally large along each axis.
+    apart  : metres between the parts.
+    dowel, deep : diameter of the dowels, and how deep they sit in each part, metres; 0 drills none. A hole is drilled
+             in every cut face, where it is widest, if that is twice as wide as the dowel at least.
+    """
+
+    __pydantic_config__: ClassVar[Any] = STRICT
+    bed: Vector
+    apart: Real
+    dowel: Real = 0.0
+    deep: Real = 0.0
+    kind: Literal["split"] = "split"
+
+    def applied(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
+        """The solid in parts that fit the bed, apart and with holes for dowels; raises SolidError."""
+        positive(self, "apart")
+        if min(self.bed) <= 0 or self.dowel < 0 or (self.dowel > 0) != (self.deep > 0):
+            raise SolidError("thickening.extra 'split' needs a bed of positive lengths; and dowel and deep, or neither")
+        ends = np.array(solid.bounding_box()).reshape(2, 3)
+        levels = [self._levels(ends[0, axis], ends[1, axis], self.bed[axis]) for axis in range(3)]
+        drills = [drill for axis in range(3) for drill in self._drills(solid, axis, levels)] if self.dowel else []
+        solid = solid - united_bodies(drills) if drills else solid
+        for axis, inner in enumerate(levels):
+            parts, normal = [], np.eye(3)[axis]
+            for number, level in enumerate(inner[1:-1]):
+                solid, below = solid.split_by_plane(normal.tolist(), float(level))
+                parts.append(below.translate((number * self.apart * normal).tolist()))
+            parts.append(solid.translate(((len(inner) - 2) * self.apart * normal).tolist()))
+            solid = united_bodies(parts)
+        return solid
+
+    def _levels(self, low: float, high: float, bed: float) -> Floats:
+        """Ends and cuts along one axis."""
+        count = int(np.ceil((high - low) / bed - 1e-9))
+        return np.asarray(np.linspace(low, high, count + 1))
+
+    def _drills(self, solid: "manifold3d.Manifold", axis: int, levels: list[Floats]) -> list["manifold3d.Manifold"]:
+        """One for each part of a face cut square to an axis whose middle is as far inside as the dowel is thick."""
+        turned = solid.rotate([[0, 90, 0], [90, 0, 0], [0, 0, 0]][axis])  # the axis, or its opposite, becomes z
+        ups = [(2, 1), (0, 2), (0, 1)][axis]
+        drills = []
+        for level in levels[axis][1:-1]:
+            face = turned.slice(-level if axis == 0 else level)
+            for part in _cells(face, levels[ups[0]], -levels[ups[1]][::-1] if axis == 1 else levels[ups[1]]):
+                if (spot := _innermost(part, self.dowel)) is not None:
+                    u, v = spot
+                    point = np.array([[level, v, u], [u, level, -v], [u, v, level]][axis])
+                    drills.append(drill(point, np.eye(3)[axis], self.dowel, 2 * self.deep))
+        return drills
+
+
+def _cells(face: "manifold3d.CrossSection", u: Floats, v: Floats) -> list["manifold3d.CrossSection"]:
+    """The connected parts of a region in each cell of a grid with lines at u and at v."""
+    import manifold3d
+
+    found = []
+    for low, high in pairwise(u):
+        for bottom, top in pairwise(v):
+            cell = manifold3d.CrossSection.square((high - low, top - bottom)).translate((low, bottom))
+            found += (face ^ cell).decompose()
+    return found
+
+
+def _innermost(region: "manifold3d.CrossSection", margin: float) -> Floats | None:
+    """A point about as far inside a region as can be, by halving; None where no point is `margin` from the border."""
+    import manifold3d
+
+    def inset(by: float) -> "manifold3d.CrossSection":
+        return region.offset(-by, manifold3d.JoinType.Round)
+
+    if inset(margin).is_empty():
+        return None
+    low, high = margin, float(np.sqrt(region.area()))
+    for _ in range(HALVINGS):
+        half = (low + high) / 2
+        low, high = (low, half) if inset(half).is_empty() else (half, high)
+    largest = max(inset(low).decompose(), key=lambda part: part.area())
+    corners: Floats = np.concatenate([np.asarray(loop) for loop in largest.to_polygons()])
+    middle = corners.mean(axis=0)
+    dot = manifold3d.CrossSection.square((low / 9, low / 9), center=True).translate(middle.tolist())
+    if not (inset(0.9 * low) ^ dot).is_empty():
+        return np.asarray(middle)
+    return np.asarray(corners[np.linalg.norm(corners - middle, axis=1).argmin()])  # of a bent strip

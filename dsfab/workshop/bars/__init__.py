@@ -5,7 +5,6 @@ cutting   bars and plates as flat parts                                  plan   
 bodies    both where they are in the structure
 """
 
-from dsfab.workshop.bars.bodies import PlacedPart, bar_body, placed_parts
 from dsfab.workshop.bars.cutting import (
     BarStock,
     PlateArm,
@@ -17,7 +16,7 @@ from dsfab.workshop.bars.cutting import (
 )
 from dsfab.workshop.bars.joints import BarEnd, BarLattice, Joint, LatticeBar, bar_lattice
 from dsfab.workshop.bars.lattice import CLEAR, Bay, Lattice, LatticeNode, member_lattice
-from dsfab.workshop.bars.plan import BarPlan, bar_plan
+from dsfab.workshop.bars.plan import BarPlan, PlacedPart, bar_body, bar_plan, placed_parts
 
 __all__ = [
     "CLEAR",

@@ -11,11 +11,10 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dsfab.arrays import Floats
+from dsfab.core.arrays import Floats
 from dsfab.workshop.bars.joints import BarEnd, BarLattice, Joint, LatticeBar
 from dsfab.workshop.bars.lattice import CLEAR
-from dsfab.workshop.letters import text_length
-from dsfab.workshop.parts import SMALL, FlatPart, Fold, Hole, label
+from dsfab.workshop.parts import WORKSHOP_SMALL, FlatPart, Fold, Hole, label, text_length
 
 BOLTS = ((3.0, 4.0, 3.0), (2.0, 3.0, 2.0), (2.0, 2.0))
 """Bolt diameters from the clear end of a bar to its bolts, from one to the next, and from the last to the end of the
@@ -201,7 +200,7 @@ def _plate_outline(joint: Joint, arms: Sequence[PlateArm]) -> Floats:
 
 def _plate_marks(joint: Joint, arms: Sequence[PlateArm], stock: BarStock) -> Iterator[Floats]:
     """On each arm the name of its bar and by how many degrees it is folded; the node's on the first."""
-    height = min(stock.letters, SMALL, 0.5 * joint.half)
+    height = min(stock.letters, WORKSHOP_SMALL, 0.5 * joint.half)
     for k, arm in enumerate(arms):
         stops = [arm.fold, *arm.holes]
         inside = 0.6 * stock.bolt

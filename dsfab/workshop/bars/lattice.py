@@ -8,11 +8,11 @@ import numpy as np
 from scipy.sparse import csr_array
 from scipy.sparse.csgraph import connected_components
 
-from dsfab.arrays import Floats, Ints, lock
-from dsfab.errors import PatternError
+from dsfab.core.arrays import Floats, Ints, lock
+from dsfab.core.errors import PatternError
+from dsfab.core.messages import length
 from dsfab.members import Member, MemberGraph, Node
-from dsfab.wording import length
-from dsfab.workshop.course import CONSTANT
+from dsfab.workshop.development import CONSTANT
 from dsfab.workshop.strips import STRIPS
 
 CLEAR = 0.25

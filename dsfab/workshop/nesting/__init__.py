@@ -10,8 +10,7 @@ columns   a part in columns      filling   a sheet with its skyline and its gaps
 emptying, spyrrow_program   fewer sheets by a solver, if one likes      clearance   what it says is measured by this
 """
 
-from dsfab.workshop.nesting.emptying import emptied, require_spyrrow
-from dsfab.workshop.nesting.filling import NestedPart
-from dsfab.workshop.nesting.sheets import NestedSheet, nested, stacked
+from dsfab.workshop.nesting.sheets import NestedSheet, emptied, nested, require_spyrrow, stacked
+from dsfab.workshop.nesting.skyline import NestedPart
 
 __all__ = ["NestedPart", "NestedSheet", "emptied", "nested", "require_spyrrow", "stacked"]

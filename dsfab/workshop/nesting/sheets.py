@@ -1,12 +1,21 @@
-"""All parts on sheets of the stock, in an order, in their own shapes or in their boxes, for the least cost."""
+"""All parts nested on sheets for the least cost, and sheets emptied into others by spyrrow."""
 
-from collections.abc import Mapping, Sequence
+import importlib.util
+import json
+import subprocess
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
+from itertools import combinations
+from pathlib import Path
 
-from dsfab.errors import PatternError
-from dsfab.workshop.nesting.columns import NEAR, Raster, part_shapes, raster
-from dsfab.workshop.nesting.filling import NestedPart, OpenSheet, empty_sheet, placed
-from dsfab.workshop.parts import FlatPart
+import numpy as np
+
+from dsfab.core.arrays import Bools, Floats
+from dsfab.core.errors import PatternError
+from dsfab.export import ProgramError, last_line, temporary_folder
+from dsfab.workshop.nesting import spyrrow_program
+from dsfab.workshop.nesting.skyline import NEAR, NestedPart, OpenSheet, Raster, empty_sheet, part_shapes, placed, raster
+from dsfab.workshop.parts import TOLERANCE, FlatPart
 
 Size = tuple[float, float]
 """Length and width of a sheet, metres."""
@@ -169,3 +178,152 @@ def _filled(
                 return None
         left -= part.area
     return [NestedSheet(sheet.size, tuple(sheet.parts)) for sheet in opened]
+
+
+def least_clearance(outlines: Sequence[Floats], size: tuple[float, float], enough: float) -> float:
+    """The least distance, metres, between closed polygons (k, 2) each, and from them to the edges of their sheet.
+
+    It is 0 where two overlap, and less where one is beyond an edge.
+    size : of the sheet, whose edges count too.    enough : pairs whose boxes are farther apart are not measured.
+    """
+    boxes = [(P.min(axis=0), P.max(axis=0)) for P in outlines]
+    found = [float(min(low.min(), (np.array(size) - high).min())) for low, high in boxes]
+    for (P, (a, b)), (Q, (c, d)) in combinations(zip(outlines, boxes, strict=True), 2):
+        if float(np.maximum(c - b, a - d).max()) < enough:
+            found.append(polygon_distance(P, Q))
+    return min(found, default=np.inf)
+
+
+def polygon_distance(P: Floats, Q: Floats) -> float:
+    """Metres between two closed polygons (p, 2) and (q, 2), as areas; 0 where they overlap or touch."""
+    if _inside(P[:1], Q)[0] or _inside(Q[:1], P)[0] or _cross(P, Q):
+        return 0.0
+    return min(_from_sides(P, Q), _from_sides(Q, P))
+
+
+def _from_sides(points: Floats, polygon: Floats) -> float:
+    """Metres from points (p, 2) to the sides of a polygon (q, 2), of the nearest pair."""
+    a, side = polygon, np.roll(polygon, -1, axis=0) - polygon
+    way = points[:, None] - a
+    t = np.clip((way * side).sum(axis=2) / np.maximum((side**2).sum(axis=1), 1e-30), 0, 1)
+    return float(np.linalg.norm(way - t[..., None] * side, axis=2).min())
+
+
+def _inside(points: Floats, polygon: Floats) -> Bools:
+    """(p,) whether points (p, 2) are inside of a polygon: a ray crosses its sides an odd number of times."""
+    a, b = polygon, np.roll(polygon, -1, axis=0)
+    x, y = points[:, :1], points[:, 1:]
+    spans = (a[:, 1] > y) != (b[:, 1] > y)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        at = a[:, 0] + (y - a[:, 1]) / (b[:, 1] - a[:, 1]) * (b[:, 0] - a[:, 0])
+    return np.asarray((spans & (x < at)).sum(axis=1) % 2 == 1)
+
+
+def _cross(P: Floats, Q: Floats) -> bool:
+    """Whether a side of one polygon crosses one of the other: each has its ends on both sides of the other."""
+    a, b, c, d = P[:, None], np.roll(P, -1, axis=0)[:, None], Q[None], np.roll(Q, -1, axis=0)[None]
+    return bool(((_turn(a, b, c) * _turn(a, b, d) < 0) & (_turn(c, d, a) * _turn(c, d, b) < 0)).any())
+
+
+def _turn(a: Floats, b: Floats, c: Floats) -> Floats:
+    """Twice the area of the triangles a, b, c, positive where they turn to the left."""
+    u, v = b - a, c - a
+    return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
+
+
+SECONDS = 10.0
+"""Of the processor, for one sheet: of a score of parts it finds a way in some tenths of a second, or mostly never."""
+SHEETS = 3
+"""Sheets that a part is tried on, those with most room first."""
+TRIES = 24
+"""Sheets that are nested anew, at most: counted, for seconds would give other sheets on other machines."""
+FULLEST = 0.92
+"""Share of a sheet that parts may use: fuller ones are not tried."""
+ROUNDED = 1e-5
+"""Metres that are asked for besides the gap, for spyrrow reckons in single precision."""
+SEED = 1
+
+
+def require_spyrrow() -> None:
+    """Raise PatternError where spyrrow is not installed."""
+    if importlib.util.find_spec("spyrrow") is None:
+        raise PatternError(
+            "workshop.nesting = 'spyrrow' needs the library spyrrow; install it with: pip install \"dsfab[nesting]\""
+        )
+
+
+def emptied(sheets: Sequence[NestedSheet], gap: float, grain: bool = False) -> list[NestedSheet]:
+    """The same parts on as many sheets or fewer, `gap` metres apart and from the edges.
+
+    grain : whether parts of members lie along the sheets only.
+    """
+    found, tries = list(sheets), iter(range(TRIES))
+    while len(found) > 1:
+        fewer = _without_least(found, gap, grain, tries)
+        if fewer is None:
+            break
+        found = fewer
+    return found
+
+
+def _without_least(
+    sheets: Sequence[NestedSheet], gap: float, grain: bool, tries: Iterator[int]
+) -> list[NestedSheet] | None:
+    """The parts of all sheets without the least used one; None where one of its parts found no room, or tries ran
+    out."""
+    least = min(sheets, key=_area)
+    others = [sheet for sheet in sheets if sheet is not least]
+    for part in sorted((one.part for one in least.parts), key=lambda part: -part.area):
+        for k in sorted(range(len(others)), key=lambda k: others[k].used)[:SHEETS]:
+            full = _area(others[k]) + part.area > FULLEST * others[k].size[0] * others[k].size[1]
+            if full or next(tries, None) is None:
+                continue
+            if tried := _with_part(others[k], part, gap, grain):
+                others[k] = tried
+                break
+        else:
+            return None
+    return others
+
+
+def _area(sheet: NestedSheet) -> float:
+    """Square metres of its parts."""
+    return sum(one.part.area for one in sheet.parts)
+
+
+def _with_part(sheet: NestedSheet, part: FlatPart, gap: float, grain: bool) -> NestedSheet | None:
+    """A sheet with one part more, all of its parts nested anew; None where that was not found, or does not hold."""
+    parts = [*(one.part for one in sheet.parts), part]
+    placed = _by_spyrrow(parts, sheet.size, gap, grain)
+    if sorted(one.part.id for one in placed) != sorted(one.id for one in parts):
+        return None
+    outlines = [one.placed.outline for one in placed]
+    if least_clearance(outlines, sheet.size, gap) < gap - NEAR:
+        return None
+    return replace(sheet, parts=tuple(placed))
+
+
+def _by_spyrrow(parts: Sequence[FlatPart], size: tuple[float, float], gap: float, grain: bool) -> list[NestedPart]:
+    """All parts on a sheet; none where it did not find a way, or came to a bad end."""
+    apart = gap + ROUNDED + 2 * TOLERANCE  # outlines are asked for without corners that lie on a line
+    job = {
+        "items": [[part.contours[0].tolist(), _turns(part, size[1] - 2 * gap, grain)] for part in parts],
+        "height": size[1],
+        "length": size[0],  # it stays away from the edges by itself
+        "gap": apart,
+        "seed": SEED,
+    }
+    with temporary_folder("dsfab") as folder:
+        path = Path(folder) / "job.json"
+        path.write_text(json.dumps(job), encoding="utf-8")
+        try:
+            said = json.loads(last_line(spyrrow_program.__file__, str(path), seconds=SECONDS))
+            return [NestedPart(parts[k], float(np.radians(turn % 360)), (x, y)) for k, turn, x, y in said or []]
+        except (subprocess.TimeoutExpired, ProgramError, ValueError, TypeError, IndexError):
+            return []
+
+
+def _turns(part: FlatPart, tallest: float, grain: bool) -> list[float]:
+    """Degrees by which a part may be turned: across the sheet where it is short enough."""
+    across = part.size[0] <= tallest and not (grain and part.member)
+    return [0.0, 90.0, 180.0, 270.0] if across else [0.0, 180.0]

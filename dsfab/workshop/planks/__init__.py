@@ -6,11 +6,9 @@ sawing    all of them as flat parts                            found     what is
 plan      all of it: `plank_plan`
 """
 
-from dsfab.workshop.planks.found import PlankParts
-from dsfab.workshop.planks.outline import PlankStock
-from dsfab.workshop.planks.plan import PlankPlan, plank_plan
-from dsfab.workshop.planks.sawing import plank_courses, plank_parts, upright
-from dsfab.workshop.planks.slots import ORDER, Crossing, Slot, plank_crossings, slot_width, standing_order
+from dsfab.workshop.planks.plan import PlankPlan, plank_courses, plank_parts, plank_plan, upright
+from dsfab.workshop.planks.plank import PlankStock
+from dsfab.workshop.planks.slots import ORDER, Crossing, PlankParts, Slot, plank_crossings, slot_width, standing_order
 
 __all__ = [
     "ORDER",

@@ -1,24 +1,33 @@
-"""Where planks cross, and the slots that let them through each other.
-
-         d  the way on which the upper one is put
-    n   /
-    |  /          ┌──────┐    ┌──────┐    lower plank: a slot from above
-    | /           │      │    │      │
-    |/            │      └────┘      │    its bottom in the middle of both
-                  └──────────────────┘
-
-A plank is cut square to its face, so that a slot has room for the other one's thickness at both faces:
-t / sin a + t / tan a, for planks of a thickness t that cross at an angle a.
-"""
+"""Crossings of planks, and the slots that let them pass each other."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 
 import numpy as np
 
-from dsfab.arrays import Floats, lock
+from dsfab.core.arrays import Floats, lock
 from dsfab.members import MemberGraph
-from dsfab.workshop.course import StripCourse
+from dsfab.workshop.development import StripCourse
+from dsfab.workshop.parts import FlatPart
+
+SLIDE = float(np.radians(10.0))
+"""Slots of a piece open so that it can be put on along one direction, if the normals at its nodes are no farther from
+that; it is spliced where they would be."""
+
+
+def spread(normals: Floats) -> float:
+    """The largest angle between unit vectors (q, 3) and the way in their middle, radians; 0 for none."""
+    if len(normals) < 2:
+        return 0.0
+    return float(np.arccos(np.clip(normals @ middle(normals), -1.0, 1.0)).max())
+
+
+def middle(normals: Floats) -> Floats:
+    """(3,) the unit vector between those of some (q, 3) that are farthest from each other."""
+    i, j = np.unravel_index(int((normals @ normals.T).argmin()), (len(normals),) * 2)
+    way = normals[i] + normals[j]
+    return np.asarray(way / np.linalg.norm(way))
+
 
 ORDER = ("major", "minor", "rim", "keep")
 """Families from the lowest to the uppermost, where nothing else decides: later ones are put on those before."""
@@ -136,3 +145,34 @@ def _crossing(
     ways /= np.linalg.norm(ways, axis=1)[:, None]
     angle = float(np.arccos(np.clip(abs(ways[0] @ ways[1]), 0.0, 1.0)))
     return Crossing(node, names, (s, t), float(rise), n, ways, angle)
+
+
+@dataclass
+class PlankParts:
+    """Flat parts of all planks, and what is to be known of them.
+
+    order     : of families, from those that stand first.
+    crossings : with slots, and nodes without.    crowded : nodes whose slots would run into others, "N007 in A02".
+    steep     : the angle, radians, of pieces, by name, between the way on which they come and their slots, at most.
+    stuck     : pieces that do not slide on, by name, with that angle.
+    stopped   : members that stop before others of their family, or where they curl up.    left : nodes that they miss.
+    gone      : those of which nothing is left then.
+    level     : ends cut along the ground.    near, splices : splices near to a node, and all.
+    longer    : metres that twisted edges are longer than drawn, by member.    bends : strain of bending, by member.
+    """
+
+    order: tuple[str, ...]
+    pieces: list[FlatPart] = field(default_factory=list)
+    covers: list[FlatPart] = field(default_factory=list)
+    crossings: PlankCrossings = field(default_factory=PlankCrossings)
+    crowded: list[str] = field(default_factory=list)
+    steep: dict[str, float] = field(default_factory=dict)
+    stuck: dict[str, float] = field(default_factory=dict)
+    stopped: list[str] = field(default_factory=list)
+    gone: list[str] = field(default_factory=list)
+    left: list[str] = field(default_factory=list)
+    level: int = 0
+    near: int = 0
+    splices: int = 0
+    longer: dict[str, float] = field(default_factory=dict)
+    bends: dict[str, float] = field(default_factory=dict)

@@ -1,0 +1,88 @@
+"""`dsfab sweep`'s options as the tables of a sweep file: one way to say each thing, checked in one place."""
+
+from collections.abc import Sequence
+from typing import Any
+
+from dsfab.app.options import UNCHANGED, Source
+from dsfab.core.errors import DsfabError
+from dsfab.study.sweeps.plan import number
+from dsfab.study.variations import parse_variations
+
+Tables = dict[str, Any]
+
+
+def vary_tables(texts: Sequence[str]) -> tuple[Tables, list[Tables]]:
+    """[vary] and [[linked]] of --vary texts.
+
+    KEY=LOW:HIGH:COUNT    COUNT values evenly apart      KEY=LOW:HIGH:COUNT:log   apart by equal factors
+    KEY=LOW:HIGH          anything between, for --sample; with :log after it, by equal factors
+    KEY=ONE,TWO,...       these values                   KEY,KEY=ONE,TWO,...;ONE,TWO,...   keys that move together
+
+    Raises DsfabError for texts of another kind.
+    """
+    vary: Tables = {}
+    linked: list[Tables] = []
+    for text in texts:
+        keys = [key.strip() for key in text.partition("=")[0].split(",")]
+        values = text.partition("=")[2]
+        if len(keys) > 1:
+            linked.append(_together(text, keys, values))
+            continue
+        if keys[0] in vary:
+            raise DsfabError(f"--vary {keys[0]} is there twice; give all of its values at once")
+        vary[keys[0]] = _span(text, values) if _is_span(values) else parse_variations([text])[keys[0]]
+    return vary, linked
+
+
+def _is_span(values: str) -> bool:
+    return ":" in values and "," not in values and not values.lstrip().startswith(("{", "[", '"'))
+
+
+def _span(text: str, values: str) -> Tables:
+    words = [word.strip() for word in values.split(":")]
+    log = words[-1] == "log"
+    words = words[:-1] if log else words
+    try:
+        start, end = number(words[0]), number(words[1])
+        count = {"count": int(words[2])} if len(words) == 3 else {}
+        if len(words) > 3:
+            raise ValueError(values)
+    except (ValueError, IndexError):
+        raise DsfabError(
+            f"--vary {text!r} is not a range; write KEY=LOW:HIGH:COUNT such as 4:24:6, KEY=LOW:HIGH for --sample, "
+            "and :log after it for equal factors"
+        ) from None
+    return {"from": start, "to": end, **count, **({"log": True} if log else {})}
+
+
+def _together(text: str, keys: list[str], values: str) -> Tables:
+    rows = [parse_variations([f"{key}={one}"])[key] for key, one in zip(keys, values.split(";"), strict=False)]
+    if len(values.split(";")) != len(keys):
+        raise DsfabError(
+            f"--vary {text!r} links {len(keys)} keys and needs as many lists, as in "
+            "pattern.major.mode,pattern.minor.mode=1,2;5,3"
+        )
+    return dict(zip(keys, rows, strict=True))
+
+
+def words(texts: Sequence[str]) -> list[str]:
+    """Options that may be repeated or hold a comma list: ('a,b', 'c') -> a, b, c."""
+    return [word.strip() for text in texts for word in text.split(",") if word.strip()]
+
+
+def with_options(
+    values: Tables, source: Source = UNCHANGED, vary: Sequence[str] = (), others: Tables | None = None
+) -> Tables:
+    """The tables of a sweep file with what the command line says; it wins. `others`: keys as in the file, or None."""
+    result = dict(values)
+    more, linked = vary_tables(vary)
+    if more:
+        result["vary"] = {**result.get("vary", {}), **more}
+    if linked:
+        result["linked"] = [*result.get("linked", []), *linked]
+    if changes := source.overrides():
+        result["set"] = {**result.get("set", {}), **changes}
+    if source.mesh is not None:
+        result["mesh"] = str(source.mesh)
+    result.update({key: value for key, value in (others or {}).items() if value not in (None, [])})
+    return result

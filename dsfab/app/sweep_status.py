@@ -1,0 +1,131 @@
+"""The state of a sweep: a live progress line, its best runs, and all files of one run."""
+
+import time
+from collections.abc import Mapping, Sequence
+from math import isfinite
+from pathlib import Path
+
+from rich.console import Console
+from rich.status import Status
+
+from dsfab.app.terminal import out
+from dsfab.core.errors import DsfabError
+from dsfab.core.messages import duration, table
+from dsfab.report.sweep_pages import headline
+from dsfab.study.sweeps.folder import PRESET, SweepFolder
+from dsfab.study.sweeps.folder import best as best_of
+from dsfab.study.sweeps.metrics import ABOUT
+from dsfab.study.sweeps.plan import Constraint
+from dsfab.study.sweeps.runs import RunRow
+from dsfab.study.sweeps.scheduler import Progress
+from dsfab.study.variations import short_names, spelled_value
+
+EVERY = 10.0
+"""Seconds between two lines in a pipe."""
+
+LONGEST = 110
+"""Characters of a failure's reason that are shown; its log has all of it."""
+
+
+class SweepProgress:
+    """Says on standard error where a sweep stands. `metric`: of which the best so far is told."""
+
+    def __init__(self, quiet: bool, metric: str, limits: Sequence[Constraint] = ()) -> None:
+        self._console = Console(stderr=True, highlight=False, soft_wrap=True, quiet=quiet)
+        self._metric, self._limits = metric, limits
+        self._best: tuple[float, int] | None = None
+        self._status: Status | None = None
+        self._told = 0.0
+
+    def knows(self, number: int, metrics: Mapping[str, float]) -> None:
+        """A run that worked: of now, or of an earlier session."""
+        value = metrics.get(self._metric, float("nan"))
+        if not isfinite(value) or not all(limit.holds(metrics) for limit in self._limits):
+            return
+        sign = -1 if ABOUT[self._metric].better == "more" else 1
+        if self._best is None or sign * value < sign * self._best[0]:
+            self._best = (value, number)
+
+    def __call__(self, progress: Progress) -> None:
+        """A run has ended (or the first is about to begin)."""
+        outcome = progress.last
+        if outcome is not None and outcome.error:
+            short = outcome.error if len(outcome.error) <= LONGEST else outcome.error[:LONGEST] + "..."
+            ended = "was killed" if outcome.killed else "failed"
+            self._console.print(f"run {outcome.number} {ended}: {short}", markup=False)
+        elif outcome is not None:
+            self.knows(outcome.number, outcome.metrics)
+        line = self._line(progress)
+        if self._console.is_terminal:
+            self._status = self._status or self._begun(line)
+            self._status.update(line)
+        elif time.monotonic() - self._told > EVERY or not progress.left:
+            self._console.print(line, markup=False)
+            self._told = time.monotonic()
+
+    def _begun(self, line: str) -> Status:
+        status = self._console.status(line)
+        status.start()
+        return status
+
+    def _line(self, progress: Progress) -> str:
+        killed = f", {progress.killed} killed" if progress.killed else ""
+        parts = [f"{progress.done} done, {progress.failed} failed{killed}, {progress.left} left"]
+        if progress.ended_now:
+            parts.append(f"{progress.rate:.3g} runs/min")
+            parts += [f"{duration(progress.seconds_left)} left"] if progress.left else []
+        if self._best is not None:
+            unit = ABOUT[self._metric].unit
+            parts.append(f"best {self._metric} {self._best[0]:.4g}{' ' + unit if unit else ''} (run {self._best[1]})")
+        return "; ".join(parts)
+
+    def say(self, text: str) -> None:
+        """A line of its own."""
+        self._console.print(text, markup=False)
+
+    def stop(self) -> None:
+        """Take the live line away."""
+        if self._status:
+            self._status.stop()
+            self._status = None
+
+
+def ask(path: Path, best: int | None, by: str | None, number: int | None, quiet: bool) -> int:
+    """--best and --build; raises DsfabError for a folder without a sweep, and for runs that it does not have."""
+    found = SweepFolder.at(path)
+    if number is None:
+        out(_best(found, best or 0, by))
+        return 0
+    from dsfab.app.build import Files, build
+    from dsfab.app.options import Source
+
+    changes = next((row.changes for row in found.rows() if row.number == number), None)
+    if changes is None:
+        raise DsfabError(f"there is no run {number}; {path} has runs 1 to {len(found.rows())}")
+    sets = tuple(f"{key}={spelled_value(value)}" for key, value in changes.items())
+    folder = path / "built" / f"{number:05}"
+    return build(str(path / PRESET), source=Source(sets), files=Files(folder), quiet=quiet)
+
+
+def _best(found: SweepFolder, count: int, by: str | None) -> str:
+    """A table of the best runs."""
+    plan = found.plan
+    metric = by or headline(plan)
+    if metric not in plan.measured:
+        raise DsfabError(f"{metric!r} was not measured in {found.path}; use one of {', '.join(plan.measured)}")
+    if count < 1:
+        raise DsfabError(f"--best {count} lists nothing; give 1 or more")
+    rows = found.rows()
+    chosen = best_of(rows, metric, plan.limits)[:count]
+    if not chosen:
+        limits = f" and meets {', '.join(plan.constraints)}" if plan.constraints else ""
+        raise DsfabError(f"no run of {found.path} is done{limits} with a {metric}")
+    keys = list(dict.fromkeys(key for row in chosen for key in row.changes))
+    short = short_names(keys)
+    metrics = [metric, *(name for name in plan.measured if name != metric)]
+
+    def line(row: RunRow) -> list[str]:
+        numbers = [f"{row.metrics.get(name, float('nan')):.4g}" for name in metrics]
+        return [str(row.number), *numbers, *(spelled_value(row.changes.get(key)) for key in keys)]
+
+    return table(["run", *metrics, *(short[key] for key in keys)], [line(row) for row in chosen])

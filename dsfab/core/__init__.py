@@ -1,0 +1,1 @@
+"""Foundations without knowledge of structures: errors, units, arrays, messages, limits, materials, solvers."""

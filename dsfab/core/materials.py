@@ -1,0 +1,146 @@
+"""Materials by name: stiffness, weight, design strength and thermal expansion, each with its source.
+
+The design strength is what a standard lets a material be stressed to: its characteristic strength over the partial
+factor of the material, for timber also times k_mod = 0.8 (loads of medium duration, indoors or under a roof). It is
+compared with von Mises' stress of an isotropic sheet, which is right for metals. Timber, plywood and GFRP are strong
+along their fibres only, and concrete in compression only: there it is a first look; `says` tells of which strength.
+"""
+
+from dataclasses import dataclass
+
+from dsfab.core.errors import PresetError, did_you_mean
+
+
+@dataclass(frozen=True)
+class NamedMaterial:
+    """A material that a preset may name.
+
+    young : Pa, the mean value.      poisson : of an isotropic sheet.      density : kg/m3, the mean value.
+    strength : Pa, the design strength.      says : how it was found, and of what it is the strength.
+    expansion : thermal, 1/K; no stage uses it yet.      source : of all values.
+    """
+
+    name: str
+    young: float
+    poisson: float
+    density: float
+    strength: float
+    expansion: float
+    says: str
+    source: str
+
+    @property
+    def values(self) -> dict[str, float]:
+        """What it gives to [statics], by key: Pa, 1, kg/m3, Pa."""
+        return {key: getattr(self, key) for key in KEYS}
+
+
+KEYS = ("young", "poisson", "density", "strength")
+"""Keys of [statics] that a material gives; each may be given beside its name and then wins."""
+
+_ALL = (
+    NamedMaterial(
+        *("S235", 210e9, 0.3, 7850.0, 235e6, 12e-6),
+        says="yield 235 MPa / 1.0, up to 40 mm thick",
+        source="EN 1993-1-1, 3.2.6, 6.1 and table 3.1; density EN 1991-1-1",
+    ),
+    NamedMaterial(
+        *("S275", 210e9, 0.3, 7850.0, 275e6, 12e-6),
+        says="yield 275 MPa / 1.0, up to 40 mm thick",
+        source="EN 1993-1-1, 3.2.6, 6.1 and table 3.1; density EN 1991-1-1",
+    ),
+    NamedMaterial(
+        *("S355", 210e9, 0.3, 7850.0, 355e6, 12e-6),
+        says="yield 355 MPa / 1.0, up to 40 mm thick",
+        source="EN 1993-1-1, 3.2.6, 6.1 and table 3.1; density EN 1991-1-1",
+    ),
+    NamedMaterial(
+        *("S460", 210e9, 0.3, 7850.0, 460e6, 12e-6),
+        says="yield 460 MPa / 1.0, up to 40 mm thick",
+        source="S460N; EN 1993-1-1, 3.2.6, 6.1 and table 3.1; density EN 1991-1-1",
+    ),
+    NamedMaterial(
+        *("C24", 11e9, 0.3, 420.0, 8.92e6, 5e-6),
+        says="tension along the grain 14.5 MPa x 0.8 / 1.3",
+        source="EN 338, table 1; factors EN 1995-1-1; expansion EN 1991-1-5; Poisson's ratio assumed",
+    ),
+    NamedMaterial(
+        *("C30", 12e9, 0.3, 460.0, 11.7e6, 5e-6),
+        says="tension along the grain 19 MPa x 0.8 / 1.3",
+        source="EN 338, table 1; factors EN 1995-1-1; expansion EN 1991-1-5; Poisson's ratio assumed",
+    ),
+    NamedMaterial(
+        *("GL24h", 11.5e9, 0.3, 420.0, 12.3e6, 5e-6),
+        says="tension along the grain 19.2 MPa x 0.8 / 1.25",
+        source="EN 14080, table 5; factors EN 1995-1-1; expansion EN 1991-1-5; Poisson's ratio assumed",
+    ),
+    NamedMaterial(
+        *("GL28h", 12.6e9, 0.3, 460.0, 14.3e6, 5e-6),
+        says="tension along the grain 22.3 MPa x 0.8 / 1.25",
+        source="EN 14080, table 5; factors EN 1995-1-1; expansion EN 1991-1-5; Poisson's ratio assumed",
+    ),
+    NamedMaterial(
+        *("GL32h", 14.2e9, 0.3, 490.0, 16.4e6, 5e-6),
+        says="tension along the grain 25.6 MPa x 0.8 / 1.25",
+        source="EN 14080, table 5; factors EN 1995-1-1; expansion EN 1991-1-5; Poisson's ratio assumed",
+    ),
+    NamedMaterial(
+        *("LVL 48 P", 13.8e9, 0.3, 510.0, 23.3e6, 5e-6),
+        says="tension along the grain 35 MPa x 0.8 / 1.2",
+        source="EN 14374, makers' bulletin of 2019; factors EN 1995-1-1; expansion as timber; Poisson's ratio assumed",
+    ),
+    NamedMaterial(
+        *("CLT", 5.5e9, 0.1, 420.0, 4.6e6, 5e-6),
+        says="tension along the boards 14.5 MPa / 2 x 0.8 / 1.25: half of the layers run each way, also for young",
+        source="C24 of EN 338; factors EN 1995-1-1; expansion EN 1991-1-5; Poisson's ratio assumed",
+    ),
+    NamedMaterial(
+        *("plywood", 8.75e9, 0.1, 680.0, 25e6, 5e-6),
+        says="tension 37.5 MPa x 0.8 / 1.2, the mean along and across",
+        source="birch, Handbook of Finnish Plywood; factors EN 1995-1-1; expansion as timber; Poisson's ratio assumed",
+    ),
+    NamedMaterial(
+        *("aluminium 6082", 70e9, 0.3, 2700.0, 218e6, 23e-6),
+        says="T6, proof strength 240 MPa / 1.1, up to 100 mm thick; about half of it beside welds",
+        source="EN 1999-1-1, 3.2.5, 6.1.3 and table 3.2a",
+    ),
+    NamedMaterial(
+        *("concrete C30/37", 33e9, 0.2, 2500.0, 20e6, 10e-6),
+        says="compression 30 MPa / 1.5; tension is for the reinforcement",
+        source="EN 1992-1-1, 3.1 and table 3.1, uncracked; reinforced, density EN 1991-1-1",
+    ),
+    NamedMaterial(
+        *("GFRP", 17e9, 0.23, 1800.0, 57e6, 10e-6),
+        says="tension along the profile 170 MPa / 3; across it 30 MPa / 3, and young is 5 GPa",
+        source="E17 of EN 13706-3; factor of the EUROCOMP design code's order; the others of makers' sheets",
+    ),
+    NamedMaterial(
+        *("PLA", 3.5e9, 0.36, 1240.0, 20e6, 68e-6),
+        says="tension 50 MPa / 2.5 for printed layers and creep; no standard gives it",
+        source="Farah, Anderson and Langer 2016; makers' sheets",
+    ),
+)
+MATERIALS = {material.name: material for material in _ALL}
+"""All of them by name."""
+
+NO_STRENGTH = (
+    "what members can bear is not known: the preset names no material and gives no strength; set statics.material = "
+    '"S355" (`dsfab materials` lists them), or statics.strength'
+)
+"""Of a preset that says nothing of its material."""
+
+
+def material_named(name: str) -> NamedMaterial:
+    """The material of that name, in capitals or not; raises PresetError with the nearest name for any other."""
+    key = " ".join(name.split()).lower()
+    known = {each.lower(): material for each, material in MATERIALS.items()}
+    if key in known:
+        return known[key]
+    # the nearest is looked for in small letters and named as it is written
+    hint = did_you_mean(key, known)
+    for small, material in known.items():
+        hint = hint.replace(f" {small}?", f" {material.name}?")
+    raise PresetError(
+        f"{name!r} is not known{hint}; use one of {', '.join(MATERIALS)}, or leave it out and give young, poisson and "
+        "density"
+    )

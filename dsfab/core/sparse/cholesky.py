@@ -1,0 +1,380 @@
+"""Multifrontal Cholesky factorisation: nested dissection, memory and BLAS threads."""
+
+import ctypes
+import os
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import cache
+from pathlib import Path
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+from scipy.linalg.blas import dsyrk, dtrsm, dtrsv, zherk, ztrsm, ztrsv
+from scipy.linalg.lapack import dpotrf, zpotrf
+from scipy.sparse import csr_array
+from threadpoolctl import ThreadpoolController
+
+from dsfab.core.arrays import Floats, Ints, distinct
+from dsfab.core.errors import DsfabError
+
+MEMINFO = Path("/proc/meminfo")
+
+
+class FactorMemoryError(DsfabError, MemoryError):
+    """A factor would not fit into the memory of the machine."""
+
+    @classmethod
+    def of(cls, needed: int | None, free: int | None = None) -> Self:
+        """needed, free : bytes, where they are known."""
+        need = "more memory than there is" if needed is None else f"{needed / 2**30:.1f} GiB"
+        there = "" if free is None else f", {free / 2**30:.1f} GiB are free"
+        return cls(
+            f"factorising the stiffness needs {need}{there}; use a coarser mesh or simpler elements, close other "
+            "programs, or install dsfab[amg], which needs a tenth (constant+hinge elements only)"
+        )
+
+
+def free_memory() -> int | None:
+    """Bytes that can still be had without swapping; None where the system does not say."""
+    if MEMINFO.exists():
+        for line in MEMINFO.read_text(encoding="ascii").splitlines():
+            if line.startswith("MemAvailable:"):
+                return 1024 * int(line.split()[1])
+    try:
+        return os.sysconf("SC_AVPHYS_PAGES") * os.sysconf("SC_PAGE_SIZE")
+    except (AttributeError, ValueError, OSError):
+        return None
+
+
+def peak_memory() -> int:
+    """Bytes, the largest that this process has held; 0 on Windows, which does not say."""
+    try:
+        import resource
+    except ImportError:
+        return 0
+    peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return int(peak if sys.platform == "darwin" else 1024 * peak)
+
+
+def require_memory(needed: int) -> None:
+    """Raise FactorMemoryError when `needed` bytes are more than what is free."""
+    free = free_memory()
+    if free is not None and needed > free:
+        raise FactorMemoryError.of(needed, free)
+
+
+LITTLE = 20e6
+"""Bytes that are not worth being given back: looking for them takes up to 20 ms in a process that has run for long,
+which is as long as all the rest of a factor of a thousand unknowns."""
+
+
+def give_back(held: float) -> None:
+    """Hand memory that was freed to the system: glibc keeps what small blocks above it hold, 60 MB after a factor of
+    90,000 unknowns was prepared and 170 MB after it was freed. Does nothing elsewhere; takes 10 ms for 100 MB.
+
+    held : about how many bytes were freed; nothing is done for `LITTLE` or less.
+    """
+    if held > LITTLE and (trim := _malloc_trim()):
+        trim(0)
+
+
+@cache
+def _malloc_trim() -> Any:
+    return getattr(ctypes.CDLL(None), "malloc_trim", None) if sys.platform.startswith("linux") else None
+
+
+_ONE_AT_A_TIME = threading.RLock()
+
+
+@cache
+def _pools() -> Any:
+    return ThreadpoolController()
+
+
+@contextmanager
+def one_blas_thread() -> Iterator[None]:
+    """BLAS on one thread: on vectors and on fronts of a few hundred, threads cost up to ten times what they give.
+
+    The number of threads belongs to the process: other threads of Python wait their turn.
+    """
+    with _ONE_AT_A_TIME, _pools().limit(limits=1, user_api="blas"):
+        yield
+
+
+LEAF = 192
+"""Parts of at most this many unknowns are not cut further: fronts of one to two hundred unknowns suit BLAS best."""
+
+SMALL_LEAF = 24
+"""The same for SuperLU, which finds its own dense blocks: a fifth fewer entries in the factor."""
+
+
+def dissection_keys(graph: tuple[Ints, Ints], points: Floats, unknowns: int, leaf: int = LEAF) -> Ints:
+    """(n,) sort keys of the points; equal keys belong to one part or to one separator.
+
+    graph    : pairs of different points that the matrix couples, each pair in both directions.
+    unknowns : how many unknowns all points have together.
+    leaf     : parts of at most this many unknowns are not cut further.
+
+    Each part is halved at the median of its longest axis. The points of the one half that touch the other separate the
+    two (the half with fewer such points gives them) and are eliminated after both. The choice is one base-4 digit a
+    level (0 lower, 1 upper, 2 separator), so that sorting by the number is eliminating in order; all parts of a level
+    are cut at once.
+    """
+    i, j = graph
+    n = len(points)
+    key, part, alive = np.zeros(n, dtype=np.int64), np.zeros(n, dtype=np.int64), np.ones(n, dtype=bool)
+    levels = min(30, max(1, int(np.ceil(np.log2(max(unknowns, 2) / leaf)))))
+    for level in range(levels):
+        members = np.flatnonzero(alive)
+        digit = np.zeros(n, dtype=np.int64)
+        digit[members] = upper_half(points[members], part[members])
+        touching = np.zeros(n, dtype=bool)
+        touching[i[digit[i] != digit[j]]] = True
+        touched = [np.bincount(part[touching & (digit == half)], minlength=2**level) for half in (0, 1)]
+        digit[touching & (digit == (touched[1] < touched[0])[part])] = 2
+        alive &= digit != 2
+        key += digit * 4 ** (levels - 1 - level)
+        part = 2 * part + (digit == 1)
+        inside = alive[i] & alive[j] & (part[i] == part[j])
+        i, j = i[inside], j[inside]
+    return key
+
+
+def upper_half(points: Floats, part: Ints) -> Ints:
+    """(k,) 1 for the points above the median of their part along the part's longest axis, else 0.
+
+    part : (k,) numbers from 0.
+    """
+    count = np.bincount(part)
+    begin = np.cumsum(count) - count
+    used = count > 0
+    grouped = points[np.argsort(part, kind="stable")]
+    extent = np.zeros((len(count), 3))
+    extent[used] = np.maximum.reduceat(grouped, begin[used]) - np.minimum.reduceat(grouped, begin[used])
+    along = points[np.arange(len(points)), extent.argmax(axis=1)[part]]
+    rank = np.empty(len(points), dtype=np.int64)
+    rank[np.lexsort((along, part))] = np.arange(len(points)) - np.repeat(begin, count)
+    return (2 * rank >= count[part]).astype(np.int64)
+
+
+def point_graph(K: csr_array, node: Ints, n: int) -> tuple[Ints, Ints]:
+    """Pairs of different points that K couples, each pair in both directions.
+
+    node : (N,) the point that each unknown sits on, 0 to n - 1.
+    """
+    pairs = csr_array((np.ones(K.nnz, dtype=bool), node[K.indices].astype(np.int32), K.indptr), (K.shape[0], n))
+    gather = csr_array((np.ones(len(node), dtype=bool), (node, np.arange(len(node)))), (n, len(node)))
+    graph = (gather @ pairs).tocoo()
+    apart = graph.row != graph.col
+    return graph.row[apart], graph.col[apart]
+
+
+def along_a_curve(points: Floats) -> Ints:
+    """(n,) positions on a space-filling curve [Morton 1966], 1024 steps an axis: near points get near numbers."""
+    low = points.min(axis=0)
+    cell = ((points - low) * (1023 / max(float((points - low).max()), np.finfo(float).tiny))).astype(np.int64)
+    number = np.zeros(len(points), dtype=np.int64)
+    for bit in range(10):
+        for axis in range(3):
+            number |= (cell[:, axis] >> bit & 1) << (3 * bit + axis)
+    return number
+
+
+Index = npt.NDArray[np.integer[Any]]
+"""Indices of 4 bytes where they suffice: there are as many as entries of the matrix."""
+
+
+Numbers = npt.NDArray[Any]
+"""Real or complex."""
+
+ADJOINT = 2
+"""Of a matrix of real numbers the transpose, in BLAS's numbers."""
+
+
+class NotPositiveDefinite(ArithmeticError):  # noqa: N818  (it names the finding, as LinAlgError does)
+    """The matrix has no Cholesky factor: for a stiffness, the structure is a mechanism."""
+
+
+@dataclass(frozen=True, eq=False)
+class Fronts:
+    """What the pattern of a matrix says about its factor; values play no part.
+
+    order    : (N,) unknowns in the order of elimination. Everything below counts in that order.
+    start    : (fronts + 1,) own unknowns of front s are start[s] to start[s + 1].
+    rows     : per front, the later unknowns that it touches, ascending.
+    children : per front, the fronts that add to it; they come before it.
+    entry    : where the lower triangle's values stand in K.data, column by column.
+    row, column : of each entry.     pointer : (N + 1,) where each column begins.
+    """
+
+    order: Ints
+    start: Ints
+    rows: list[Ints]
+    children: list[list[int]]
+    entry: Index
+    row: Index
+    column: Index
+    pointer: Ints
+
+    @classmethod
+    def of(cls, K: csr_array, points: Floats, node: Ints) -> Self:
+        """Analyse K (N, N), whose unknown i sits on point node[i]: on points, not unknowns, since those share rows."""
+        used, node = np.unique(node, return_inverse=True)
+        points, n, N = points[used], len(used), K.shape[0]
+        keys = dissection_keys(point_graph(K, node, n), points, N)
+        # along a curve: what a child touches is then a few runs of a separator, which are added as blocks
+        sequence = np.lexsort((along_a_curve(points), keys))
+        rank = np.empty(n, dtype=np.int32)
+        rank[sequence] = np.arange(n)
+        order = np.argsort(rank[node], kind="stable")
+        place = np.empty(N, dtype=np.int32)
+        place[order] = np.arange(N)
+        row, column = np.repeat(place, np.diff(K.indptr)), place[K.indices]
+        entry = np.flatnonzero(row >= column)
+        entry = entry[np.argsort(column[entry], kind="stable")].astype(np.int32 if K.nnz < 2**31 else np.int64)
+        row, column = row[entry], column[entry]
+        pointer = np.concatenate([[0], np.cumsum(np.bincount(column, minlength=N))])
+        first = np.concatenate([[0], np.flatnonzero(np.diff(keys[sequence])) + 1, [n]])
+        on = rank[node[order]]
+        touched, children = _touched_points(on[row], on[column], first)
+        unknowns = np.concatenate([[0], np.cumsum(np.bincount(on, minlength=n))])
+        rows = [_expanded(unknowns, at) for at in touched]
+        return cls(order, unknowns[first], rows, children, entry, row, column, pointer)
+
+    @property
+    def entries(self) -> int:
+        """Numbers that the factor holds, 8 bytes each."""
+        own = np.diff(self.start)
+        return int(sum(k * (k + len(rows)) for k, rows in zip(own.tolist(), self.rows, strict=True)))
+
+    @property
+    def peak(self) -> int:
+        """Numbers held at the worst moment of the factorisation: the factor so far, updates waiting, and a front."""
+        held = waiting = worst = 0
+        for k, rows, children in zip(np.diff(self.start).tolist(), self.rows, self.children, strict=True):
+            m = len(rows)
+            held += k * (k + m)
+            worst = max(worst, held + waiting + m * m + k * (k + m))
+            waiting += m * m - sum(len(self.rows[c]) ** 2 for c in children)
+        return worst
+
+
+def _touched_points(row: Index, column: Index, first: Ints) -> tuple[list[Ints], list[list[int]]]:
+    """Per front the later points that it touches, fill included, and its children.
+
+    row, column : the points of every entry below the diagonal.   first : (fronts + 1,) where the fronts' points begin.
+    """
+    n = int(first[-1])
+    front = np.repeat(np.arange(len(first) - 1), np.diff(first))
+    outside = front[row] != front[column]
+    at, point = np.divmod(distinct(front[column[outside]] * n + row[outside]), n)
+    direct = np.split(point, np.searchsorted(at, np.arange(1, len(first) - 1)))
+    touched: list[Ints] = []
+    children: list[list[int]] = [[] for _ in direct]
+    for s, points in enumerate(direct):
+        inherited = [touched[c][np.searchsorted(touched[c], first[s + 1]) :] for c in children[s]]
+        touched.append(distinct(np.concatenate([points, *inherited])) if inherited else points)
+        if len(touched[s]):
+            children[front[touched[s][0]]].append(s)
+    return touched, children
+
+
+def _expanded(begin: Ints, points: Ints) -> Ints:
+    """The unknowns of `points`: begin[p] to begin[p + 1] of each, in a row."""
+    count = begin[points + 1] - begin[points]
+    return np.asarray(np.arange(count.sum()) + np.repeat(begin[points] - (np.cumsum(count) - count), count))
+
+
+class Multifrontal:
+    """The factor of a positive definite matrix, real or Hermitian; called with b, (N,) or (N, k), it returns K^-1 b.
+
+    Raises NotPositiveDefinite when a pivot is not positive.
+    """
+
+    def __init__(self, K: csr_array, fronts: Fronts) -> None:
+        self._fronts = fronts
+        self._factor: list[tuple[Numbers, Numbers]] = []
+        self.refactor(K)
+
+    def refactor(self, K: csr_array) -> None:
+        """Take the values of K (n, n), whose pattern must be that of the matrix analysed."""
+        f = self._fronts
+        if len(K.data) != 0 and (K.shape[0] != len(f.order) or K.nnz < len(f.entry)):
+            raise ValueError("the pattern of the matrix has changed")
+        self._factor = []
+        waiting: dict[int, Numbers] = {}
+        where = np.empty(len(f.order), dtype=np.int64)
+        with one_blas_thread():
+            for s, rows in enumerate(f.rows):
+                a, b, m = f.start[s], f.start[s + 1], len(rows)
+                k = b - a
+                where[a:b] = np.arange(k)
+                where[rows] = np.arange(k, k + m)
+                own, rest = np.zeros((k, k + m), K.dtype), np.zeros((m, m), K.dtype)
+                mine = slice(f.pointer[a], f.pointer[b])
+                own[f.column[mine] - a, where[f.row[mine]]] = K.data[f.entry[mine]]
+                for child in f.children[s]:
+                    _add(own, rest, waiting.pop(child), where[f.rows[child]])
+                L, P, waiting[s] = _eliminated(own, rest)
+                self._factor.append((L, P))
+
+    def __call__(self, b: Any) -> Any:
+        start, rows = self._fronts.start, self._fronts.rows
+        x = np.asarray(b, dtype=self._factor[0][0].dtype)[self._fronts.order]
+        with one_blas_thread():
+            for s, (L, P) in enumerate(self._factor):
+                mine = slice(start[s], start[s + 1])
+                x[mine] = y = _triangular(L, x[mine], 0)
+                x[rows[s]] -= P @ y
+            for s in range(len(self._factor) - 1, -1, -1):
+                L, P = self._factor[s]
+                mine = slice(start[s], start[s + 1])
+                x[mine] = _triangular(L, x[mine] - P.conj().T @ x[rows[s]], ADJOINT)
+        solution = np.empty_like(x)
+        solution[self._fronts.order] = x
+        return solution
+
+
+def _add(own: Numbers, rest: Numbers, update: Numbers, to: Ints) -> None:
+    """Add a child's update (c, c), upper triangle, to rows and columns `to` (c,) of the parent's front.
+
+    Column by run of neighbouring columns: rows of consecutive numbers are copied several times faster than one by one.
+    """
+    k = len(own)
+    inner = int(np.searchsorted(to, k))
+    ends = np.flatnonzero((np.diff(to) != 1) | (to[1:] == k)) + 1
+    for a, b in zip([0, *ends.tolist()], [*ends.tolist(), len(to)], strict=True):
+        if a == b:
+            continue
+        column, top = int(to[a]), min(inner, b)
+        own[to[:top], column : column + b - a] += update[:top, a:b]
+        if b > inner:
+            rest[to[inner:b] - k, column - k : column - k + b - a] += update[inner:b, a:b]
+
+
+def _eliminated(own: Numbers, rest: Numbers) -> tuple[Numbers, Numbers, Numbers]:
+    """L (k, k), P (m, k) and the update (m, m), whose upper triangle counts, of a front [own; own^H rest]; transposed,
+    own (k, k + m) is the lower triangle of the matrix, and so is rest."""
+    k, is_complex = len(own), np.iscomplexobj(own)
+    potrf, trsm, rank_k = (zpotrf, ztrsm, zherk) if is_complex else (dpotrf, dtrsm, dsyrk)
+    if not k:
+        return np.zeros((0, 0), own.dtype), np.zeros((len(rest), 0), own.dtype), rest
+    L, info = potrf(np.ascontiguousarray(own[:, :k]).T, lower=1, overwrite_a=1)
+    if info:
+        raise NotPositiveDefinite("a pivot is not positive")
+    if not len(rest):
+        return L, np.zeros((0, k), own.dtype), rest
+    P = trsm(1.0, L, np.ascontiguousarray(own[:, k:]).T, side=1, lower=1, trans_a=ADJOINT, overwrite_b=1)
+    return L, P, rank_k(-1.0, P, beta=1.0, c=rest.T, lower=1, overwrite_c=1).T
+
+
+def _triangular(L: Numbers, b: Numbers, transposed: int) -> Numbers:
+    if not len(L):
+        return b
+    trsv, trsm = (ztrsv, ztrsm) if np.iscomplexobj(L) else (dtrsv, dtrsm)
+    solve = trsv(L, b, lower=1, trans=transposed) if b.ndim == 1 else trsm(1.0, L, b, lower=1, trans_a=transposed)
+    return np.asarray(solve)

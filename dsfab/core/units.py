@@ -1,0 +1,38 @@
+"""Units: metres, newtons and pascals inside; other units exist only at the doors (readers and writers)."""
+
+from dsfab.core.errors import SurfaceError
+
+METRES_PER: dict[str, float] = {
+    "mm": 1e-3,
+    "cm": 1e-2,
+    "dm": 1e-1,
+    "m": 1.0,
+    "km": 1e3,
+    "in": 0.0254,
+    "ft": 0.3048,
+}
+"""Metres in one of the units a preset or a file may declare."""
+
+_PREFIXES = ("milli", "m"), ("centi", "c"), ("deci", "d"), ("kilo", "k"), ("", "")
+UNIT_WORDS: dict[str, str] = {
+    **{unit: unit for unit in METRES_PER},
+    **{f"{start}met{end}": f"{short}m" for start, short in _PREFIXES for end in ("er", "ers", "re", "res")},
+    "inch": "in",
+    "inches": "in",
+    "foot": "ft",
+    "feet": "ft",
+}
+"""Units by the words that files name them with, in small letters."""
+
+MM_PER_M = 1e3
+"""Exported files are in millimetres."""
+
+GRAVITY = 9.80665
+"""Standard acceleration of gravity, m/s^2 (CGPM 1901)."""
+
+
+def metres_per(unit: str) -> float:
+    """Metres in one `unit`; raises SurfaceError for a unit that dsfab does not know."""
+    if unit not in METRES_PER:
+        raise SurfaceError(f"unit = {unit!r} is not known; use one of {', '.join(METRES_PER)}")
+    return METRES_PER[unit]

@@ -1,0 +1,143 @@
+"""Can it be built at all? What the statics say against it, before anything is cut."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from dsfab.core.arrays import Floats
+from dsfab.core.errors import StaticsError, SurfaceError
+from dsfab.core.limits import AT_ONE_VERTEX, FAR_FROM_SURFACE, FEW_VERTICES, GLANCING, LARGEST_MOVE, SOME_REACTION
+from dsfab.core.messages import force, length
+from dsfab.design.regions_and_loads import Acting, acting_on, whole_surface
+from dsfab.preset.model import Preset
+from dsfab.results import CaseResult, StaticsResult
+from dsfab.statics import SupportEntry, load_entries, support_entries
+from dsfab.surface import Nearest, Snow, Surface, Wind, load_names, support_names
+
+NEVERTHELESS = "(statics.check = false builds it nevertheless)"
+
+
+class Objection(NamedTuple):
+    """A sentence on what is wrong, where, and what to change; whether it is a reason not to build, or to look again."""
+
+    text: str
+    refuses: bool = True
+
+
+def objections(preset: Preset, surface: Surface, cases: Mapping[str, CaseResult]) -> Iterator[Objection]:
+    """What is to be said against a sheet that was solved, the gravest first."""
+    on, weight = acting_on(preset, surface), preset.statics.weight
+    yield from _moving(surface, cases)
+    if point := _on_one_vertex(surface, on, cases):
+        yield point
+    else:
+        answers = {name: case.equilibrium for name, case in cases.items()}
+        yield from _on_few_vertices(support_entries(surface, on.support, answers))
+    yield from _past_faces(on, surface, weight)
+    yield from _on_supports(on, surface, weight, cases)
+
+
+def require_buildable(preset: Preset, statics: StaticsResult) -> None:
+    """Raise StaticsError with the gravest reason not to build a sheet, unless `statics.check` is false."""
+    if why := refusal(preset, statics):
+        raise StaticsError(why)
+
+
+def refusal(preset: Preset, statics: StaticsResult) -> str:
+    """The gravest reason not to build a sheet, a sentence; empty where there is none or `statics.check` is false."""
+    return f"{statics.objections[0]} {NEVERTHELESS}" if preset.statics.check and statics.objections else ""
+
+
+def off_surface(preset: Preset, surface: Surface) -> tuple[str, ...]:
+    """A sentence for each point that the nearest vertex is far away from: nothing is there to hold or to load.
+
+    Raises SurfaceError with the first, unless `statics.check` is false.
+    """
+    given, found, surface = preset.surface, [], whole_surface(preset, surface)
+    names = [*support_names(given.support), *load_names(given.load)]
+    for name, entry in zip(names, (*given.support, *given.load), strict=True):
+        at = getattr(entry, "at", None)
+        for point in at.places(surface) if isinstance(at, Nearest) else ():
+            away = float(np.linalg.norm(surface.V - point, axis=1).min())
+            if away > FAR_FROM_SURFACE * surface.size:
+                found.append(
+                    f"{name} is at {_place(point)}, {length(away)} away from the nearest vertex of the "
+                    "surface: move the point, or check its unit (metres)"
+                )
+    if found and preset.statics.check:
+        raise SurfaceError(f"{found[0]} {NEVERTHELESS}")
+    return tuple(found)
+
+
+def _moving(surface: Surface, cases: Mapping[str, CaseResult]) -> Iterator[Objection]:
+    """The sheet moves out of all proportion: statics are linear, and only the load or the units can be wrong."""
+    worst = max(cases, key=lambda name: cases[name].equilibrium.largest_displacement)
+    answer, span = cases[worst].equilibrium, float(np.ptp(surface.V, axis=0).max())
+    if answer.largest_displacement > LARGEST_MOVE * span:
+        at = int(np.linalg.norm(answer.u, axis=1).argmax())
+        yield Objection(
+            f"the sheet would move by {length(answer.largest_displacement)}{_under(worst, cases)} at "
+            f"{_place(surface.V[at])}, over a tenth of its span of {length(span)}: make statics.thickness larger, take "
+            "a stiffer material, a smaller load or more supports, or check their units"
+        )
+
+
+def _on_one_vertex(surface: Surface, on: Acting, cases: Mapping[str, CaseResult]) -> Objection | None:
+    """Under every case nearly all of the reaction is on the same vertex."""
+    sizes = [np.linalg.norm(case.equilibrium.reaction, axis=1) for case in cases.values() if case.factors is None]
+    shares = [size / size.sum() for size in sizes if size.any()]
+    least = np.min(shares, axis=0) if shares else np.zeros(surface.n)
+    at = int(least.argmax())
+    if least[at] <= AT_ONE_VERTEX:
+        return None
+    names = zip(support_names(on.support), on.support, strict=True)
+    holding = " and ".join(name for name, support in names if support.at.vertices(surface)[at])
+    return Objection(
+        f"{least[at]:.0%} of the reaction is on one vertex, at {_place(surface.V[at])} ({holding}): let the support "
+        "pick a region there, with a ball or a depth, for a sheet cannot stand on a point"
+    )
+
+
+def _on_few_vertices(entries: Sequence[SupportEntry]) -> Iterator[Objection]:
+    """A support of a point or two that carries something: stress there depends on the mesh."""
+    for entry in entries:
+        share = max(entry.share.values(), default=0.0)
+        if entry.vertices < FEW_VERTICES and share > SOME_REACTION:
+            count = "1 vertex" if entry.vertices == 1 else f"{entry.vertices} vertices"
+            yield Objection(
+                f"{entry.name} holds only {count}, at {_place(entry.place)}, and carries up to {share:.0%} of the "
+                "reaction: stress there grows as the mesh is made finer; let it pick a region, with a ball or a depth",
+                refuses=False,
+            )
+
+
+def _past_faces(on: Acting, surface: Surface, weight: float) -> Iterator[Objection]:
+    """Snow and wind that run along the faces they are on: a wall that is not quite upright, say."""
+    climate = [load for load in on.load if isinstance(load, Snow | Wind)]
+    for load, entry in zip(climate, load_entries(surface, climate, weight), strict=True):
+        if entry.total < GLANCING * load.pressure * entry.area:
+            yield Objection(
+                f"{entry.name} runs along its faces, and puts {force(entry.total)} on {entry.area:.3g} "
+                "m2: turn its direction, or pick faces that it meets"
+            )
+
+
+def _on_supports(on: Acting, surface: Surface, weight: float, cases: Mapping[str, CaseResult]) -> Iterator[Objection]:
+    """Loads that the supports take at once."""
+    free = ~next(iter(cases.values())).load.fixed
+    for name, load in zip(load_names(on.load), on.load, strict=True):
+        if not load.on(surface, weight)[free].any():
+            yield Objection(
+                f"{name} acts in held directions of held vertices only: the supports take it, and the sheet carries "
+                "nothing of it; move it or the supports",
+                refuses=False,
+            )
+
+
+def _under(name: str, cases: Mapping[str, CaseResult]) -> str:
+    return f" under {name}" if len(cases) > 1 else ""
+
+
+def _place(point: Floats) -> str:
+    return f"({', '.join(f'{x + 0.0:.3g}' for x in point)}) m"

@@ -1,0 +1,203 @@
+"""The third stage: diffusion tensors, modes and directions of the material, and their steering by the user."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dsfab.core.arrays import Bools, Floats
+from dsfab.core.errors import PatternError
+from dsfab.design.log import Log
+from dsfab.diffusion import (
+    CLEAR,
+    DiffusionTensors,
+    Labelling,
+    Modes,
+    Symmetry,
+    combined_stress,
+    diffusion_operator,
+    diffusion_tensors,
+    family_modes,
+    reference_axes,
+    symmetry_of,
+)
+from dsfab.pattern import Frames, Guidance, StressDirections
+from dsfab.preset.model import Pattern, Preset
+from dsfab.results import DiffusionResult, StaticsResult, Steered
+from dsfab.surface import LoadCase, Surface, generated_group
+from dsfab.surface.orientation import one_sided_pieces
+
+CELLS_PER_ROOT_R = 3.2
+"""Cells across a surface that keep the first eigenvalues within 10 % at anisotropy r: 32 at r = 100 (measured)."""
+
+
+def followed_stress(preset: Preset, surface: Surface, statics: StaticsResult) -> Floats:
+    """(m, 3, 3) the stress, Pa, that the pattern follows: of one case, or combined of several."""
+    sigma = {name: statics.cases[name].followed for name in preset.followed}
+    if not preset.combines:
+        return next(iter(sigma.values()))
+    return combined_stress(surface, list(sigma.values()), list(preset.followed.values()))
+
+
+def load_axes(surface: Surface, load: LoadCase) -> Floats:
+    """(3, 3) rows, what signs and bases of modes look at: the loads and the supports, and so they turn with the
+    design."""
+    sizes = np.linalg.norm(load.force, axis=1)
+    density = sizes / np.where(surface.vertex_areas > 0, surface.vertex_areas, np.inf)
+    resultant = load.force.sum(axis=0)
+    clear = np.linalg.norm(resultant) > CLEAR * sizes.sum()
+    return reference_axes(surface, (density, load.held.astype(float)), (resultant,) if clear else ())
+
+
+def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log: Log) -> DiffusionResult:
+    """The third stage: tensors and modes of both families."""
+    ask = preset.diffusion
+    if log.progress:
+        log.progress("diffusion", f"computing {ask.modes} modes of both families")
+    with log.row("diffusion"):
+        symmetry, tensors = _tensors(preset, surface, statics)
+        operators = [diffusion_operator(surface, D) for D in (tensors.major, tensors.minor)]
+    with log.row("modes"):
+        axes = load_axes(surface, statics.load)
+        major, minor = family_modes(surface, operators, ask.modes, axes, symmetry)
+    if symmetry:
+        off = max(symmetry.asymmetry(surface, x) for modes in (major, minor) for x in modes.X.T)
+        log.note(
+            "diffusion",
+            f"modes are the same at {symmetry.order} images ({', '.join(ask.symmetry)}), to {off:.1g} of their size "
+            "on this mesh",
+        )
+    edge = np.sqrt(surface.area) / (CELLS_PER_ROOT_R * np.sqrt(ask.r))
+    if surface.mean_edge > edge:
+        log.note(
+            "diffusion",
+            f"the mesh is coarse for r = {ask.r:g}: edges of {surface.mean_edge:.3g} m, better under {edge:.3g} m "
+            "(surface.refine)",
+        )
+    if (share := float(tensors.isotropic @ surface.areas) / surface.area) > 0.5:
+        log.note("diffusion", _unclear(share, ask.labelling))
+    return DiffusionResult(tensors, major, minor)
+
+
+def _tensors(preset: Preset, surface: Surface, statics: StaticsResult) -> tuple[Symmetry | None, DiffusionTensors]:
+    """Those of [diffusion], and the symmetry that it asks for."""
+    ask = preset.diffusion
+    loads = statics.loads(preset.followed).values()
+    symmetry = symmetry_of(surface, ask.symmetry, *loads) if ask.symmetry else None
+    sigma = followed_stress(preset, surface, statics)
+    sigma = symmetry.stress(sigma) if symmetry else sigma
+    return symmetry, diffusion_tensors(surface, sigma, ask.r, ask.gamma, ask.labelling, ask.isotropy)
+
+
+def without_modes(preset: Preset, surface: Surface, statics: StaticsResult) -> DiffusionResult:
+    """Tensors alone: for who draws evenly spaced stripes at once, and solves for modes later."""
+    none = Modes(np.zeros(0), np.zeros((surface.n, 0)))
+    return DiffusionResult(_tensors(preset, surface, statics)[1], none, none)
+
+
+def _unclear(share: float, labelling: Labelling) -> str:
+    """What is told where most of the surface has no direction: larger loads would not change that, the stress grows
+    alike everywhere."""
+    alike = "as large" if labelling == "magnitude" else "nearly the same"
+    more = ', or labelling = "signed" where tension and compression are' if labelling == "magnitude" else ""
+    return (
+        f"{share:.0%} of the surface has no clear stress direction, both principal stresses are {alike} there: stripes "
+        f"run as they do around it; diffusion.isotropy = 0 follows the smallest difference{more}"
+    )
+
+
+SAME_SENSE = 0.9
+"""A mirror or turn keeps the sense of turning on this share of the surface: on all of it, but for the mesh."""
+OFF = 0.3
+"""Guides may differ from their images by this share: a region is picked to one edge."""
+
+
+@dataclass(frozen=True, eq=False)
+class Steering:
+    """The angle, radians, that stripes are turned by from the stress; what guides ask; the symmetry that is left."""
+
+    turn: float
+    guidance: tuple[Guidance, ...]
+    symmetry: Symmetry | None
+    told: str = ""
+
+    def confidence(self, surface: Surface, stress: Floats) -> Floats:
+        """(m,) how clear directions are, 0 to 1, of how clear the stress is."""
+        return np.minimum(stress + self.guided(surface), 1.0) if self.guidance else stress
+
+    def guided(self, surface: Surface) -> Floats:
+        """(m,) what guides weigh."""
+        return np.asarray(sum((guide.weight for guide in self.guidance), np.zeros(surface.n))[surface.F].mean(axis=1))
+
+    def steered(self, surface: Surface, along: Floats, given: StressDirections, over: Bools) -> Steered:
+        """What became of it: along (n, 3) are the directions of the major stripes; over (n,) see `crossed_over`."""
+        one, two = ((np.einsum("mcx,mx->mc", along[surface.F], given.direction[:, k]) ** 2).sum(axis=1) for k in (0, 1))
+        crossed = over[surface.F].mean(axis=1) > 0.5
+        told = [self.told] * bool(self.told)
+        if share := float(surface.areas @ crossed) / surface.area:
+            told.append(
+                f"the two stresses cross: on {share:.0%} of the surface members go on as the other family, so that "
+                "none ends where they do"
+            )
+        along_one = one / np.maximum(one + two, np.finfo(float).tiny)
+        return Steered(along_one, self.guided(surface), crossed, "; ".join(told))
+
+
+def steering(ask: Pattern, frames: Frames, symmetry: Symmetry | None, spacing: float) -> Steering:
+    """What steers the stripes of a pattern.
+
+    symmetry : of surface, supports and loads.    spacing : metres, for guides without a reach.
+
+    Raises PatternError for an angle on a surface with one side, and for a guide that acts nowhere.
+    """
+    oblique = ask.rotate % 90 != 0
+    if oblique and one_sided_pieces(frames.surface.F, frames.surface.edges).any():
+        raise PatternError(
+            f"pattern.rotate = {ask.rotate:g}: nothing says which way to turn on a surface with one side only, like a "
+            "Moebius strip; use 0 or 90"
+        )
+    guidance = Guidance.of(frames, ask.guide, spacing)
+    kept, told = symmetry, ""
+    if symmetry is not None and (oblique or guidance):
+        every = np.ones(symmetry.order, dtype=bool)
+        turned = _same_sense(frames.surface, symmetry) if oblique else every
+        guided = _same_guides(frames, symmetry, guidance) if guidance else every
+        kept, left = _subgroup(symmetry, turned & guided)
+        who = [f"rotate = {ask.rotate:g}"] * (not turned.all()) + ["guides"] * (not guided.all())
+        if who:
+            told = (
+                f"surface, supports and loads are the same at {symmetry.order} images, the pattern at {left} of them: "
+                f"{' and '.join(who)} {'break' if who[-1] == 'guides' else 'breaks'} the rest"
+            )
+    return Steering(float(np.radians(ask.rotate)), guidance, kept, told)
+
+
+def _same_sense(surface: Surface, symmetry: Symmetry) -> Bools:
+    """(g,) whether what turns counter-clockwise on the surface does so in its image too."""
+    normal = surface.normals
+    same = [
+        np.linalg.det(R) * np.einsum("mi,mi->m", normal @ R.T, normal[face]) > 0
+        for R, face in zip(symmetry.R, symmetry.faces, strict=True)
+    ]
+    return np.array([surface.areas @ one > SAME_SENSE * surface.area for one in same])
+
+
+def _same_guides(frames: Frames, symmetry: Symmetry, guidance: tuple[Guidance, ...]) -> Bools:
+    """(g,) whether the image of each guide is a guide."""
+    area, n = frames.surface.vertex_areas, frames.surface.n
+    each = [guide.tensors(frames) for guide in guidance]
+    every = np.asarray(sum(each))
+    sizes = [np.linalg.norm(one, axis=(1, 2)) for one in each]
+    same = np.ones(symmetry.order, dtype=bool)
+    for k, (R, T) in enumerate(zip(symmetry.R, symmetry.maps, strict=True)):
+        image = (T @ every.reshape(n, 9)).reshape(n, 3, 3)
+        off = np.linalg.norm(image - R @ every @ R.T, axis=(1, 2))
+        same[k] = all((area * (size > 0)) @ off < OFF * (area @ size) for size in sizes)
+    return same
+
+
+def _subgroup(symmetry: Symmetry, keep: Bools) -> tuple[Symmetry | None, int]:
+    """What is left of a group, if that is a group and more than the identity; and its elements."""
+    R, maps = symmetry.R[keep], tuple(T for T, kept in zip(symmetry.maps, keep, strict=True) if kept)
+    if len(R) < 2 or len(generated_group(list(R))) != len(R):
+        return None, 1
+    return Symmetry(R, maps, symmetry.faces[keep]), len(R)

@@ -1,0 +1,356 @@
+"""One file of a design in the format of its suffix: the solid, the sheet with lines, or fields."""
+
+import tempfile
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+import numpy as np
+from scipy.sparse import csr_array, csr_matrix
+from scipy.sparse.csgraph import dijkstra
+
+from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.core.errors import ExportError
+from dsfab.core.limits import OUTLINE
+from dsfab.design.design import Design
+from dsfab.design.output.fields import design_fields, design_lines
+from dsfab.design.output.records import (
+    bar_records,
+    beam_records,
+    force_records,
+    graph_records,
+    member_shapes,
+    utilisation_records,
+)
+from dsfab.export import Details, StepOptions
+from dsfab.export import write as written
+from dsfab.export.formats import FORMATS, Takes, format_of, suffix_of
+from dsfab.export.part import NO_PAIRS, Curved, DividedSheet, StripedSheet
+from dsfab.members import striped_cells
+from dsfab.preset.model import Export
+from dsfab.preset.surface_section import FileSurface
+from dsfab.results import PatternResult
+from dsfab.slicing import Sheet, cut
+from dsfab.slicing.measures.lines import outline_corners, outline_labels
+from dsfab.surface import Surface, connected, corner_fans, half_edges, pieces
+from dsfab.surface.orientation import flips_along_tree, one_sided_pieces
+from dsfab.thickening import SHIFT, Side, Solid, offsets
+
+if TYPE_CHECKING:
+    import build123d
+
+
+VOID = 0.1
+"""What a metre of a seam in a void counts for, where one in the sheet counts for one more."""
+
+NOTHING = 1e-12
+"""Metres from anywhere on the boundary to any place of it."""
+
+MOST = 1000
+"""Times that a seam is made shorter; each time by many faces."""
+
+
+class Opening(NamedTuple):
+    """given : the surface (n, m) as it was, but for its faces that were turned over: `turned` (m,).
+    surface : (n', m) cut open, its faces in the same order.
+    twins   : (k, 2) vertices of `surface` at one place, on both sides of the seam."""
+
+    given: Surface
+    turned: Bools
+    surface: Surface
+    twins: Ints
+
+    def offsets(self, corners: Floats) -> Floats:
+        """(n', 3) half-thickness vectors of those (m, 3, 3) that the faces' corners had before."""
+        found = np.zeros((self.surface.n, 3))
+        found[self.surface.F] = np.where(self.turned[:, None, None], -corners[:, [0, 2, 1]], corners)
+        return found
+
+    def sheet(self, sheet: Sheet) -> tuple[Sheet, Ints]:
+        """A sheet that was cut from the surface, cut open, its cells in the same order; and (k, 2) its half-edges on
+        both sides of the seam."""
+        whole = _with_turned(sheet.surface, self.turned[sheet.parent])
+        seam = _seam(whole)
+        F = corner_fans(whole.F, whole.edges, apart=seam)
+        _, corner = np.unique(F, return_index=True)
+        old, face = whole.F.ravel()[corner], sheet.parent[corner // 3]
+        weights = csr_matrix(sheet.weights)
+        each = [np.asarray(weights[old, self.given.F[face, c]]).ravel() for c in range(3)]
+        rows = csr_array(
+            (np.stack(each, axis=1).ravel(), self.surface.F[face].ravel(), np.arange(0, 3 * len(old) + 1, 3)),
+            shape=(len(old), self.surface.n),
+        )
+        rows.eliminate_zeros()
+        cut = Sheet(Surface(whole.V[old], F), sheet.parent, sheet.family, rows)
+        return cut, np.asarray(whole.edges.pairs[seam[whole.edges.count == 2]])
+
+
+def opened(surface: Surface, sheet: Sheet) -> Opening | None:
+    """A surface cut open along a seam, of which little is in a sheet that was cut from it; None where no piece has one
+    side only."""
+    if not one_sided_pieces(surface.F, surface.edges).any():
+        return None
+    kept = np.bincount(sheet.parent, sheet.surface.areas, surface.m) / surface.areas
+    turned = _turned_for_best_way(surface, VOID + kept)
+    if turned is None:
+        turned = flips_along_tree(surface.F, surface.edges)
+        turned ^= _turned_for_short_seam(_with_turned(surface, turned))
+    given = _with_turned(surface, turned)
+    seam = _seam(given)
+    F = corner_fans(given.F, given.edges, apart=seam)
+    _, corner = np.unique(F, return_index=True)
+    pairs = given.edges.pairs[seam[given.edges.count == 2]]
+    twins = np.concatenate([end[pairs] for end in half_edges(F)])
+    whole = Surface(surface.V[given.F.ravel()[corner]], F)
+    return Opening(given, turned, whole, np.unique(twins, axis=0))
+
+
+def _turned_for_best_way(surface: Surface, counts: Floats) -> Bools | None:
+    """(m,) faces to turn over so that the seam is the shortest way from boundary to boundary that crosses a loop, along
+    which a side becomes the other, an odd number of times; None where they do not agree beside it then.
+
+    counts : (m,) what a metre of a seam in each face counts for.
+    """
+    n, m, edges = surface.n, surface.m, surface.edges
+    h0, h1 = edges.pairs.T
+    f, g, ends = h0 // 3, h1 // 3, edges.ends[edges.count == 2]
+    start, border = surface.F.ravel(), np.unique(edges.ends[edges.boundary])
+    clash = (start[h0] == start[h1]).astype(np.int64)
+    loop = _way(2 * m, f, g, clash, np.ones(len(f)), 0, m)
+    long = np.linalg.norm(np.subtract(*surface.V[ends.T]), axis=1) * (counts[f] + counts[g])
+    crossed = np.zeros(len(f), dtype=np.int64)
+    np.add.at(crossed, loop, 1)
+    outer = np.full(len(border), n)
+    way = _way(
+        2 * (n + 1),
+        np.append(ends[:, 0], border),
+        np.append(ends[:, 1], outer),
+        np.append(crossed % 2, 0 * outer),
+        np.append(long, np.full(len(border), NOTHING)),
+        n,
+        2 * n + 1,
+    )
+    seam = np.zeros(len(f), dtype=bool)
+    seam[way[way < len(f)]] = True
+    f, g, clash = (some[~seam] for some in (f, g, clash))
+    one, two = np.concatenate([f, f + m]), np.concatenate([g + m * clash, g + m * (1 - clash)])
+    count, side = connected(2 * m, one, two)
+    return np.asarray(side[:m] != side[0]) if count == 2 and len(way) else None
+
+
+def _way(count: int, one: Ints, two: Ints, turns: Ints, long: Floats, first: int, last: int) -> Ints:
+    """The edges, in order, of the shortest way from node `first` to node `last` of `count`, half of which are on the
+    other side: edges with turns of 1 lead there. (0,) where there is none."""
+    half = count // 2
+    a, b = np.concatenate([one, one + half]), np.concatenate([two + half * turns, two + half * (1 - turns)])
+    graph = csr_array((np.tile(long, 2), (a, b)), shape=(count, count))
+    before = dijkstra(graph, directed=False, indices=[first], return_predecessors=True)[1][0]
+    number = {tuple(sorted(pair)): i % len(one) for i, pair in enumerate(zip(a.tolist(), b.tolist(), strict=True))}
+    found = list[int]()
+    while last != first and before[last] >= 0:
+        found.append(number[tuple(sorted((last, int(before[last]))))])
+        last = int(before[last])
+    return np.array(found, dtype=np.int64)
+
+
+def _turned_for_short_seam(surface: Surface) -> Bools:
+    """(m,) faces to turn over, each while more of its outline is seam than is not: along a tree it has teeth."""
+    h0, h1 = surface.edges.pairs.T
+    f, g, (a, b) = h0 // 3, h1 // 3, half_edges(surface.F)
+    long = np.linalg.norm(surface.V[a[h0]] - surface.V[b[h0]], axis=1)
+    clash, turned = a[h0] == a[h1], np.zeros(surface.m, dtype=bool)
+    for _ in range(MOST):
+        worth = np.bincount(np.append(f, g), np.tile(np.where(clash, long, -long), 2), surface.m)
+        rank = np.lexsort([np.arange(surface.m), worth]).argsort()
+        best = worth > 1e-9 * long.max()
+        best[f[(rank[f] < rank[g]) & best[g]]] = False
+        best[g[(rank[g] < rank[f]) & best[f]]] = False
+        if not best.any():
+            break
+        turned ^= best
+        clash = clash ^ best[f] ^ best[g]
+    return turned
+
+
+def _with_turned(surface: Surface, turned: Bools) -> Surface:
+    """The surface with some faces (m,) turned over."""
+    F = surface.F.copy()
+    F[turned] = F[turned][:, [0, 2, 1]]
+    return Surface(surface.V, F)
+
+
+def _seam(surface: Surface) -> Bools:
+    """(e,) the edges along which faces do not agree about their side."""
+    h0, h1 = surface.edges.pairs.T
+    start, found = surface.F.ravel(), np.zeros(len(surface.edges.ends), dtype=bool)
+    found[surface.edges.count == 2] = start[h0] == start[h1]
+    return found
+
+
+SNAP = 0.1
+"""Snap fraction of the borders of charts (see `cut`)."""
+
+
+def write(thing: Design | Sheet | Solid | Surface, path: str | Path, **options: Any) -> Path:
+    """Write one file, its format by the suffix of `path`, and read it back; returns the path.
+
+    Of a design what `dsfab build` and `dsfab export` write, byte for byte: the solid with its edges and facts, the
+    lines of the sheet, or the fields of the uncut surface, whichever the format holds. Of a solid, a sheet or a surface
+    alone that alone. `options` are those of `dsfab.export.write`; of a design they go before those of its preset.
+
+    Raises ExportError: see there.
+    """
+    if not isinstance(thing, Design):
+        return written(thing.surface if isinstance(thing, Sheet) else thing, path, **options)
+    format_of(Path(path))
+    part, how = deliverable(thing, suffix_of(Path(path)))
+    if isinstance(route := options.get("step"), str) and "step" in how:
+        options["step"] = replace(how["step"], route=route)
+    return written(part, path, **{"name": thing.preset.name, **how, **options})
+
+
+def to_build123d(thing: Design | Solid) -> "build123d.Shape":
+    """As STEP has it, millimetres: of a design what `design.write("x.step")` writes, smooth where it is.
+
+    Raises ExportError: see `write`.
+    """
+    import build123d
+
+    with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
+        return build123d.import_step(write(thing, Path(folder) / "shape.step"))
+
+
+def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str, Any]]:
+    """The thing, and the keywords for `dsfab.export.write`; `suffix` is one of `FORMATS`, with its dot.
+
+    The solid for formats of meshes, with the lines for those that hold both; the kept sheet for formats of lines, of
+    members, also as bodies, of section forces and of beams; the uncut surface for fields, which are known there.
+    """
+    ask, takes = design.preset.export, FORMATS[suffix].takes
+    if takes == "fields":
+        values = design_fields(design) if design.fields is None else design.fields
+        return design.surface, {"details": Details(values=values)}
+    if told := _OF_SHEET.get(takes):
+        return design.sheet.surface, {"details": told(design)}
+    if takes == "mesh":
+        corners = outline_corners(design.sheet, design.surface)
+        made_of = {"material": design.preset.statics.material}
+        details = Details(measures=_measures(design), records=made_of, origin=_origin(design))
+        step = replace(step_options(ask), corners=corners, curved=partial(curved_design, design))
+        return design.solid, {"step": step, "details": details}
+    tolerance = ask.step_tolerance or OUTLINE * design.preset.statics.thickness
+    exact = FORMATS[suffix].curves  # its tolerance is for the curves alone
+    details = Details(design_lines(design, 0.0 if exact else tolerance), tolerance, facts=_facts(design))
+    return (design.solid if takes == "both" else design.sheet.surface), {"details": details}
+
+
+def body_details(design: Design) -> Details:
+    """Members as bodies, with what is known of them and what they are made of."""
+    tolerance = design.preset.export.step_tolerance or OUTLINE * design.preset.statics.thickness
+    records = graph_records(design.members) | {"material": design.preset.statics.material}
+    shapes = member_shapes(design)
+    return Details(
+        tolerance=tolerance, measures=_measures(design), records=records, shapes=shapes, origin=_origin(design)
+    )
+
+
+_OF_SHEET: dict[Takes, Callable[[Design], Details]] = {
+    "members": lambda design: Details(records=graph_records(design.members)),
+    "bodies": body_details,
+    "forces": lambda design: Details(records=force_records(design)),
+    "bars": lambda design: Details(records=bar_records(design)),
+    "utilisation": lambda design: Details(records=utilisation_records(design)),
+    "frame": lambda design: Details(records=beam_records(design)),
+}
+"""What formats of the kept sheet take of a design, but for those of lines."""
+
+
+def step_options(ask: Export) -> StepOptions:
+    """How STEP is made, as the preset has it."""
+    return StepOptions(ask.step, ask.step_faces, ask.step_tolerance, ask.step_mb)
+
+
+def _origin(design: Design) -> tuple[float, float, float]:
+    """Metres, of a mesh file with a survey's coordinates; shapes have none."""
+    surface = design.preset.surface
+    return surface.origin if isinstance(surface, FileSurface) else (0.0, 0.0, 0.0)
+
+
+def _measures(design: Design) -> dict[str, float]:
+    """Thickness and material, SI."""
+    statics = design.preset.statics
+    return {key: getattr(statics, key) for key in ("thickness", "density", "young", "poisson")}
+
+
+def _facts(design: Design) -> tuple[str, ...]:
+    """Lines of a title block."""
+    statics, sheet = design.preset.statics, design.sheet.surface
+    area, count = sheet.area, pieces(sheet.F, sheet.edges)[0]
+    mass = f"{design.mass:,.0f}".replace(",", " ") if design.mass >= 100 else f"{design.mass:.3g}"
+    return (
+        f"sheet {1000 * statics.thickness:.3g} mm thick, {mass} kg",
+        f"{area:.4g} m2, {area / design.surface.area:.0%} of the uncut surface",
+        f"{count} {'piece' if count == 1 else 'pieces'}",
+        "centre lines: blue major, red minor",
+    )
+
+
+def curved_design(design: Design) -> Curved:
+    """The sheet of a design; raises ExportError where the solid is more than that sheet, thickened."""
+    ask = design.preset.thickening
+    if ask.extra:
+        raise ExportError("the solid has extra parts beside the sheet")
+    if design.solid.repairs.rung == "united":
+        raise ExportError("the sheet crosses itself, and its parts are fused there")
+    sheet = curved_sheet(design.surface, design.sheet, design.preset.statics.thickness, ask.side)
+    return replace(sheet, striped=lambda: striped_sheet(design.surface, design.sheet, design.pattern))
+
+
+def striped_sheet(surface: Surface, sheet: Sheet, pattern: PatternResult) -> StripedSheet:
+    """A kept sheet that was cut from `surface` along a pattern, by its stripes; opened if the surface has one side."""
+    cells, opening = striped_cells(surface, sheet, pattern), opened(surface, sheet)
+    whole, seam = opening.sheet(cells.sheet) if opening else (cells.sheet, NO_PAIRS)
+    return StripedSheet(whole.surface.F, whole.weights, cells.label, cells.loose, seam)
+
+
+def curved_sheet(surface: Surface, sheet: Sheet, thickness: float | Floats, side: Side = "mid") -> Curved:
+    """A kept sheet and the surface it was cut from.
+
+    thickness : metres, or (n,) of them.   A surface with one side only is cut open.
+    """
+    found, opening, twins = offsets(surface, thickness, side), opened(surface, sheet), NO_PAIRS
+    D = found.D
+    if opening:
+        D, twins = opening.offsets(found.at_corners(surface.F)), opening.twins
+        surface, sheet = opening.surface, opening.sheet(sheet)[0]
+    cut_in = partial(divided, surface, sheet, D)
+    return Curved(surface.V, surface.F, D, SHIFT[side], cut_in, twins=twins)
+
+
+def divided(surface: Surface, sheet: Sheet, D: Floats, fields: Floats) -> DividedSheet:
+    """The kept sheet cut along the upper envelope of fields (n, c) on the uncut surface."""
+    count = fields.shape[1]
+    chart = np.zeros(sheet.surface.m, dtype=np.int64)
+    if count > 1:
+        over = [fields[:, k] - fields[:, k + 1 :].max(axis=1) for k in range(count - 1)]
+        parts = cut(sheet.surface, [sheet.carry(x) for x in over], [np.zeros(1)] * len(over), SNAP)
+        chart = np.where(parts.material, parts.family, count - 1)
+        family, weights = sheet.family[parts.parent], parts.weights @ sheet.weights
+        sheet = Sheet(parts.surface, sheet.parent[parts.parent], family, weights)
+        chart = _where_largest(sheet.carry(fields), sheet.surface.F, chart)
+    labels = outline_labels(sheet, surface)
+    return DividedSheet(sheet.surface.V, sheet.surface.F, sheet.carry(D), chart, labels.half_edge, labels.family)
+
+
+def _where_largest(fields: Floats, F: Ints, chart: Ints) -> Ints:
+    """(m,) charts, but for faces where theirs is largest at no corner: there the largest in the middle.
+
+    Where three borders meet, what is cut away by one of them may be none of the others': it would be left to the last
+    chart, which may be far away.
+    """
+    corners = fields[F]
+    own = np.take_along_axis(corners, chart[:, None, None], axis=2)[:, :, 0]
+    lost = (own < corners.max(axis=2)).all(axis=1)
+    return np.where(lost, corners.mean(axis=1).argmax(axis=1), chart)

@@ -1,0 +1,248 @@
+"""Plain records of a design for files: members, nodes, beam model, section forces and utilisation."""
+
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dsfab.core.arrays import Floats
+from dsfab.core.materials import MATERIALS
+from dsfab.core.units import MM_PER_M
+from dsfab.design import Design
+from dsfab.export import MemberShape
+from dsfab.members import Member, MemberAxis, MemberGraph, Node
+from dsfab.statics import CONVENTION, SectionForces
+from dsfab.surface import Surface
+from dsfab.thickening import SHIFT, closed_skin, offsets
+
+if TYPE_CHECKING:
+    from dsfab.members.eurocode import Utilisation
+    from dsfab.members.frame import Frame
+
+
+DIGITS, CURVATURE = 4, 9
+"""Decimals of millimetres, and of curvatures per metre."""
+
+
+def graph_records(graph: MemberGraph) -> dict[str, Any]:
+    """What a file says of a graph: notes, members and nodes."""
+    return {
+        "notes": list(graph.notes),
+        "members": [_member(graph, member) | _counted(graph, k) for k, member in enumerate(graph.members)],
+        "nodes": [_node(node) for node in graph.nodes],
+    }
+
+
+def _member(graph: MemberGraph, member: Member) -> dict[str, Any]:
+    width = member.width if member.axis else np.array([member.mean_width])
+    return {
+        "id": member.id,
+        "kind": member.kind,
+        "family": member.family,
+        "stripe": member.stripe,
+        "part": member.part,
+        "closed": bool(member.axis and member.axis.closed),
+        "length": _mm(member.length),
+        "area": round(MM_PER_M**2 * member.area, 1),
+        "width": {
+            "median": _mm(member.mean_width),
+            "least": _mm(float(width.min())),
+            "greatest": _mm(float(width.max())),
+        },
+        "ends": list(member.ends),
+        "nodes": [node.id for node in graph.along[member.id]],
+        "bays": _rounded(MM_PER_M * graph.bays(member.id)),
+        "axis": _axis(member.axis, member.sides) if member.axis else None,
+    }
+
+
+def _counted(graph: MemberGraph, k: int) -> dict[str, Any]:
+    """Of the area of a member what it does not leave to those that cross it, and who these are."""
+    cells = graph.members[k].cells
+    owner = graph.owner[cells]
+    own = float(graph.sheet.surface.areas[cells[owner == k]].sum())
+    others = [graph.members[other].id for other in np.unique(owner).tolist() if other != k]
+    return {"own_area": round(MM_PER_M**2 * own, 1), "counted_with": others}
+
+
+def _axis(axis: MemberAxis, sides: Floats) -> dict[str, Any]:
+    """Station by station."""
+    metres = {"s": axis.s, "points": axis.P, "left": sides[:, 0], "right": sides[:, 1]}
+    lengths = {name: _rounded(MM_PER_M * values) for name, values in metres.items()}
+    directions = {"normals": _rounded(axis.N, CURVATURE)}
+    return lengths | directions | {name: _rounded(getattr(axis, name), CURVATURE) for name in ("kg", "kn", "tg")}
+
+
+def _node(node: Node) -> dict[str, Any]:
+    return {
+        "id": node.id,
+        "kind": node.kind,
+        "members": list(node.members),
+        "at": [_mm(s) for s in node.at],
+        "angle": _number(node.angle, 3),
+        "area": round(MM_PER_M**2 * node.area, 1),
+        "point": _rounded(MM_PER_M * node.point),
+        "normal": _rounded(node.normal, CURVATURE),
+    }
+
+
+def _mm(metres: float) -> float | None:
+    return _number(MM_PER_M * metres, DIGITS)
+
+
+def _number(value: float, digits: int) -> float | None:
+    """None where there is none."""
+    return None if np.isnan(value) else round(value, digits) + 0.0
+
+
+def _rounded(values: Floats, digits: int = DIGITS) -> list[Any]:
+    """As lists, without negative zeros."""
+    found: list[Any] = (values.round(digits) + 0.0).tolist()
+    return found
+
+
+PLATES = ("disc", "plate", "fill")
+"""Kinds of members that are not long and narrow."""
+
+
+def member_shapes(design: Design) -> tuple[MemberShape, ...]:
+    """In the order of the names, metres. Where two members cross both are there, so that all bodies together have more
+    volume than the solid; `own_area` of `member_records` says what each is counted with."""
+    sheet, ask = design.members.sheet, design.preset.thickening
+    offset = offsets(design.surface, design.preset.statics.thickness, ask.side)
+    D = sheet.carry_corners(offset.at_corners(design.surface.F), design.surface.F)
+    return tuple(_shape(sheet.surface, D, member, SHIFT[ask.side]) for member in design.members.members)
+
+
+def _shape(surface: Surface, D: Floats, member: Member, shift: int) -> MemberShape:
+    used, F = np.unique(surface.F[member.cells], return_inverse=True)
+    piece = Surface(surface.V[used], F.reshape(-1, 3))
+    V, faces = closed_skin(piece, D[used], shift)
+    axis = member.axis.P if member.axis else np.zeros((0, 3))
+    edges = tuple(piece.V[np.append(loop, loop[0])] for loop in piece.loops)
+    return MemberShape(member.id, member.family or member.kind, V, faces, axis, edges, member.kind in PLATES)
+
+
+def beam_records(design: Design) -> dict[str, Any]:
+    """`frame_records` of a design, and `actions`, by case, permanent, snow, wind or variable; `description`; `told`,
+    sentences on how far beams answer as the sheet does.
+
+    Raises StaticsError where there are no members with an axis, or nothing carries their loads.
+    """
+    return frame_records(design.frame) | {
+        "actions": dict(design.frame.actions),
+        "description": design.preset.description,
+        "told": [one.told for one in design.frame_agreement()],
+    }
+
+
+def frame_records(frame: "Frame") -> dict[str, Any]:
+    """`frame`: columns of the beam model, see `dsfab.members.frame.Frame`, and `material`."""
+    named = MATERIALS.get(frame.material.name)
+    names = (
+        *("points", "nodes", "ends", "width", "thickness", "eccentricity", "length", "fixed", "spring"),
+        *("area", "inertia", "shear_area"),
+    )
+    return {
+        "frame": {name: getattr(frame, name) for name in names}
+        | {
+            "z": frame.axes[:, 2],
+            "member": [frame.members[k] if k >= 0 else "" for k in frame.member],
+            "loads": dict(frame.loads),
+            "combinations": {name: dict(factors) for name, factors in frame.combinations.items()},
+        },
+        "material": {
+            "name": frame.material.name,
+            "young": frame.material.young,
+            "shear": frame.material.shear,
+            "poisson": frame.material.poisson,
+            "density": frame.material.density,
+            "expansion": named.expansion if named else None,
+        },
+    }
+
+
+COLUMNS = ("N [N]", "Vy [N]", "Vz [N]", "Mt [N m]", "My [N m]", "Mz [N m]")
+
+
+def bar_records(design: Design) -> dict[str, Any]:
+    """`bars`, by member its `bay` (k,), the place `s` (k,) along its axis, and `forces` (k, 6) by case and combination,
+    and the `least` and the `greatest` of all; `columns`, the names of the six.
+
+    Raises StaticsError where the cut sheet does not carry its loads.
+    """
+    bars = {}
+    for name, one in design.member_forces.items():
+        least, greatest = np.moveaxis(one.envelope, -1, 0)
+        several = {"least": least, "greatest": greatest} if len(one.forces) > 1 else {}
+        bars[name] = {"bay": list(one.bay), "s": one.s, "forces": {**one.forces, **several}}
+    return {"bars": bars, "columns": list(COLUMNS)}
+
+
+def utilisation_records(design: Design) -> dict[str, Any]:
+    """`utilisation`: `rows`, by bay, worst first, its `member`, `bay`, numbers and words as `export.utilisation` has
+    them; `checks`, names with clauses; `standard`, `assumed`, `unchecked`, sentences; `told`, the worst of all.
+
+    Raises StaticsError where neither the material nor a strength is known, or nothing carries the loads.
+    """
+    return found_records(design.member_utilisation)
+
+
+def found_records(found: "Utilisation") -> dict[str, Any]:
+    """The same of what was found."""
+    bays, rows = found.bays, []
+    for bay in found.order.tolist():
+        check, case, station = found.governing(bay)
+        rows.append(
+            {
+                "member": bays.member[bay],
+                "bay": bays.name[bay],
+                "utilisation": float(found.largest[bay]),
+                "check": check.name,
+                "clause": check.clause,
+                "case": case,
+                "along": float(bays.s[bay, station]),
+                "width": float(bays.width[bay, station]),
+                "length": float(bays.length[bay]),
+                "forces": bays.forces[case][bay, station],
+                "each": found.worst[bay],
+            }
+        )
+    words = {"standard": found.standard, "assumed": found.assumed, "unchecked": found.unchecked}
+    known = {"rows": rows, "checks": [str(check) for check in found.checks], "thickness": bays.thickness}
+    return {"utilisation": {**words, **known, "told": [found.told]}, "columns": list(COLUMNS)}
+
+
+def force_records(design: Design) -> dict[str, Any]:
+    """`convention`, lines of text; `faces`, columns (m,) or (m, 3) of each face; `cases`, by name, the columns of each
+    load case and combination.
+
+    Raises StaticsError where the cut sheet does not carry its loads.
+    """
+    found = design.section_forces
+    surface, first = design.sheet.surface, next(iter(found.values()))
+    faces = {
+        "centre [m]": surface.centroids,
+        "area [m2]": surface.areas,
+        "local x [1]": first.frame[:, 0],
+        "local y [1]": first.frame[:, 1],
+        "normal [1]": surface.normals,
+    }
+    return {
+        "convention": list(CONVENTION),
+        "faces": faces,
+        "cases": {name: _columns(forces) for name, forces in found.items()},
+    }
+
+
+def _columns(forces: SectionForces) -> dict[str, Floats]:
+    found: dict[str, Floats] = {}
+    for name, unit in (("n", "N/m"), ("m", "N m/m")):
+        for index, axes in enumerate(("x", "y", "xy")):
+            found[f"{name}_{axes} [{unit}]"] = getattr(forces, name)[:, index]
+    found |= {f"q_{axis} [N/m]": np.asarray(forces.q[:, index]) for index, axis in enumerate("xy")}
+    for name, unit in (("n", "N/m"), ("m", "N m/m")):
+        values, angle, direction = forces.principal(name)
+        found |= {f"{name}_{index} [{unit}]": np.asarray(values[:, index - 1]) for index in (1, 2)}
+        found[f"{name}_1 from local x [degrees]"] = angle
+        found[f"{name}_1 direction [1]"] = direction
+    return found

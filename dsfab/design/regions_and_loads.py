@@ -1,0 +1,181 @@
+"""The surface cut along the outlines of its regions, and the load cases that act on it."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from typing import Any, NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+
+from dsfab import ways_out
+from dsfab.core.arrays import Bools, Ints
+from dsfab.core.errors import SurfaceError
+from dsfab.design.log import Log
+from dsfab.diffusion import Symmetry
+from dsfab.preset.model import Preset
+from dsfab.statics import SpreadLoad, spread_load
+from dsfab.surface import (
+    All,
+    Load,
+    LoadCase,
+    PatternRegion,
+    Support,
+    Surface,
+    VerticesLeft,
+    edges_of,
+    load_cases,
+    region_key,
+    together,
+    with_regions,
+)
+
+OFF = 0.3
+"""A region may differ from its image by this share of its area: it is cut out of triangles."""
+
+
+_BEFORE: WeakKeyDictionary[Surface, tuple[Surface, Ints]] = WeakKeyDictionary()
+"""Of surfaces with voids: the same without them, and the number there (n,) of each vertex: not made twice."""
+
+
+def surface_with_regions(preset: Preset, surface: Surface, log: Log) -> Surface:
+    """The surface cut along the outlines of the regions of a preset, and without those that are void.
+
+    Raises SurfaceError for a region that is nowhere on it, and for voids that leave a support, a load or a piece of the
+    surface with nothing that holds it.
+    """
+    regions, voids = preset.pattern.region, preset.pattern.voids
+    cut = with_regions(surface, regions)
+    for k in voids:
+        log.note("surface", f"{region_key(regions, k)} is void: {cut.taken[k]:.3g} m2 of {surface.area:.4g} m2")
+    if voids:
+        _BEFORE[cut.surface] = cut.whole, cut.vertices
+        _check_pieces(preset, surface, cut.surface)
+    return cut.surface
+
+
+class Acting(NamedTuple):
+    """Supports and loads, whose pickers mean the vertices of a surface."""
+
+    support: tuple[Support, ...]
+    load: tuple[Load, ...]
+
+
+def acting_on(preset: Preset, surface: Surface) -> Acting:
+    """The supports and the loads of a preset on its surface.
+
+    They are picked as if there were no voids: the edge of an oculus is no boundary that was supported, and the lowest
+    vertices stay the lowest ones. Raises SurfaceError for what picks nothing that is left.
+    """
+    given = preset.surface
+    if not preset.pattern.voids:
+        return Acting(given.support, given.load)
+    whole, vertices = _before_voids(preset, surface)
+    words = _void_words(preset)
+    support, load = (
+        tuple(
+            _left(f"surface.{key}.{k}", one, whole, vertices, surface.edges.ends, words)
+            for k, one in enumerate(getattr(given, key))
+        )
+        for key in ("support", "load")
+    )
+    return Acting(support, load)
+
+
+def whole_surface(preset: Preset, surface: Surface) -> Surface:
+    """The surface of a preset as it was before its voids were taken away."""
+    return _before_voids(preset, surface)[0] if preset.pattern.voids else surface
+
+
+def _before_voids(preset: Preset, surface: Surface) -> tuple[Surface, Ints]:
+    if surface not in _BEFORE:
+        cut = with_regions(ways_out.through("base_surface", preset), preset.pattern.region)
+        _BEFORE[surface] = cut.whole, cut.vertices
+    return _BEFORE[surface]
+
+
+def _left(key: str, one: Any, whole: Surface, vertices: Ints, edges: Ints, voids: str) -> Any:
+    """A support or a load at what it picks on a whole surface, of which vertices (n,) and edges (e, 2) are left."""
+    at = getattr(one, "at", None)
+    if at is None or isinstance(at, All):
+        return one
+    picked = at.vertices(whole)[vertices]
+    left = np.flatnonzero(picked)
+    if not len(left):
+        raise SurfaceError(
+            f"{key}: everything that it picks has been taken away by {voids}; draw that smaller, or pick something else"
+        )
+    both = edges[picked[edges].all(axis=1)]
+    meant = edges_of(at, whole)[whole.edges.between(*vertices[both].T)]
+    return replace(one, at=VerticesLeft(tuple(left.tolist()), ends=tuple(map(tuple, both[meant].tolist()))))
+
+
+def one_sided_words(surface: Surface, regions: Sequence[PatternRegion], symmetry: Symmetry | None) -> str:
+    """What a person should know of drawn regions whose images are no region, a sentence; nothing where all are."""
+    if symmetry is None:
+        return ""
+    found = []
+    for k, region in enumerate(regions):
+        if region.do == "void":
+            continue  # a hole on one side leaves the surface no symmetry
+        inside = region.faces(surface)
+        off = [float(surface.areas @ (inside[images] != inside)) for images in symmetry.faces]
+        same = int((np.array(off) <= OFF * float(surface.areas @ inside)).sum())
+        if same < symmetry.order:
+            found.append(f"{region_key(regions, k)} at {same}")
+    return f"the stripes are the same at {symmetry.order} images, {', '.join(found)} of them only" if found else ""
+
+
+def _void_words(preset: Preset) -> str:
+    names = [region_key(preset.pattern.region, k) for k in preset.pattern.voids]
+    return f"the void {names[0]}" if len(names) == 1 else f"the voids {', '.join(names)}"
+
+
+def _check_pieces(preset: Preset, before: Surface, after: Surface) -> None:
+    """Raise SurfaceError for pieces that voids part from all supports."""
+    count, label = after.pieces
+    supports = acting_on(preset, after).support
+    if count == before.pieces[0] or not supports:
+        return
+    held: Bools = np.logical_or.reduce([support.at.vertices(after) for support in supports])
+    area = np.bincount(label, after.areas, count)
+    loose = np.bincount(label, held[after.F].any(axis=1), count) == 0
+    if loose.any():
+        piece = int(np.where(loose, area, 0.0).argmax())
+        x, y, z = np.average(after.centroids[label == piece], axis=0, weights=after.areas[label == piece])
+        raise SurfaceError(
+            f"{_void_words(preset)} part{'s' if len(preset.pattern.voids) == 1 else ''} {int(loose.sum())} of {count} "
+            f"pieces of the surface from all supports, the largest ({area[piece]:.3g} m2) around ({x:.3g}, {y:.3g}, "
+            f"{z:.3g}) m; leave a connection, support it, or draw the void over it"
+        )
+
+
+@dataclass(frozen=True, eq=False)
+class Loading:
+    """A load that the sheet answers to.
+
+    name    : of the case or the combination; empty for all cases together.
+    factors : what the cases are multiplied with; None for a case itself, which is solved; all others are sums.
+    """
+
+    name: str
+    load: LoadCase
+    spread: SpreadLoad
+    factors: Mapping[str, float] | None = None
+
+
+def loadings(preset: Preset, surface: Surface) -> list[Loading]:
+    """The cases of a preset, then its combinations, and last, if there are several cases, all of them together.
+
+    Raises SurfaceError for supports and loads that act on nothing.
+    """
+    given, weight = preset.surface, preset.statics.weight
+    on = acting_on(preset, surface)
+    loads = load_cases(surface, on.support, on.load, weight)
+    parts = {name: spread_load(surface, [ld for ld in on.load if ld.case == name], weight) for name in loads}
+    cases = [Loading(name, load, parts[name]) for name, load in loads.items()]
+    sums = [(combination.name, dict(combination.factors)) for combination in given.sums]
+    if len(loads) > 1:
+        sums.append(("", dict.fromkeys(loads, 1.0)))
+    return cases + [
+        Loading(name, together(loads, factors), SpreadLoad.total(parts, factors), factors) for name, factors in sums
+    ]

@@ -1,0 +1,257 @@
+"""Loads and supports of the cut sheet, taken over from the uncut surface."""
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import cKDTree
+
+from dsfab.core.arrays import Bools, Floats, Ints, group_sums
+from dsfab.core.errors import StaticsError
+from dsfab.slicing import Sheet
+from dsfab.slicing.cutting.sheet import ON_SIMPLEX
+from dsfab.surface import LoadCase, LoadParts, Surface, connected
+
+BEARS = 0.02
+"""Share of a face that has to be material for it to carry anything: a sliver is no bearing."""
+
+ON_LINE = 1e-9
+"""Bolts whose group is thinner than the root of this, of its length, are on a line: no arm takes a moment about it."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tributary:
+    """What the faces of an uncut surface (m,) give to what a sheet has of them.
+
+    to      : (m,) the face that carries the covering of each; itself where it has material, -1 where none can.
+    area    : (m,) m2 of material in each face.         place : (m, 3) the middle of it, metres.
+    opening : (m,) the number of the opening that a face is part of, -1 for those that carry.
+    """
+
+    surface: Surface
+    to: Ints
+    area: Floats
+    place: Floats
+    opening: Ints
+
+    @classmethod
+    def of(cls, surface: Surface, sheet: Sheet) -> Self:
+        """Of a sheet of the surface."""
+        cells, m = sheet.surface, surface.m
+        area: Floats = np.bincount(sheet.parent, cells.areas, m).astype(np.float64)
+        first = group_sums(sheet.parent, cells.areas[:, None] * cells.centroids, m)
+        bears = area > BEARS * surface.areas
+        bears = bears if bears.any() else area > 0
+        place = np.where(bears[:, None], first / np.where(area > 0, area, 1.0)[:, None], surface.centroids)
+        f, g, _ = _steps(surface)
+        inner = ~bears[f] & ~bears[g]
+        _, part = connected(m, f[inner], g[inner])
+        return cls(surface, nearest_faces(surface, bears), area, place, np.where(bears, -1, part))
+
+    def forces(self, covered: Floats) -> Floats:
+        """(m, 3) newtons on the material in each face, of tractions (m, 3), Pa, on the uncut surface.
+
+        Raises StaticsError for a load on a piece of the surface that has no material.
+        """
+        load = covered * self.surface.areas[:, None]
+        lost = np.flatnonzero((self.to < 0) & load.any(axis=1))
+        if len(lost):
+            place = ", ".join(f"{x:.3g}" for x in self.surface.centroids[lost[0]])
+            raise StaticsError(
+                f"what lies on the surface near ({place}) m is carried by nothing: no material is left of that piece "
+                "of it; load other faces, or change a phase, a mode or pattern.rim"
+            )
+        force = self._by_opening(load)
+        turning = np.cross(self.surface.centroids, load) - np.cross(self.place, force)
+        count, piece = self.surface.pieces
+        bears = np.flatnonzero(self.opening < 0)
+        lacking = group_sums(piece, turning, count)
+        force[bears] += _bolted(piece[bears], self.place[bears], self.area[bears], lacking)
+        return force
+
+    def _by_opening(self, load: Floats) -> Floats:
+        """(m, 3) newtons, of loads (m, 3), with the moment of each opening where its rim takes that."""
+        given = np.flatnonzero((self.opening >= 0) & (self.to >= 0))
+        force = group_sums(self.to[self.to >= 0], load[self.to >= 0], len(load))
+        # a face of the rim may carry several openings: of each it takes its own part
+        pair, of = np.unique(np.stack([self.opening[given], self.to[given]]), axis=1, return_inverse=True)
+        group, number = np.unique(pair[0], return_inverse=True)
+        turning = np.cross(self.surface.centroids[given] - self.place[self.to[given]], load[given])
+        moment, weight = (
+            group_sums(number[of], turning, len(group)),
+            np.bincount(of, self.surface.areas[given]).astype(np.float64),
+        )
+        added = _bolted(number, self.place[pair[1]], weight, moment)
+        lies = np.bincount(number[of], np.linalg.norm(load[given], axis=1), len(group))
+        far = np.bincount(number, np.linalg.norm(added, axis=1), len(group)) > lies
+        added[far[number]] = 0.0
+        np.add.at(force, pair[1], added)
+        return force
+
+
+def nearest_faces(surface: Surface, marked: Bools) -> Ints:
+    """(m,) the marked face (m,) that is nearest along the surface, over the middles of faces and of edges between them;
+    -1 where none can be reached."""
+    f, g, length = _steps(surface)
+    steps = coo_array((length, (f, g)), shape=(surface.m, surface.m)).tocsr()
+    found = dijkstra(steps, directed=False, indices=np.flatnonzero(marked), min_only=True, return_predecessors=True)[2]
+    return np.where(found < 0, -1, found).astype(np.int64)
+
+
+def _steps(surface: Surface) -> tuple[Ints, Ints, Floats]:
+    """Pairs of neighbouring faces (k,), and metres from middle to middle over the middle of their edge."""
+    edges = surface.edges
+    face, of = edges.order // 3, edges.of.ravel()[edges.order]
+    same = np.flatnonzero(of[1:] == of[:-1])
+    f, g, middle = face[same], face[same + 1], surface.V[edges.ends[of[same]]].mean(axis=1)
+    reach = [np.linalg.norm(surface.centroids[x] - middle, axis=1) for x in (f, g)]
+    return f, g, reach[0] + reach[1]
+
+
+def _bolted(group: Ints, place: Floats, weight: Floats, moment: Floats) -> Floats:
+    """(k, 3) newtons at places (k, 3) without a resultant that give each group (k,) its moment (g, 3), Nm, as bolts of
+    these sizes (k,) take it. About a line that all places of a group are on nothing is given."""
+    count = len(moment)
+    total = np.bincount(group, weight, count)
+    middle = group_sums(group, weight[:, None] * place, count) / np.where(total > 0, total, 1.0)[:, None]
+    r = place - middle[group]
+    inertia = np.zeros((count, 3, 3))
+    each = (r * r).sum(axis=1)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None, :]
+    np.add.at(inertia, group, weight[:, None, None] * each)
+    theta = np.einsum("gij,gj->gi", np.linalg.pinv(inertia, rcond=ON_LINE, hermitian=True), moment)
+    return np.asarray(weight[:, None] * np.cross(theta[group], r))
+
+
+REACH = 0.1
+"""Concentrated loads are handed over this share of the surface's size at most: further away, nothing carries them."""
+
+
+LOST = 0.01
+"""Pieces that are dropped may carry this share of a concentrated load at most."""
+
+
+ATTACH = "set pattern.rim, raise pattern.keep, or change a phase or a mode"
+"""What helps then."""
+
+
+def lost_load(surface: Surface, drawn: Sheet, sheet: Sheet, loads: Iterable[LoadCase]) -> str:
+    """What is lost with pieces that reach no support, as a clause; empty when they carry no concentrated load.
+
+    A load whose own material was cut away is handed to what lies next to it (`sheet_load`). One that still stands on
+    material, but on a piece that is not held, is carried by nothing, however close the rest is.
+
+    drawn : all material, the loose pieces included.    sheet : what is kept of it.
+    loads : of which the first that is lost is told.
+    """
+    dropped = (drawn.same_vertex() >= 0) & (sheet.same_vertex() < 0)
+    for load in loads:
+        size = np.linalg.norm(load.point, axis=1) * load.loaded
+        if (lost := size[dropped].sum()) > LOST * size.sum():
+            place = surface.V[dropped][size[dropped].argmax()].round(3).tolist()
+            return f"the load at {place} m ({lost:.3g} N) stands on a piece that reaches no support"
+    return ""
+
+
+def sheet_loads(surface: Surface, drawn: Sheet, sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, LoadCase]:
+    """The `sheet_load` of each; raises StaticsError as it does, and for a load that is lost (see `lost_load`)."""
+    if lost := lost_load(surface, drawn, sheet, loads.values()):
+        raise StaticsError(f"{lost}; {ATTACH}")
+    return loads_on(surface, sheet, loads)
+
+
+def loads_on(surface: Surface, sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, LoadCase]:
+    """The `sheet_load` of each; who carries what lies on coverings is found once."""
+    covered = any(load.parts is not None and load.parts.covered.any() for load in loads.values())
+    tributary = Tributary.of(surface, sheet) if covered else None
+    return {name: sheet_load(surface, sheet, load, tributary) for name, load in loads.items()}
+
+
+def sheet_load(surface: Surface, sheet: Sheet, load: LoadCase, tributary: Tributary | None = None) -> LoadCase:
+    """The supports and loads of the uncut surface on a kept sheet of it, see `sheet_supports`.
+
+    A concentrated force on a vertex that the sheet still has stays there; any other goes to the nearest vertex of the
+    sheet, so that resultants are kept exactly and moments up to the distance moved. The sheet weighs what is left of
+    it, and what acts on material alone acts there; what lies on a covering goes to the material that is nearest (see
+    `Tributary`), with resultant and moment. `parts` are those of the sheet's own vertices and cells.
+
+    tributary : of this sheet, where it is known.
+
+    Raises StaticsError as `sheet_supports` does, and when a concentrated force finds no material near it.
+    """
+    held = sheet_supports(surface, sheet, load)
+    point = _moved(surface, sheet, load.point)
+    if load.parts is None:
+        return replace(held, force=point)
+    covered = np.zeros((sheet.surface.m, 3))
+    if load.parts.covered.any():
+        tributary = tributary or Tributary.of(surface, sheet)
+        material = np.bincount(sheet.parent, sheet.surface.areas, surface.m)
+        covered = (tributary.forces(load.parts.covered) / np.where(material > 0, material, 1.0)[:, None])[sheet.parent]
+    parts = LoadParts(point, load.parts.weight[sheet.parent], load.parts.bare[sheet.parent], covered)
+    return held.with_parts(sheet.surface, parts)
+
+
+def sheet_supports(surface: Surface, sheet: Sheet, load: LoadCase) -> LoadCase:
+    """The supports of the uncut surface on a kept sheet of it, without a load.
+
+    They hold what is left of them: springs keep the share of their stiffness that was on vertices which the sheet still
+    has, and edges do not turn that lie within such an edge of the uncut surface.
+
+    Raises StaticsError when no supported vertex is left.
+    """
+    fixed, same = sheet.between(surface, load.fixed, _given(load.fixed_edges)), sheet.same_vertex()
+    kept = np.flatnonzero(same >= 0)
+    spring = np.zeros((sheet.surface.n, 3))
+    np.add.at(spring, same[kept], load.spring[kept])
+    if not (fixed.any() or spring.any()):
+        raise StaticsError("no supported vertex is left on the sheet; set pattern.keep to protect the supports")
+    clamped = _within(surface, sheet, load.clamped) if load.clamped.any() else load.clamped[:0]
+    return LoadCase(fixed, np.zeros_like(spring), sheet.between(surface, load.loaded), spring, clamped)
+
+
+def _moved(surface: Surface, sheet: Sheet, force: Floats) -> Floats:
+    """(n', 3) newtons on a sheet, of forces (n, 3) on the vertices of the uncut surface."""
+    same, acting = sheet.same_vertex(), np.flatnonzero((force != 0).any(axis=1))
+    at = same[acting]
+    lost = at < 0
+    if lost.any():
+        found = cKDTree(sheet.surface.V).query(surface.V[acting[lost]])
+        moved, at[lost] = np.asarray(found[0]), np.asarray(found[1])
+        if moved.max() > REACH * surface.size:
+            place = surface.V[acting[lost][moved.argmax()]].round(3).tolist()
+            raise StaticsError(
+                f"the load at {place} m finds no material within {moved.max():.3g} m; set pattern.keep to protect loads"
+            )
+    there = np.zeros((sheet.surface.n, 3))
+    np.add.at(there, at, force[acting])
+    return there
+
+
+def held_vertices(surface: Surface, sheet: Sheet, load: LoadCase) -> Bools:
+    """(n',) vertices of a sheet that have a support of the uncut surface, springs among them."""
+    edges = _given(load.fixed_edges)
+    return sheet.between(surface, load.held, None if edges is None else np.asarray(edges.any(axis=1)))
+
+
+def _given(edges: Bools) -> Bools | None:
+    """Held edges; None where a load case leaves it to its vertices."""
+    return edges if len(edges) else None
+
+
+def _within(surface: Surface, sheet: Sheet, marked: Bools) -> Bools:
+    """(e',) edges of the sheet that lie within marked edges (e,) of the uncut surface."""
+    ends = sheet.surface.edges.ends
+    both = csr_array(sheet.weights[ends[:, 0]] + sheet.weights[ends[:, 1]])
+    both.data[both.data < 1 - ON_SIMPLEX] = 0.0
+    both.eliminate_zeros()
+    both.sort_indices()
+    on_edge = np.flatnonzero(np.diff(both.indptr) == 2)
+    first = both.indptr[on_edge]
+    key = both.indices[first].astype(np.int64) * surface.n + both.indices[first + 1]
+    sought = np.sort(surface.edges.ends[marked], axis=1)
+    found = np.zeros(len(ends), dtype=bool)
+    found[on_edge[np.isin(key, sought[:, 0] * surface.n + sought[:, 1])]] = True
+    return found

@@ -1,0 +1,388 @@
+"""The fourth step: stripes of material on the modes, and what is kept besides them."""
+
+from collections.abc import Callable, Sequence
+from contextlib import suppress
+from dataclasses import dataclass, field, replace
+from functools import partial
+from typing import NamedTuple
+
+import numpy as np
+
+from dsfab.core.arrays import Floats
+from dsfab.core.errors import PatternError
+from dsfab.core.messages import length
+from dsfab.design.finishing import (
+    added_share,
+    bridged_share,
+    closed_share,
+    drawn_member,
+    rehearsed_closed_share,
+    slimmest,
+)
+from dsfab.design.kept_material import SHARE_TOLERANCE, corrected, kept_regions, tidy_of
+from dsfab.design.log import Log
+from dsfab.pattern import (
+    Drawable,
+    EvenFamily,
+    Layer,
+    ModeFamily,
+    ShareJumpError,
+    Stripes,
+    Widths,
+    counted_share,
+    frequency_for,
+    mean_duty_factor,
+    relative_stresses,
+    solved_factor,
+    stripe_layers,
+)
+from dsfab.preset.model import FAMILIES, Preset
+from dsfab.results import Choice, DiffusionResult, EvenStripes, PatternResult, StressedSurface
+from dsfab.slicing import PolygonMesh, cut_polygons
+from dsfab.surface import Surface
+
+EXACT = 1e-9
+"""Shares that differ by less are the same share, added up in another order."""
+
+COUNTED = 2
+"""Points along each side of a face, by which the search for it begins."""
+
+GROWTH = 0.85
+"""By about how much of itself a share grows when widths do so by themselves: crossings are shared by both families."""
+
+CLOSINGS = (1.0, 0.97, 1.03, 0.9, 0.8, 0.65, 0.5)
+"""Openings between members that crowd close as for so many times the widths that are about right. Where widths differ
+much from place to place those that close are over what is asked by themselves, until fewer of them do."""
+
+FAR = 2.5
+"""Which openings close is known for widths that are about right, not for some that are so many times as large."""
+
+SKETCHED_TOLERANCE = 4e-3
+"""How closely a sketch keeps what is asked: counts are off by as much."""
+
+SHARE_SNAP = 0.05
+"""Snap fraction of the cuts that measure it: the default of slicing.snap, for no stage depends on a later section."""
+
+
+class WidthSearch(NamedTuple):
+    """How widths are searched for by which the layers keep pattern.width.solid_fraction of the surface.
+
+    share     : the share of the surface that layers keep, in whose measure it is reached.
+    tolerance : how closely.    guess : what the multiplier was for a like pattern, or 0; saves time.
+    counted   : a quicker, rougher `share`, with which the search begins.
+    added     : the share that round corners bring on top: stripes keep that much less than is asked.
+    """
+
+    share: Callable[[Sequence[Layer]], float]
+    tolerance: float
+    guess: float = 0.0
+    counted: Callable[[Sequence[Layer]], float] | None = None
+    added: float = 0.0
+
+
+@dataclass
+class _Shares:
+    """Called with layers it cuts them, and tells the share of the surface that they keep.
+
+    reached : all such shares.    layers, polygons : the last ones, and what the surface was cut into along them.
+    """
+
+    preset: Preset
+    given: StressedSurface
+    reached: list[float] = field(default_factory=list)
+    layers: Sequence[Layer] | None = None
+    polygons: PolygonMesh | None = None
+
+    def __call__(self, layers: Sequence[Layer]) -> float:
+        self.forget()  # its memory, before more is needed
+        surface = self.given.surface
+        fields, levels = zip(*((layer.field, layer.levels) for layer in layers), strict=True)
+        self.polygons = cut_polygons(surface, fields, levels, SHARE_SNAP, tidy_of(self.preset, self.given, layers))
+        self.layers = layers
+        self.reached.append(self.polygons.material_area / surface.area)
+        return self.reached[-1]
+
+    def nearest(self, wanted: float) -> float:
+        """Of the shares that were reached the nearest to one."""
+        return min(self.reached, key=lambda one: abs(one - wanted))
+
+    def forget(self) -> None:
+        """Forget the last layers."""
+        self.layers = self.polygons = None
+
+
+def pattern_step(
+    preset: Preset,
+    given: StressedSurface,
+    log: Log,
+    choice: Choice | None = None,
+    grading: Floats | None = None,
+    even: EvenStripes | None = None,
+) -> PatternResult:
+    """Kept regions come first: a cell that they make material is not cut again by the stripes.
+
+    preset  : with its modes and phases settled.    choice : of them, where they were `auto`.
+    grading, even : (n, f), and evenly spaced stripes; see `striped_families`.
+    """
+    ask, surface = preset.pattern, given.surface
+    with log.stage("pattern", "drawing stripes"):
+        kept = kept_regions(preset, surface, given.load, even)
+        widths = member_widths(preset, surface)
+        families = striped_families(preset, given, widths.radius, grading, even)
+        if not even:
+            _note_spacings(preset, families, log)
+        counted = counted_share(surface, kept, COUNTED) if ask.width.solid_fraction else None
+        share = _Shares(preset, given)
+
+        def made(added: float = 0.0, guess: float = 0.0) -> PatternResult:
+            share.reached.clear()
+            search = WidthSearch(share, SHARE_TOLERANCE, guess, None if guess else counted, added)
+            layers, factor = solved_layers(preset, surface, kept, families, search)
+            if share.layers is not layers:
+                share.forget()
+            tidy = tidy_of(preset, given, layers)
+            found = pattern_of(preset, families, layers)
+            return replace(found, factor=factor, choice=choice, even=even, tidy=tidy)
+
+        if not (wanted := ask.width.solid_fraction):
+            return made()
+        finished = bool(ask.fillet or even or ask.tidied)
+        if not (finished or ask.for_workshop):
+            result, total = made(), share.nearest(wanted)
+        else:
+            more = added_share if finished else closed_share
+
+            def added(one: PatternResult) -> float:
+                return more(preset, surface, one, share.polygons)
+
+            def bridged() -> float:
+                return bridged_share(surface) + rehearsed_closed_share(preset, surface) if finished else 0.0
+
+            result, total = corrected(ask.width, made, share.nearest, added, bridged)
+        log.note("pattern", _solved(preset, widths, result.factor, total))
+    return result
+
+
+def sketched_step(
+    preset: Preset,
+    given: StressedSurface,
+    choice: Choice | None = None,
+    grading: Floats | None = None,
+    even: EvenStripes | None = None,
+) -> PatternResult:
+    """`pattern_step` with widths that were found by counting points, without any cut."""
+    surface = given.surface
+    kept = kept_regions(preset, surface, given.load, even)
+    families = striped_families(preset, given, member_widths(preset, surface).radius, grading, even)
+    search = WidthSearch(counted_share(surface, kept, COUNTED), SKETCHED_TOLERANCE)
+    layers, factor = solved_layers(preset, surface, kept, families, search)
+    found = pattern_of(preset, families, layers)
+    return replace(found, factor=factor, choice=choice, even=even, tidy=tidy_of(preset, given, layers))
+
+
+def member_widths(preset: Preset, surface: Surface) -> Widths:
+    """The rule of [pattern.width], with the bounds that it has where none are said."""
+    ask = preset.pattern
+    bounded = ask.method == "stripes" and ask.width.rule in ("graded", "stressed")
+    return ask.width.widths(np.sqrt(surface.area), least_width(preset, surface) if bounded else 0.0)
+
+
+def least_width(preset: Preset, surface: Surface) -> float:
+    """Metres that evenly spaced members whose widths differ are no thinner than, unless it is said otherwise.
+
+    Of graded width: as wide as the sheet is thick. Of stressed width: as wide as a workshop makes. Else slicing would
+    lay strips beside each of them, which takes long, and what these add would come off those that work most.
+    """
+    stressed = preset.pattern.width.rule == "stressed"
+    least = drawn_member(preset, surface) if stressed else preset.statics.thickness
+    return min(least, slimmest(preset.pattern, surface))
+
+
+def _note_spacings(preset: Preset, families: Sequence[Drawable], log: Log) -> None:
+    """Tell which frequencies the spacings became that are asked for."""
+    for family in families:
+        if spacing := getattr(preset.pattern, family.name).spacing:
+            told = f"spacing {spacing:g} m: frequency of the {family.name} stripes became"
+            log.note("pattern", f"{told} {family.stripes.frequency:.4g}")
+
+
+def pattern_of(preset: Preset, families: Sequence[Drawable], layers: Sequence[Layer]) -> PatternResult:
+    """Layers that are cut together, and the numbers of the families that are drawn."""
+    ask = preset.pattern
+    names, fields, levels, half_widths, _ = zip(*layers, strict=True)
+    stripes = {family.name: family.stripes for family in families}
+    major, minor = (stripes.get(name, getattr(ask, name).stripes) for name in FAMILIES)
+    modes = ask.major.number, ask.minor.number
+    frequencies, phases = (major.frequency, minor.frequency), (major.phase, minor.phase)
+    return PatternResult(names, fields, levels, half_widths, frequency=frequencies, mode=modes, phase=phases)
+
+
+def solved_layers(
+    preset: Preset, surface: Surface, kept: Sequence[Layer], families: Sequence[Drawable], search: WidthSearch
+) -> tuple[list[Layer], float]:
+    """What is kept and the stripes, as wide as asked; and what the widths were multiplied with.
+
+    Raises PatternError where that share cannot be reached.
+    """
+    width, widths = preset.pattern.width, member_widths(preset, surface)
+    factor = search.guess or (mean_duty_factor(surface, families, widths) if widths.follow else 1.0)
+
+    def layers(factor: float, closing: float = 0.0) -> list[Layer]:
+        return [*kept, *stripe_layers(families, widths, factor, closing)]
+
+    share, tolerance, guess, counted, added = search
+    if width.solid_fraction:
+        wanted = width.solid_fraction - added
+        slope = GROWTH * wanted if guess else 0.0
+        if counted is None and not guess and any(layer.closed is not None for layer in layers(factor)):
+            counted = counted_share(surface, kept, COUNTED)  # which openings close must be known before
+        if counted is not None:
+            with suppress(PatternError):  # the search below says it better
+                factor *= solved_factor(lambda relative: counted(layers(factor * relative)), wanted, SHARE_TOLERANCE)
+                slope = (counted(layers(1.02 * factor)) - counted(layers(0.98 * factor))) / 0.04
+        found = partial(
+            solved_factor,
+            wanted=wanted,
+            tolerance=tolerance,
+            slope=slope,
+            near=bool(guess),
+            jump=width.solid_fraction_tolerance,
+        )
+        return _reached(layers, share, factor, found)
+    return layers(factor), factor
+
+
+def _reached(
+    layers: Callable[[float, float], list[Layer]],
+    share: Callable[[Sequence[Layer]], float],
+    factor: float,
+    solve: Callable[[Callable[[float], float]], float],
+) -> tuple[list[Layer], float]:
+    """The layers that keep a share, and their factor, near the given one: that one says which openings close.
+
+    solve : what `solved_factor` finds for a share as a function of the factor over the given one.
+
+    Where the share jumps because an opening is about to close, a little more or less of them do. So it is where the
+    widths come out far from those that close them: many closed openings and stripes without a width keep a share, too.
+    """
+    refused, far = list[PatternError](), list[tuple[float, float, list[Layer]]]()
+    for closing in (factor * shift for shift in CLOSINGS):
+        drawn = _LastDrawn(layers, factor, closing)
+        try:
+            relative = solve(lambda x: share(drawn.at(x)))  # noqa: B023
+        except PatternError as error:
+            refused.append(error)
+        else:
+            found, off = drawn.at(relative), abs(float(np.log(max(relative, EXACT) * factor / closing)))
+            if off < np.log(FAR) or all(layer.closed is None for layer in found):
+                return found, factor * relative
+            far.append((off, factor * relative, found))
+    if far:
+        _, nearest, found = min(far, key=lambda one: one[0])
+        return found, nearest
+    if isinstance(refused[0], ShareJumpError):
+        raise PatternError(f"{refused[0]}, or allow more with pattern.width.solid_fraction_tolerance")
+    raise refused[0]
+
+
+@dataclass
+class _LastDrawn:
+    """Layers at some part of a factor, the last ones at hand: it is mostly these that are wanted in the end."""
+
+    layers: Callable[[float, float], list[Layer]]
+    factor: float
+    closing: float
+    last: tuple[float, list[Layer]] = (-1.0, [])
+
+    def at(self, relative: float) -> list[Layer]:
+        """The layers whose widths are so many times the factor."""
+        if self.last[0] != relative:
+            self.last = relative, self.layers(self.factor * relative, self.closing)
+        return self.last[1]
+
+
+def striped_families(
+    preset: Preset,
+    given: StressedSurface,
+    radius: float = 0.0,
+    grading: Floats | None = None,
+    even: EvenStripes | None = None,
+) -> Sequence[Drawable]:
+    """The families that are drawn; the major one runs along the primary stress, the minor one along the secondary.
+
+    radius  : metres over which slopes are averaged, see `Widths.radius`.
+    grading : (n, f) relative half-widths of these for the rule `stressed`; without it they are those of `graded`.
+    even    : where evenly spaced stripes run; None for stripes on modes.
+
+    Raises PatternError for a mode that was not computed.
+    """
+    surface, diffusion = given.surface, given.diffusion
+    ask, families = preset.pattern, list[Drawable]()
+    stress: list[Floats | None] = [None] * len(ask.family_names)
+    if ask.width.rule in ("graded", "stressed"):
+        sizes = stripe_stresses(surface, diffusion, even)
+        sizes = sizes[:, [FAMILIES.index(name) for name in ask.family_names]]
+        if ask.width.rule == "stressed":
+            sizes = sizes**ask.width.q if grading is None else grading
+        stress = list(sizes.T)
+    if even is not None:
+        return _even_families(preset, surface, even, stress)
+    for name, along in zip(ask.family_names, stress, strict=True):
+        family, modes = getattr(ask, name), getattr(diffusion, name)
+        if family.number > len(modes.lam):
+            raise PatternError(
+                f"pattern.{name}.mode = {family.number} but only diffusion.modes = {len(modes.lam)} are computed; "
+                "raise diffusion.modes or choose a lower mode"
+            )
+        x, stripes = modes.mode(family.number), family.stripes
+        if family.spacing:
+            stripes = replace(stripes, frequency=frequency_for(surface, x, family.spacing))
+        families.append(ModeFamily.on(surface, name, stripes, x, along, radius))
+    return families
+
+
+def stripe_stresses(surface: Surface, diffusion: DiffusionResult, even: EvenStripes | None) -> Floats:
+    """(n, 2) sizes of the stress along both families, over their common mean: what graded widths follow.
+
+    Raises PatternError when there is no stress.
+    """
+    sizes = np.abs(even.forces if even is not None and even.forces is not None else diffusion.tensors.principal)
+    if even is not None and even.steered:
+        along = even.steered.along[:, None]
+        sizes = along * sizes + (1 - along) * sizes[:, ::-1]
+    found = relative_stresses(surface, sizes)
+    return even.symmetry.mean(found) if even is not None and even.symmetry is not None else found
+
+
+def _even_families(
+    preset: Preset, surface: Surface, even: EvenStripes, stress: Sequence[Floats | None]
+) -> list[Drawable]:
+    """The stripes of the families that are drawn."""
+    made: list[Drawable] = []
+    for name, given in zip(preset.pattern.family_names, stress, strict=True):
+        k, stripes = FAMILIES.index(name), Stripes(1.0, 0.0, getattr(preset.pattern, name).threshold)
+        along = np.ones(surface.n) if given is None else given
+        columns = even.slope[:, k], even.density[:, k], along
+        made.append(
+            EvenFamily(
+                name, stripes, even.phases[k], even.wanted[k], *columns, int(k != even.first), preset.pattern.tidied
+            )
+        )
+    return made
+
+
+def _solved(preset: Preset, widths: Widths, factor: float, share: float) -> str:
+    """What the widths became for the wanted share of material, and the share that they have where that is another."""
+    ask = preset.pattern
+    if widths.rule == "constant":
+        became = f"members are {length(factor * widths.member)} wide"
+    elif widths.rule == "plain":
+        drawn = [family.stripes.widened(factor).threshold for family in ask.drawn]
+        became = f"the thresholds became {' and '.join(f'{one:.3f}' for one in drawn)}"
+        became = became if len(drawn) > 1 else became.replace("thresholds", "threshold")
+    else:
+        became = f"the {widths.rule} widths were multiplied by {factor:.3g}"
+    told = f"{became} for solid_fraction = {ask.width.solid_fraction:.1%}"
+    if abs(share - ask.width.solid_fraction) <= SHARE_TOLERANCE + EXACT:
+        return told
+    return f"{told}; {share:.2%} is the nearest: the share jumps there, as ends of members come and go"

@@ -1,0 +1,1 @@
+"""Files for structural analysis: CalculiX, OpenSees, SAF and ParaView."""

@@ -1,0 +1,278 @@
+"""CalculiX: finite element models of shells or beams as an .inp file that `ccx` runs."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Literal
+
+import numpy as np
+
+from dsfab import __version__
+from dsfab.core.arrays import Bools, Floats, Ints, first, lock, locked
+from dsfab.core.errors import ExportError
+from dsfab.export.analysis.opensees import all_loads
+from dsfab.export.part import Part
+from dsfab.export.readback import ReadBack, differs
+from dsfab.export.writing import one_line, replacing, rows, write_chunks
+
+Element = Literal["S6", "CPS6"]
+
+UNITS = "lengths in metres, forces in newtons, Young's modulus and stresses in pascals, density in kg/m3"
+
+NAME_LENGTH = 80
+"""CalculiX cuts names of sets and materials after this many characters."""
+
+NEGLIGIBLE = 1e-14
+"""Components of forces under this share of the step's largest are rounding and are not written."""
+
+
+@dataclass(frozen=True, eq=False)
+class CalculixModel:
+    """A sheet of six-node triangles, what holds it and what presses on it.
+
+    nodes     : (p, 3) metres.
+    triangles : (m, 6) nodes: three corners, then the middles after them.
+    thickness : metres.           young : pascals.         density : kg/m3.
+    steps     : by name, (p, 3) newtons on the nodes; one *STEP each.
+    supports  : by name, (p, 3) directions that are held; a node set each. Names are upper-case words.
+    clamped   : (p,) nodes that may not turn (S6 only).
+    springs   : (p, 3) newtons per metre between node and ground; 0 where there is none.
+    notes     : lines for the top of the file.
+
+    Raises ExportError for arrays that do not fit together, no step or no support, and for CPS6 out of the plane z = 0.
+    """
+
+    nodes: Floats
+    triangles: Ints
+    thickness: float
+    young: float
+    poisson: float
+    steps: Mapping[str, Floats]
+    supports: Mapping[str, Bools]
+    clamped: Bools = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    springs: Floats = field(default_factory=lambda: np.zeros((0, 3)))
+    density: float = 0.0
+    element: Element = "S6"
+    name: str = "sheet"
+    notes: tuple[str, ...] = ()
+
+    def __post_init__(self) -> None:
+        lock(self, "nodes", np.float64, (None, 3))
+        lock(self, "triangles", np.int64, (None, 6))
+        p = len(self.nodes)
+        for name, empty in (("clamped", np.zeros(p, dtype=bool)), ("springs", np.zeros((p, 3)))):
+            if not len(getattr(self, name)):
+                object.__setattr__(self, name, empty)
+        lock(self, "clamped", np.bool_, (p,))
+        lock(self, "springs", np.float64, (p, 3))
+        steps = {name: locked(force, np.float64, (p, 3)) for name, force in self.steps.items()}
+        supports = {name: locked(held, np.bool_, (p, 3)) for name, held in self.supports.items()}
+        object.__setattr__(self, "steps", MappingProxyType(steps))
+        object.__setattr__(self, "supports", MappingProxyType(supports))
+        self._check()
+
+    def _check(self) -> None:
+        numbers = (self.nodes, self.springs, *self.steps.values(), [self.thickness, self.young, self.poisson])
+        if not all(np.isfinite(np.asarray(values)).all() for values in numbers):
+            raise ExportError(f"the model {self.name!r} has numbers that are not finite; check its mesh and its loads")
+        bad = np.flatnonzero((self.triangles < 0).any(axis=1) | (self.triangles >= len(self.nodes)).any(axis=1))
+        if len(bad):
+            raise ExportError(f"{len(bad)} triangles name nodes that the model does not have (first: {first(bad)})")
+        if not self.steps or not (any(held.any() for held in self.supports.values()) or self.springs.any()):
+            raise ExportError(f"the model {self.name!r} needs a load step and a support; CalculiX solves nothing else")
+        if wrong := [name for name in self.supports if name != _set_name(name)]:
+            raise ExportError(f"{wrong[0]!r} is no name for a node set; use capitals, digits and _, a capital first")
+        if self.element == "CPS6" and np.ptp(self.nodes[:, 2]) > 0:
+            raise ExportError("CPS6 triangles lie in the plane z = 0 and these do not; write S6 shells")
+
+
+def write_calculix(model: CalculixModel, path: str | Path) -> Path:
+    """Write a model to an .inp file, whole or not at all; returns the path.
+
+    `ccx NAME` (the name without .inp) then leaves NAME.frd, to look at, and NAME.dat: for every step the displacements
+    of all nodes, the total force on the nodes of every support (its reaction together with the loads on these nodes:
+    that is what CalculiX prints) and the internal energy, which is half of the compliance.
+    Raises ExportError for another suffix, and when the file cannot be written.
+    """
+    path = Path(path)
+    if path.suffix != ".inp":
+        raise ExportError(f"CalculiX reads files that end in .inp and {path.name} does not; name it {path.stem}.inp")
+    with replacing(path) as temporary:
+        write_chunks(temporary, (text.encode("ascii", "replace") for text in cards(model)))
+    return path
+
+
+def cards(model: CalculixModel) -> Iterator[str]:
+    """The file's text in pieces. The same model gives the same text."""
+    yield from _header(model)
+    numbers = np.arange(1, len(model.nodes) + 1)
+    yield "*NODE, NSET=ALL\n"
+    yield from rows("%d, %.11e, %.11e, %.11e\n", numbers, *model.nodes.T)  # 20 characters of a number are read
+    yield f"*ELEMENT, TYPE={model.element}, ELSET=SHEET\n"
+    yield from rows("%d, %d, %d, %d, %d, %d, %d\n", np.arange(1, len(model.triangles) + 1), *(model.triangles.T + 1))
+    yield from _section(model)
+    yield from _supports(model)
+    yield from _springs(model)
+    for k, force in enumerate(model.steps.values(), 1):
+        yield from _node_set(f"LOAD_{k}", np.asarray(_acting(force).any(axis=1)))
+    for k, (name, force) in enumerate(model.steps.items(), 1):
+        yield from _step(model, k, name, force)
+
+
+def _header(model: CalculixModel) -> Iterator[str]:
+    kind = "six-node shells (S6)" if model.element == "S6" else "six-node triangles in plane stress (CPS6)"
+    lines = (
+        f"{model.name}: {len(model.triangles)} {kind}, {len(model.nodes)} nodes, written by dsfab {__version__}",
+        f"UNITS: {UNITS}",
+        "Run it with: ccx NAME, where NAME is this file's name without .inp",
+        *model.notes,
+    )
+    yield "".join(f"** {one_line(line)}\n" for line in lines)
+
+
+def _section(model: CalculixModel) -> Iterator[str]:
+    yield f"*MATERIAL, NAME=SHEET\n*ELASTIC\n{model.young:.12g}, {model.poisson:.12g}\n"
+    if model.density:
+        yield f"*DENSITY\n{model.density:.12g}\n"
+    card = "*SHELL SECTION" if model.element == "S6" else "*SOLID SECTION"
+    yield f"{card}, ELSET=SHEET, MATERIAL=SHEET\n{model.thickness:.12g}\n"
+
+
+def _supports(model: CalculixModel) -> Iterator[str]:
+    """A node set for each support, and its held directions; across their plane CPS6 triangles need none."""
+    axes = range(3 if model.element == "S6" else 2)
+    for name, held in model.supports.items():
+        members: Bools = np.asarray(held.any(axis=1))
+        yield from _node_set(name, members)
+        for axis in axes:
+            if members.any() and bool((held[:, axis] == members).all()):
+                yield f"*BOUNDARY\n{name}, {axis + 1}, {axis + 1}\n"
+            elif held[:, axis].any():
+                yield "*BOUNDARY\n"
+                yield from rows(f"%d, {axis + 1}, {axis + 1}\n", np.flatnonzero(held[:, axis]) + 1)
+    if model.element == "S6" and model.clamped.any():
+        yield from _node_set("CLAMPED", model.clamped)
+        yield "*BOUNDARY\nCLAMPED, 4, 6\n"
+
+
+def _springs(model: CalculixModel) -> Iterator[str]:
+    """Springs to the ground, one set of elements for each stiffness and direction."""
+    count, group = len(model.triangles), 0
+    for axis in range(3 if model.element == "S6" else 2):
+        for stiffness in np.unique(model.springs[:, axis][model.springs[:, axis] > 0]).tolist():
+            at = np.flatnonzero(model.springs[:, axis] == stiffness)
+            group += 1
+            yield f"*ELEMENT, TYPE=SPRING1, ELSET=SPRING_{group}\n"
+            yield from rows("%d, %d\n", count + 1 + np.arange(len(at)), at + 1)
+            # a line of integers is a direction, a line with a decimal point the stiffness: CalculiX skips empty lines
+            yield f"*SPRING, ELSET=SPRING_{group}\n{axis + 1}\n{stiffness:.11e}\n"
+            count += len(at)
+
+
+def _step(model: CalculixModel, k: int, name: str, force: Floats) -> Iterator[str]:
+    yield f"** LOAD CASE {k}: {one_line(name)}\n"
+    yield "*STEP\n*STATIC\n*CLOAD, OP=NEW\n"  # NEW: the loads of the step before are gone
+    node, axis = np.nonzero(_acting(force))
+    if len(node):
+        yield from rows("%d, %d, %.11e\n", node + 1, axis + 1, force[node, axis])
+    yield "*NODE PRINT, NSET=ALL\nU\n"
+    for support, held in model.supports.items():
+        if held.any():
+            yield f"*NODE PRINT, NSET={support}, TOTALS=ONLY\nRF\n"
+    yield "*EL PRINT, ELSET=SHEET, TOTALS=ONLY\nELSE\n"
+    yield "*NODE FILE, OUTPUT=2D\nU, RF\n*EL FILE, OUTPUT=2D\nS\n*END STEP\n"
+
+
+def _acting(force: Floats) -> Bools:
+    """(p, 3) which components are written."""
+    return np.asarray(np.abs(force) > NEGLIGIBLE * np.abs(force).max())
+
+
+def _node_set(name: str, members: Bools) -> Iterator[str]:
+    if not members.any():
+        return
+    yield f"*NSET, NSET={name}\n"
+    yield from rows("%d\n", np.flatnonzero(members) + 1)
+
+
+def _set_name(text: str) -> str:
+    """The nearest name that CalculiX takes for a set."""
+    word = "".join(c if c.isascii() and (c.isalnum() or c == "_") else "_" for c in text.upper())[:NAME_LENGTH]
+    return word if word[:1].isalpha() else f"S{word}"
+
+
+SUFFIX = ".beams.inp"
+PIECES = 4
+"""Elements of a beam: with one the solids are up to 17 % too stiff where beams meet at angles, with four up to 8 %."""
+READ = 1e-9
+"""Coordinates read back may be off by this share of the largest one."""
+
+
+def encode(part: Part) -> Iterator[bytes]:
+    """The file; the same part gives the same bytes."""
+    for text in _cards(part.name, part.details.records):
+        yield text.encode("ascii", "replace")
+
+
+def check(part: Part, path: Path) -> ReadBack:
+    """Read back card by card: as many beams, and nodes where they are."""
+    cards = path.read_text(encoding="ascii").split("\n*")
+    frame = part.details.records["frame"]
+    beams = sum(card.startswith("ELEMENT, TYPE=B32R") for card in cards)
+    if beams != PIECES * len(frame["ends"]):
+        raise differs(part, "elements", PIECES * len(frame["ends"]), beams)
+    lines = next(card for card in cards if card.startswith("NODE, NSET=ALL")).splitlines()[1:]
+    found = np.array([line.split(",")[1:] for line in lines], dtype=np.float64)
+    if not (np.abs(found - frame["points"]) <= READ * np.abs(frame["points"]).max()).all():
+        raise ExportError(f"the nodes of {part.name!r} read back elsewhere; write saf in place of it")
+    return ReadBack(beams, "elements")
+
+
+def _cards(name: str, records: Mapping[str, Any]) -> Iterator[str]:
+    frame, material = records["frame"], records["material"]
+    points, ends, n = frame["points"], frame["ends"], len(frame["points"])
+    yield f"** {one_line(name)}: {len(ends)} beams, written by dsfab {__version__}; metres, newtons, pascals\n"
+    yield "** The total force of HELD is the reaction where nodes may turn; at clamped nodes moments are added to it\n"
+    yield "*NODE, NSET=ALL\n"
+    yield from rows("%d, %.11e, %.11e, %.11e\n", np.arange(1, n + 1), *points.T)
+    yield "*NODE, NSET=BETWEEN\n"
+    share = np.arange(1, 2 * PIECES)[:, None] / (2 * PIECES)
+    between = np.concatenate([(1 - share) * points[i] + share * points[j] for i, j in ends])
+    yield from rows("%d, %.11e, %.11e, %.11e\n", n + np.arange(1, len(between) + 1), *between.T)
+    yield f"*MATERIAL, NAME=BEAMS\n*ELASTIC\n{material['young']:.12g}, {material['poisson']:.12g}\n"
+    columns = zip(*(frame[key] for key in ("ends", "thickness", "width", "z", "member")), strict=True)
+    for k, ((i, j), thickness, width, z, member) in enumerate(columns, 1):
+        chain = [i + 1, *range(n + (k - 1) * (2 * PIECES - 1) + 1, n + k * (2 * PIECES - 1) + 1), j + 1]
+        yield f"** {member or 'link'}\n"
+        for piece in range(PIECES):
+            nodes = ", ".join(map(str, chain[2 * piece : 2 * piece + 3]))
+            yield f"*ELEMENT, TYPE=B32R, ELSET=B{k}\n{PIECES * (k - 1) + piece + 1}, {nodes}\n"
+        yield f"*BEAM SECTION, ELSET=B{k}, MATERIAL=BEAMS, SECTION=RECT\n{thickness:.9g}, {width:.9g}\n"
+        yield ", ".join(f"{value + 0.0:.9g}" for value in z) + "\n"
+    yield f"*ELSET, ELSET=BEAMS, GENERATE\n1, {PIECES * len(ends)}\n"
+    yield from _calculix_beams_supports(frame)
+    for case, load in all_loads(frame).items():
+        yield from _calculix_beams_step(case, load)
+
+
+def _calculix_beams_supports(frame: Mapping[str, Any]) -> Iterator[str]:
+    held = np.flatnonzero(frame["fixed"].any(axis=1))
+    yield "*NSET, NSET=HELD\n" + "".join(f"{k + 1}\n" for k in held)
+    yield "*BOUNDARY\n"
+    node, way = np.nonzero(frame["fixed"])
+    yield from rows("%d, %d, %d\n", node + 1, way + 1, way + 1)
+    count = PIECES * len(frame["ends"])
+    for k, axis in np.argwhere(frame["spring"] > 0).tolist():
+        count += 1
+        yield f"*ELEMENT, TYPE=SPRING1, ELSET=SPRING{count}\n{count}, {k + 1}\n"
+        yield f"*SPRING, ELSET=SPRING{count}\n{axis + 1}\n{frame['spring'][k, axis]:.11e}\n"
+
+
+def _calculix_beams_step(case: str, load: "np.ndarray[tuple[int, ...], np.dtype[np.float64]]") -> Iterator[str]:
+    yield f"** {one_line(case)}\n*STEP\n*STATIC\n*CLOAD, OP=NEW\n"
+    node, way = np.nonzero(load)
+    if len(node):
+        yield from rows("%d, %d, %.11e\n", node + 1, way + 1, load[node, way])
+    yield "*NODE PRINT, NSET=ALL\nU\n*NODE PRINT, NSET=HELD, TOTALS=ONLY\nRF\n"
+    yield "*EL PRINT, ELSET=BEAMS, TOTALS=ONLY\nELSE\n*NODE FILE\nU\n*END STEP\n"

@@ -1,0 +1,130 @@
+"""OpenSees: the beam model as a Tcl script, `NAME.tcl`, that solves every case and combination and prints the answers.
+
+Units are metres, newtons and pascals. Beams are those of Timoshenko, as in `dsfab.members.frame`: the answers are
+the same.
+"""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dsfab import __version__
+from dsfab.core.arrays import Floats
+from dsfab.core.errors import ExportError
+from dsfab.export.analysis.saf import prepare, told
+from dsfab.export.part import Part
+from dsfab.export.readback import ReadBack, differs
+from dsfab.export.writing import one_line
+
+__all__ = ["SUFFIX", "check", "encode", "prepare", "told"]
+
+SUFFIX = ".tcl"
+SOLVED = """
+proc solve {name} {
+    global count
+    constraints Transformation
+    numberer RCM
+    system UmfPack
+    integrator LoadControl 1.0
+    algorithm Linear
+    analysis Static
+    if {[analyze 1] != 0} { puts stderr "$name: no equilibrium"; exit 1 }
+    reactions
+    for {set k 1} {$k <= $count} {incr k} {
+        puts "$name;$k;[join [nodeDisp $k] {;}];[join [nodeReaction $k] {;}]"
+    }
+    wipeAnalysis
+    reset
+}
+puts "case;node;ux;uy;uz;rx;ry;rz;Rx;Ry;Rz;Mx;My;Mz"
+"""
+READ = 1e-9
+"""Coordinates read back may be off by this share of the largest one."""
+
+
+def encode(part: Part) -> Iterator[bytes]:
+    """The script; the same part gives the same bytes."""
+    for line in _lines(part.name, part.details.records):
+        yield f"{line}\n".encode("ascii", "replace")
+
+
+def check(part: Part, path: Path) -> ReadBack:
+    """Read back word by word: as many beams, and nodes where they are."""
+    rows = [line.split() for line in path.read_text(encoding="ascii").splitlines()]
+    frame = part.details.records["frame"]
+    beams = sum(row[:2] == ["element", "ElasticTimoshenkoBeam"] for row in rows)
+    if beams != len(frame["ends"]):
+        raise differs(part, "beams", len(frame["ends"]), beams)
+    found = np.array([row[2:5] for row in rows if row[:1] == ["node"]], dtype=np.float64)[: len(frame["points"])]
+    if not (np.abs(found - frame["points"]) <= READ * np.abs(frame["points"]).max()).all():
+        raise ExportError(f"the nodes of {part.name!r} read back elsewhere; write saf in place of it")
+    return ReadBack(beams, "beams")
+
+
+def _lines(name: str, records: Mapping[str, Any]) -> Iterator[str]:
+    frame = records["frame"]
+    yield f"# {one_line(name)}: {len(frame['ends'])} beams, written by dsfab {__version__}; metres, newtons, pascals"
+    yield "# run it: OpenSees NAME.tcl > NAME.csv"
+    yield "wipe"
+    yield "model BasicBuilder -ndm 3 -ndf 6"
+    for k, (point, word) in enumerate(zip(frame["points"], frame["nodes"], strict=True), 1):
+        yield f"node {k} {_numbers(point)} ;# {_word(word)}"
+    yield f"set count {len(frame['points'])}"
+    for k, held in enumerate(frame["fixed"], 1):
+        if held.any():
+            yield f"fix {k} {' '.join('1' if one else '0' for one in held)}"
+    yield from _springs(frame)
+    yield from _beams(frame, records["material"])
+    yield SOLVED
+    for k, (case, load) in enumerate(all_loads(frame).items(), 1):
+        yield f"pattern Plain {k} Linear {{"
+        for node in np.flatnonzero(load.any(axis=1)):
+            yield f"    load {node + 1} {_numbers(load[node])}"
+        yield f"}}\nsolve {{{_word(case)}}}\nremove loadPattern {k}"
+    yield "wipe"
+
+
+def _springs(frame: Mapping[str, Any]) -> Iterator[str]:
+    """A node at the same place that is held, and a spring of no length to it for each that is sprung."""
+    n, b = len(frame["points"]), len(frame["ends"])
+    for count, k in enumerate(np.flatnonzero((frame["spring"] > 0).any(axis=1)), 1):
+        ways = np.flatnonzero(frame["spring"][k] > 0)
+        yield f"node {n + count} {_numbers(frame['points'][k])}"
+        yield f"fix {n + count} 1 1 1 1 1 1"
+        tags = [6 * count + int(way) for way in ways]
+        for tag, way in zip(tags, ways, strict=True):
+            yield f"uniaxialMaterial Elastic {tag} {frame['spring'][k, way]:.12g}"
+        mats, dirs = " ".join(map(str, tags)), " ".join(str(way + 1) for way in ways)
+        yield f"element zeroLength {b + count} {n + count} {k + 1} -mat {mats} -dir {dirs}"
+
+
+def _beams(frame: Mapping[str, Any], material: Mapping[str, Any]) -> Iterator[str]:
+    """A transformation and an element each: area, torsion, second moments about local y and z, areas in shear."""
+    E, G = material["young"], material["shear"]
+    columns = zip(*(frame[key] for key in ("ends", "z", "area", "inertia", "shear_area", "member")), strict=True)
+    for k, (ends, z, area, (torsion, about_y, about_z), shear, member) in enumerate(columns, 1):
+        yield f"geomTransf Linear {k} {_numbers(z)}"
+        section = _numbers([E, G, area, torsion, about_y, about_z, shear, shear])
+        beam = f"{k} {ends[0] + 1} {ends[1] + 1} {section} {k}"
+        yield f"element ElasticTimoshenkoBeam {beam} ;# {_word(member) or 'link'}"
+
+
+def all_loads(frame: Mapping[str, Any]) -> dict[str, Floats]:
+    """(n, 6) of each case, then of each combination."""
+    loads: dict[str, Floats] = dict(frame["loads"])
+    sums = {
+        name: np.sum([factor * loads[case] for case, factor in factors.items()], axis=0)
+        for name, factors in frame["combinations"].items()
+    }
+    return loads | sums
+
+
+def _word(name: str) -> str:
+    """A name that Tcl takes between braces."""
+    return "".join(c for c in name if c.isprintable() and c not in "{}\\;").strip()
+
+
+def _numbers(values: Any) -> str:
+    return " ".join(f"{value + 0.0:.12g}" for value in values)

@@ -1,0 +1,351 @@
+"""Structural Analysis Format (SAF) 2.2.0: the beam model as a workbook for SCIA, RFEM, SOFiSTiK and others."""
+
+import importlib.util
+import io
+import zipfile
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+from typing import Any
+from xml.etree import ElementTree
+
+import numpy as np
+
+from dsfab.core.arrays import Floats
+from dsfab.core.errors import ExportError
+from dsfab.core.units import MM_PER_M
+from dsfab.export.part import Part
+from dsfab.export.readback import ReadBack, differs
+
+VERSION = "2.2.0"
+Cell = str | int | float
+KILO, MEGA = 1e3, 1e6
+FINE, COARSE = 0.1, 1.0
+"""Widths are rounded to so many millimetres, coarse from 100 mm on: else each beam would have a section of its own."""
+SMALL = {0: 1e-6, 3: 1e-2}
+"""Forces (0) under this share of the largest one of their case are left out, they are rounding errors, and moments (3),
+of loads beside their beam: of tower and snow_vault displacements change by under .07 %, and half of the rows go."""
+TYPES = {"S": "Steel", "GL": "Timber", "CLT": "Timber", "plywood": "Timber", "aluminium": "Aluminium"}
+TYPES |= {"concrete": "Concrete"}
+"""Types of materials by how their names begin; all others are `Other`."""
+ACTIONS = {
+    "permanent": ("Permanent", "Standard"),
+    "snow": ("Variable", "Snow"),
+    "wind": ("Variable", "Wind"),
+    "variable": ("Variable", "Standard"),
+}
+"""Action type and load type of a case."""
+GROUPS = {"snow": "Snow", "wind": "Wind", "variable": "Domestic"}
+"""Load types of groups that vary."""
+DIRECTIONS = ("ux", "uy", "uz", "fix", "fiy", "fiz")
+STIFFNESS = (
+    *("Stiffness X [MN/m]", "Stiffness Y [MN/m]", "Stiffness Z [MN/m]"),
+    *("Stiffness Fix [MNm/rad]", "Stiffness Fiy [MNm/rad]", "Stiffness Fiz [MNm/rad]"),
+)
+
+
+@dataclass(frozen=True)
+class SafSheet:
+    """A sheet: rows below a head. `Project` and `Model` have no head, and a name and a value in each row."""
+
+    name: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[Cell | None, ...], ...]
+
+    @classmethod
+    def of(cls, name: str, rows: list[dict[str, Cell | None]]) -> "SafSheet":
+        """With a column for each key of any row, in the order in which they come."""
+        head = tuple(dict.fromkeys(key for row in rows for key in row))
+        return cls(name, head, tuple(tuple(row.get(key) for key in head) for row in rows))
+
+
+def saf_sheets(name: str, records: Mapping[str, Any]) -> list[SafSheet]:
+    """All sheets of a beam model, see `dsfab.design.output.records`; sheets without rows are left out."""
+    frame = records["frame"]
+    sections = [_dimensions(t, w) for t, w in zip(frame["thickness"], frame["width"], strict=True)]
+    numbers = {size: f"CS{k}" for k, size in enumerate(dict.fromkeys(sections), 1)}
+    every = [
+        SafSheet("Project", (), (("Name", name), ("Description", records["description"]))),
+        SafSheet("Model", (), _model(name)),
+        SafSheet.of("StructuralMaterial", [_material(records["material"])]),
+        SafSheet.of("StructuralCrossSection", [_section(records, size, id_) for size, id_ in numbers.items()]),
+        SafSheet.of("StructuralPointConnection", list(_nodes(frame))),
+        SafSheet.of("StructuralCurveMember", list(_members(frame, [numbers[size] for size in sections]))),
+        SafSheet.of("StructuralPointSupport", list(_supports(frame))),
+        SafSheet.of("StructuralLoadGroup", _groups(records["actions"])),
+        SafSheet.of("StructuralLoadCase", [_case(case, kind) for case, kind in records["actions"].items()]),
+        SafSheet.of("StructuralLoadCombination", [_sum(*one) for one in frame["combinations"].items()]),
+        SafSheet.of("StructuralPointAction", list(_actions(frame, 0))),
+        SafSheet.of("StructuralPointMoment", list(_actions(frame, 3))),
+    ]
+    return [sheet for sheet in every if sheet.rows]
+
+
+def _model(name: str) -> tuple[tuple[str, str], ...]:
+    return (
+        ("Name", name),
+        ("Description", "beams along the members of a cut sheet, by dsfab; weight is among the nodal loads"),
+        ("Discipline", "Load-bearing structure"),
+        ("Source type", "Structural analysis model"),
+        ("Source application", "dsfab"),
+        ("SAF Version", VERSION),
+        ("Global coordinate system", "Z vertical"),
+        ("LCS of cross-section", "ZYX"),
+        ("System of units", "Metric"),
+        ("National code", "EC-Standard-EN"),
+    )
+
+
+def _material(given: Mapping[str, Any]) -> dict[str, Cell | None]:
+    name = given["name"] or "material of the preset"
+    kind = next((kind for begin, kind in TYPES.items() if given["name"].startswith(begin)), "Other")
+    return {
+        "Name": name,
+        "Type": kind,
+        "Quality": name,
+        "Unit mass [kg/m3]": given["density"],
+        "E modulus [MPa]": given["young"] / MEGA,
+        "G modulus [MPa]": given["shear"] / MEGA,
+        "Poisson Coefficient": given["poisson"],
+        "Thermal expansion [1/K]": given["expansion"],
+    }
+
+
+def _dimensions(thickness: float, width: float) -> tuple[float, float]:
+    """Height and width of a section, millimetres."""
+    w = MM_PER_M * width
+    step = COARSE if w >= 100 * COARSE else FINE
+    return round(MM_PER_M * thickness, 3), round(max(round(w / step), 1) * step, 1)
+
+
+def _section(records: Mapping[str, Any], size: tuple[float, float], name: str) -> dict[str, Cell | None]:
+    """A rectangle, as high as the sheet is thick: H along local z, B along local y."""
+    H, B = (x / MM_PER_M for x in size)
+    a, t = max(H, B), min(H, B)
+    torsion = a * t**3 * (1 / 3 - 0.21 * t / a * (1 - (t / a) ** 4 / 12))
+    return {
+        "Name": name,
+        "Material": records["material"]["name"] or "material of the preset",
+        "Cross-section type": "Parametric",
+        "Shape": "Rectangle",
+        "Parameters [mm]": f"{size[0]:g}; {size[1]:g}",
+        "A [m2]": H * B,
+        "Iy [m4]": B * H**3 / 12,
+        "Iz [m4]": H * B**3 / 12,
+        "It [m4]": torsion,
+    }
+
+
+def _nodes(frame: Mapping[str, Any]) -> Iterator[dict[str, Cell | None]]:
+    for name, point in zip(frame["nodes"], frame["points"].tolist(), strict=True):
+        yield {"Name": name} | {f"Coordinate {axis} [m]": x for axis, x in zip("XYZ", point, strict=True)}
+
+
+def _members(frame: Mapping[str, Any], sections: list[str]) -> Iterator[dict[str, Cell | None]]:
+    count: dict[str, int] = {}
+    for k, (i, j) in enumerate(frame["ends"].tolist()):
+        member = frame["member"][k] or "link"
+        count[member] = count.get(member, 0) + 1
+        begin, end = frame["nodes"][i], frame["nodes"][j]
+        aside = round(MM_PER_M * float(frame["eccentricity"][k]), 3)
+        yield {
+            "Name": f"{member}.{count[member]}",
+            "Type": "General",
+            "Cross section": sections[k],
+            "Nodes": f"{begin}; {end}",
+            "Segments": "Line",
+            "Begin node": begin,
+            "End node": end,
+            "Length [m]": float(frame["length"][k]),
+            "Geometrical shape": "Line",
+            "LCS": "z by vector",
+            "LCS Rotation [deg]": 0.0,
+            **{f"Coordinate {axis} [m]": x for axis, x in zip("XYZ", frame["z"][k].tolist(), strict=True)},
+            "System line": "Centre",
+            **{f"Structural {axis} Eccentricity of {node} Node [mm]": x for axis, node, x in _aside(aside)},
+            **{f"Analysis {axis} Eccentricity of {node} Node [mm]": x for axis, node, x in _aside(0.0)},
+            "Layer": member,
+            "Behaviour in analysis": "Standard",
+        }
+
+
+def _aside(y: float) -> Iterator[tuple[str, str, float]]:
+    for node in ("Beg", "End"):
+        yield from (("Y", node, y), ("Z", node, 0.0))
+
+
+def _supports(frame: Mapping[str, Any]) -> Iterator[dict[str, Cell | None]]:
+    fixed, spring = frame["fixed"], frame["spring"]
+    for number, k in enumerate(np.flatnonzero((fixed | (spring > 0)).any(axis=1)).tolist(), 1):
+        whole, hinged = fixed[k].all(), fixed[k, :3].all() and not fixed[k, 3:].any()
+        row: dict[str, Cell | None] = {
+            "Name": f"Sn{number}",
+            "Type": "Fixed" if whole else "Hinged" if hinged else "Custom",
+            "Boundary condition": "In node",
+            "Node": frame["nodes"][k],
+        }
+        for axis, word in enumerate(DIRECTIONS):
+            row[word] = "Rigid" if fixed[k, axis] else "Flexible" if spring[k, axis] > 0 else "Free"
+        for axis, word in enumerate(STIFFNESS):
+            row[word] = float(spring[k, axis]) / MEGA if spring[k, axis] > 0 and not fixed[k, axis] else None
+        yield row
+
+
+def _groups(actions: Mapping[str, str]) -> list[dict[str, Cell | None]]:
+    """A group for each kind of action; of cases of snow, and of wind, one acts at a time, as in EN 1990 here."""
+    return [
+        {
+            "Name": f"LG {kind}",
+            "Load group type": ACTIONS[kind][0],
+            "Relation": "Exclusive" if kind in ("snow", "wind") else "Standard",
+            "Load type": GROUPS.get(kind),
+        }
+        for kind in dict.fromkeys(actions.values())
+    ]
+
+
+def _case(name: str, kind: str) -> dict[str, Cell | None]:
+    action, load = ACTIONS[kind]
+    weight = "; what the structure weighs is among them" if kind == "permanent" else ""
+    return {
+        "Name": name,
+        "Description": f"loads on nodes, of tributary areas{weight}",
+        "Action type": action,
+        "Load group": f"LG {kind}",
+        "Load type": load,
+        "Duration": "Medium" if action == "Variable" else None,
+    }
+
+
+def _sum(name: str, factors: Mapping[str, float]) -> dict[str, Cell | None]:
+    row: dict[str, Cell | None] = {"Name": name, "Category": "Not defined", "Type": "Linear"}
+    for k, (case, factor) in enumerate(factors.items(), 1):
+        row |= {f"Load factor {k}": factor, f"Multiplier {k}": 1.0, f"Load case name {k}": case}
+    return row
+
+
+def _actions(frame: Mapping[str, Any], first: int) -> Iterator[dict[str, Cell | None]]:
+    """Forces (first 0) or moments (3) on nodes, a row for each direction."""
+    letter, unit, words = ("F", "Value [kN]", "XYZ") if first == 0 else ("M", "Value [kNm]", ("Mx", "My", "Mz"))
+    number = 0
+    for case, rows in frame["loads"].items():
+        values: Floats = rows[:, first : first + 3] / KILO
+        for k, axis in np.argwhere(np.abs(values) > SMALL[first] * np.abs(values).max()).tolist():
+            number += 1
+            yield {
+                "Name": f"{letter}{number}",
+                "Type": "Standard",
+                "Direction": words[axis],
+                "Force action": "In node",
+                "Reference node": frame["nodes"][k],
+                unit: float(values[k, axis]),
+                "Load case": case,
+                "Coordinate system": "Global",
+            }
+
+
+SUFFIX = ".saf.xlsx"
+NEVER = datetime(1980, 1, 1)
+"""The date in every workbook: the same design gives the same bytes."""
+MAIN = "{http://schemas.openxmlformats.org/spreadsheetml/2006/main}"
+READ = 1e-9
+"""Coordinates read back may be off by this share of the largest one."""
+
+
+def ready() -> None:
+    """Raise ExportError if XlsxWriter is not installed."""
+    if importlib.util.find_spec("xlsxwriter") is None:
+        raise ExportError(".xlsx files need the library XlsxWriter; install it with: pip install XlsxWriter")
+
+
+def prepare(part: Part) -> Part:
+    """The part as it is; raises ExportError if it comes without a beam model."""
+    if not part.details.records.get("frame"):
+        raise ExportError(f"{part.name!r} has no beam model; only a design knows it: use design.write(...)")
+    return part
+
+
+def told(part: Part, refused: Sequence[ExportError]) -> str:
+    """How far the beams answer as the sheet does, case by case."""
+    return "\n".join(part.details.records["told"])
+
+
+def encode(part: Part) -> Iterator[bytes]:
+    """The workbook; the same part gives the same bytes."""
+    import xlsxwriter
+
+    file = io.BytesIO()
+    with xlsxwriter.Workbook(file, {"in_memory": True, "strings_to_formulas": False, "strings_to_urls": False}) as book:
+        book.set_properties({"created": NEVER})
+        strong = book.add_format({"bold": True, "bottom": 1})
+        for table in saf_sheets(part.name, part.details.records):
+            sheet = book.add_worksheet(table.name)
+            rows = [table.head, *table.rows] if table.head else table.rows
+            for k, row in enumerate(rows):
+                for column, cell in enumerate(row):
+                    if cell is not None:
+                        sheet.write(k, column, cell, strong if table.head and k == 0 else None)
+            sheet.freeze_panes(1 if table.head else 0, 1)
+            sheet.set_column(0, 30, 18)
+    yield file.getvalue()
+
+
+def check(part: Part, path: Path) -> ReadBack:
+    """Read back by the standard library's readers of archives and XML: every sheet with its head and its rows, and the
+    nodes where they are."""
+    found, wanted = workbook_cells(path), saf_sheets(part.name, part.details.records)
+    for sheet in wanted:
+        rows = found.get(sheet.name, [])
+        count = len(sheet.rows) + (1 if sheet.head else 0)
+        if len(rows) != count:
+            raise differs(part, f"rows of {sheet.name}", count, len(rows))
+        if sheet.head and tuple(rows[0]) != sheet.head:
+            raise ExportError(f"the head of {sheet.name} of {part.name!r} reads back different; write it again")
+    points = _coordinates(found["StructuralPointConnection"][1:])
+    given = _coordinates([list(row) for row in _sheet(wanted, "StructuralPointConnection").rows])
+    if not (np.abs(points - given) <= READ * np.abs(given).max()).all():
+        raise ExportError(f"the nodes of {part.name!r} read back elsewhere; write members.json instead")
+    return ReadBack(len(_sheet(wanted, "StructuralCurveMember").rows), "beams")
+
+
+def _sheet(sheets: Sequence[SafSheet], name: str) -> SafSheet:
+    return next(sheet for sheet in sheets if sheet.name == name)
+
+
+def _coordinates(rows: Sequence[Sequence[Cell | None]]) -> "np.ndarray[tuple[int, ...], np.dtype[np.float64]]":
+    return np.array([row[1:4] for row in rows], dtype=np.float64)
+
+
+def workbook_cells(path: Path) -> dict[str, list[list[Cell | None]]]:
+    """By the names of sheets, their rows; cells that are left out are None.
+
+    Of the parts of Office Open XML (ECMA-376) that XlsxWriter writes: numbers and shared strings.
+    """
+    with zipfile.ZipFile(path) as archive:
+        shared = [
+            "".join(text.text or "" for text in item.iter(f"{MAIN}t"))
+            for item in ElementTree.fromstring(archive.read("xl/sharedStrings.xml"))
+        ]
+        names = [
+            one.attrib["name"] for one in ElementTree.fromstring(archive.read("xl/workbook.xml")).iter(f"{MAIN}sheet")
+        ]
+        found = {}
+        for number, name in enumerate(names, 1):
+            root = ElementTree.fromstring(archive.read(f"xl/worksheets/sheet{number}.xml"))
+            found[name] = [_row(row, shared) for row in root.iter(f"{MAIN}row")]
+    return found
+
+
+def _row(row: ElementTree.Element, shared: list[str]) -> list[Cell | None]:
+    cells: list[Cell | None] = []
+    for cell in row.iter(f"{MAIN}c"):
+        letters = cell.attrib["r"].rstrip("0123456789")
+        column = 0
+        for letter in letters:
+            column = 26 * column + ord(letter) - ord("A") + 1
+        cells += [None] * (column - len(cells))
+        value = cell.find(f"{MAIN}v")
+        if value is not None and value.text is not None:
+            cells[-1] = shared[int(value.text)] if cell.attrib.get("t") == "s" else float(value.text)
+    return cells

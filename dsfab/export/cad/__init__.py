@@ -1,0 +1,1 @@
+"""CAD formats: 3DM for Rhino, and STEP and BREP."""

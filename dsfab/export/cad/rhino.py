@@ -1,0 +1,366 @@
+"""3DM (openNURBS) for Rhino and Grasshopper: meshes, curves and members on named layers, and Rhino's JSON."""
+
+import base64
+import hashlib
+import importlib.util
+import json
+import struct
+import uuid
+import zlib
+from collections.abc import Callable, Iterable, Iterator
+from functools import partial
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsfab import __version__
+from dsfab.core.arrays import Floats, Ints
+from dsfab.core.errors import ExportError
+from dsfab.export.curves import Curve, chains, check_curves, curves_along, joined, sampled, within
+from dsfab.export.part import Part, in_single_precision
+from dsfab.export.readback import (
+    ReadBack,
+    check_mesh,
+    check_shapes,
+    differs,
+    layer_colour,
+    member_entries,
+    member_facts,
+)
+from dsfab.export.writing import one_line
+from dsfab.surface import StructureLine
+
+VERSION = 7
+"""Of Rhino: the oldest in wide use; newer ones read it."""
+COLOURS = {
+    "major": (31, 78, 156, 255),
+    "minor": (179, 38, 30, 255),
+    "keep": (46, 125, 50, 255),
+    "rim": (0, 121, 134, 255),
+}
+BLACK, GREY = (0, 0, 0, 255), (150, 150, 150, 255)
+MESH = "sheet"
+"""The layer of the mesh."""
+
+_HEADER = 32
+"""Bytes before the first chunk of an archive: a chunk is its code (4 bytes), its length (8), its content."""
+_PROPERTIES, _HISTORY, _SHORT = 0x10000014, 0x20008021, 0x80000000
+"""Codes of chunks: what the file is, who changed it when; a chunk with this bit has a value in place of a length."""
+_TIME = struct.pack("<8i", 0, 0, 0, 1, 0, 80, 2, 0)
+"""1 January 1980, a Tuesday, as C's `struct tm`."""
+
+
+def ready(what: str = ".3dm files need") -> None:
+    """Raise ExportError if rhino3dm is not installed; `what` begins the sentence."""
+    if importlib.util.find_spec("rhino3dm") is None:
+        raise ExportError(f'{what} the library rhino3dm; install it with: pip install "dsfab[rhino]"')
+
+
+def prepare(part: Part) -> Part:
+    """The part in single precision."""
+    return in_single_precision(part)
+
+
+def encode(part: Part) -> Iterator[bytes]:
+    """The archive as rhino3dm writes it in memory (to a file it would write the file's name too), its times unset."""
+    import rhino3dm
+
+    model, ids = empty_model(), _ids(part)
+    layers = {MESH: new_layer(model, ids, MESH, GREY)}
+    for line in part.details.lines:
+        if line.layer not in layers:
+            layers[line.layer] = new_layer(model, ids, line.layer, COLOURS.get(line.family, BLACK))
+    about = rhino3dm.ObjectAttributes()
+    about.Name, about.LayerIndex, about.Id = one_line(part.name), layers[MESH], ids("mesh")
+    model.Objects.AddMesh(rhino_mesh(part.V, part.F), about)
+    for number, (line, chain) in enumerate(zip(part.details.lines, chains(part), strict=True)):
+        about = _about(line, layers[line.layer], within(part))
+        about.Id = ids(f"line {number}")
+        model.Objects.AddCurve(rhino_curve(chain), about)
+    yield archive(model)
+
+
+def empty_model() -> Any:
+    """A model of rhino3dm in millimetres."""
+    import rhino3dm
+
+    model = rhino3dm.File3dm()
+    model.ApplicationName, model.ApplicationDetails = "dsfab", f"dsfab {__version__}"
+    model.Settings.ModelUnitSystem = rhino3dm.UnitSystem.Millimeters
+    model.Settings.ModelAbsoluteTolerance = 0.001
+    return model
+
+
+def archive(model: Any) -> bytes:
+    """The file of a model, its times unset."""
+    import rhino3dm
+
+    how = rhino3dm.File3dmWriteOptions()
+    how.Version = VERSION
+    return without_times(base64.b64decode(model.Encode(how)))
+
+
+Ids = Callable[[str], uuid.UUID]
+
+
+def _ids(part: Part) -> Ids:
+    return ids_of(part.name, (part.V, part.F, *(line.points for line in part.details.lines)))
+
+
+def ids_of(name: str, arrays: Iterable[NDArray[Any]]) -> Ids:
+    """Ids by name, that differ between files that differ: those of two designs may meet in one model."""
+    held = hashlib.sha256()
+    for array in arrays:
+        held.update(np.ascontiguousarray(array).tobytes())
+    return partial(uuid.uuid5, uuid.uuid5(uuid.NAMESPACE_URL, f"dsfab {name} {held.hexdigest()}"))
+
+
+def new_layer(model: Any, ids: Ids, name: str, colour: tuple[int, int, int, int]) -> int:
+    """The index of a new layer."""
+    import rhino3dm
+
+    layer = rhino3dm.Layer()
+    layer.Name, layer.Color, layer.Id = name, colour, ids(f"layer {name}")
+    index: int = model.Layers.Add(layer)
+    return index
+
+
+def without_times(written: bytes) -> bytes:
+    """An archive whose history says `_TIME` in place of when it was made and changed, its checksum right.
+
+    The history: a byte of version; who made it (a count of letters of two bytes each, and these) and when (8 numbers);
+    who changed it, and when; how often; CRC-32 of all this. Raises ExportError for an archive without it.
+    """
+    content = bytearray(written)
+    properties = _chunk(written, _HEADER, len(written), _PROPERTIES)
+    history = _chunk(written, *properties, _HISTORY) if properties else None
+    if history is None:
+        raise ExportError("rhino3dm writes .3dm files in another way than dsfab knows; write .dxf and .stl instead")
+    start, end = history
+    at = start + 1
+    for _ in range(2):
+        at += 4 + 2 * int.from_bytes(content[at : at + 4], "little")
+        content[at : at + len(_TIME)] = _TIME
+        at += len(_TIME)
+    content[end - 4 : end] = zlib.crc32(content[start : end - 4]).to_bytes(4, "little")
+    return bytes(content)
+
+
+def _chunk(written: bytes, start: int, end: int, wanted: int) -> tuple[int, int] | None:
+    """Where the content of the first chunk of that code begins and ends, of the chunks from `start` to `end`."""
+    while start + 12 <= end:
+        code, size = struct.unpack_from("<Iq", written, start)
+        size = 0 if code & _SHORT else size
+        start += 12
+        if not 0 <= size <= end - start:
+            return None
+        if code == wanted:
+            return start, start + size
+        start += size
+    return None
+
+
+def rhino_mesh(V: Floats, F: Ints) -> Any:
+    """A mesh of rhino3dm of vertices (n, 3) and triangles (m, 3), with normals, in whatever unit they are."""
+    import rhino3dm
+
+    mesh = rhino3dm.Mesh()
+    for vertex in V.tolist():
+        mesh.Vertices.Add(*vertex)
+    for face in F.tolist():
+        mesh.Faces.AddFace(*face)
+    mesh.Normals.ComputeNormals()
+    return mesh
+
+
+def rhino_polyline(points: Floats) -> Any:
+    """A polyline of rhino3dm through points (k, 3)."""
+    import rhino3dm
+
+    return rhino3dm.PolylineCurve(rhino3dm.Point3dList([rhino3dm.Point3d(*point) for point in points.tolist()]))
+
+
+def rhino_curve(chain: list[Curve]) -> Any:
+    """Curves that follow each other: a NURBS curve, a polyline, or one after the other."""
+    import rhino3dm
+
+    made = list[Any]()
+    for run in joined(chain):
+        if isinstance(run, Curve):
+            curve = rhino3dm.NurbsCurve(3, False, run.degree + 1, len(run.poles))
+            for i, pole in enumerate(run.poles.tolist()):
+                curve.Points[i] = rhino3dm.Point4d(*pole, 1.0)
+            for i, knot in enumerate(run.knots[1:-1].tolist()):  # openNURBS leaves out the first and the last
+                curve.Knots[i] = knot
+            made.append(curve)
+        else:
+            made.append(rhino_polyline(run))
+    if len(made) == 1:
+        return made[0]
+    whole = rhino3dm.PolyCurve()
+    for curve in made:
+        whole.AppendSegment(curve)
+    return whole
+
+
+def _about(line: StructureLine, layer: int, tolerance: float) -> Any:
+    import rhino3dm
+
+    about = rhino3dm.ObjectAttributes()
+    about.Name, about.LayerIndex = line.id, layer
+    facts = {"family": line.family, "number": str(line.number)}
+    facts |= {"length_mm": f"{line.length:.3f}", "tolerance_mm": f"{tolerance:.2g}"}
+    for key, value in facts.items():
+        about.SetUserString(key, value)
+    return about
+
+
+def check(part: Part, path: Path) -> ReadBack:
+    """Read back with rhino3dm, the only reader there is: one mesh and as many curves, valid, in millimetres."""
+    import rhino3dm
+
+    model = rhino3dm.File3dm.Read(str(path))
+    if model is None or model.Settings.ModelUnitSystem != rhino3dm.UnitSystem.Millimeters:
+        raise ExportError(
+            f"the .3dm file of {part.name!r} does not read back in millimetres; write .dxf and .stl instead"
+        )
+    shapes = [item.Geometry for item in model.Objects]
+    meshes = [shape for shape in shapes if shape.ObjectType == rhino3dm.ObjectType.Mesh]
+    if len(meshes) != 1 or not all(shape.IsValid for shape in shapes):
+        raise ExportError(f"rhino3dm finds the .3dm file of {part.name!r} invalid; write .dxf and .stl instead")
+    V, F = rhino_arrays(meshes[0])
+    found = check_mesh(part, V, F[:, :3])
+    curves = [item for item in model.Objects if item.Geometry.ObjectType == rhino3dm.ObjectType.Curve]
+    check_curves(part, {item.Attributes.Name: _points(item.Geometry) for item in curves})
+    return found
+
+
+def rhino_arrays(mesh: Any) -> tuple[Floats, Ints]:
+    """Vertices (n, 3) and corners (m, 4) of a mesh of rhino3dm, which holds a triangle with its last corner twice."""
+    V = np.array([(v.X, v.Y, v.Z) for v in (mesh.Vertices[i] for i in range(len(mesh.Vertices)))]).reshape(-1, 3)
+    F = np.array([mesh.Faces[i] for i in range(mesh.Faces.Count)], dtype=np.int64).reshape(-1, 4)
+    return V, F
+
+
+def _points(curve: Any) -> list[Floats]:
+    """Points (k, 3) along a curve, or along each of those that a polycurve is made of."""
+    if hasattr(curve, "SegmentCount"):
+        return [points for i in range(curve.SegmentCount) for points in _points(curve.SegmentCurve(i))]
+    if hasattr(curve, "Knots"):
+        knots = np.array([curve.Knots[i] for i in range(len(curve.Knots))])
+        found = (curve.PointAt(x) for x in sampled(knots).tolist())
+    else:
+        found = (curve.Point(i) for i in range(curve.PointCount))
+    return [np.array([(p.X, p.Y, p.Z) for p in found])]
+
+
+NODES = "nodes"
+"""The layer of points."""
+
+
+def encode_members(part: Part) -> Iterator[bytes]:
+    """Layers, then each member's mesh and axis, then the nodes."""
+    import rhino3dm
+
+    model, entries, shapes = empty_model(), member_entries(part), part.details.shapes
+    ids = ids_of(part.name, (array for shape in shapes for array in (shape.V, shape.F)))
+    bodies = list(dict.fromkeys(shape.layer for shape in shapes))
+    with_axes = dict.fromkeys(shape.layer for shape in shapes if len(shape.axis))
+    names = [(name, name) for name in bodies] + [(f"{name} axes", name) for name in with_axes] + [(NODES, "")]
+    layers = {name: new_layer(model, ids, name, (*layer_colour(family), 255)) for name, family in names}
+    for shape in shapes:
+        about = _members_about(shape.id, layers[shape.layer], ids(f"body {shape.id}"))
+        for key, value in member_facts(entries[shape.id]).items():
+            about.SetUserString(key, value)
+        model.Objects.AddMesh(rhino_mesh(shape.V, shape.F), about)
+        if len(shape.axis):
+            about = _members_about(shape.id, layers[f"{shape.layer} axes"], ids(f"axis {shape.id}"))
+            model.Objects.AddCurve(rhino_curve(curves_along(shape.axis, within(part))), about)
+    for node in part.details.records["nodes"]:
+        about = _members_about(node["id"], layers[NODES], ids(f"node {node['id']}"))
+        about.SetUserString("members", " ".join(node["members"]))
+        model.Objects.AddPoint(rhino3dm.Point3d(*node["point"]), about)
+    yield archive(model)
+
+
+def _members_about(name: str, layer: int, identity: Any) -> Any:
+    import rhino3dm
+
+    about = rhino3dm.ObjectAttributes()
+    about.Name, about.LayerIndex, about.Id = name, layer, identity
+    return about
+
+
+def check_members(part: Part, path: Path) -> ReadBack:
+    """Read back with rhino3dm: valid, in millimetres, each member, axis and node by its name."""
+    import rhino3dm
+
+    model = rhino3dm.File3dm.Read(str(path))
+    if model is None or model.Settings.ModelUnitSystem != rhino3dm.UnitSystem.Millimeters:
+        raise ExportError(f"the .3dm file of {part.name!r} does not read back in millimetres; write .members.dxf")
+    things = [(thing.Attributes.Name, thing.Geometry) for thing in model.Objects]
+    if not all(shape.IsValid for _, shape in things):
+        raise ExportError(f"rhino3dm finds the .3dm file of {part.name!r} invalid; write .members.dxf instead")
+    kinds = rhino3dm.ObjectType
+    names = {kind: [name for name, x in things if x.ObjectType == kind] for kind in (kinds.Curve, kinds.Point)}
+    axes = [shape.id for shape in part.details.shapes if len(shape.axis)]
+    for what, kind, wanted in (
+        ("axes", kinds.Curve, axes),
+        ("nodes", kinds.Point, [node["id"] for node in part.details.records["nodes"]]),
+    ):
+        if names[kind] != wanted:
+            raise differs(part, what, len(wanted), len(names[kind]))
+    found = {name: rhino_arrays(shape) for name, shape in things if shape.ObjectType == kinds.Mesh}
+    return check_shapes(part, {name: (V, np.ascontiguousarray(F[:, :3])) for name, (V, F) in found.items()})
+
+
+def mesh_json(V: Floats, F: Ints) -> str:
+    """A mesh of vertices (n, 3) and triangles (m, 3); raises ExportError where rhino3dm is not installed."""
+    ready()
+    return json.dumps(rhino_mesh(V, F).Encode())
+
+
+def polyline_json(points: Floats) -> str:
+    """A polyline through points (k, 3), or (k, 2) in the plane z = 0; raises ExportError likewise."""
+    ready()
+    full = np.column_stack([points, np.zeros(len(points))]) if points.shape[1] == 2 else points
+    return json.dumps(rhino_polyline(full).Encode())
+
+
+def mesh_arrays(text: str) -> tuple[Floats, Ints]:
+    """Vertices (n, 3) and triangles (m, 3) of a mesh as it was sent; a quad becomes two along its shorter diagonal.
+
+    Raises ExportError for what is no mesh.
+    """
+    mesh = _decoded(text)
+    if type(mesh).__name__ != "Mesh":
+        raise ExportError(f"a mesh is wanted, not {type(mesh).__name__}; turn it into a mesh in Grasshopper first")
+    V, corners = rhino_arrays(mesh)
+    return V, _triangles(V, corners)
+
+
+def _triangles(V: Floats, corners: Ints) -> Ints:
+    """openNURBS holds a triangle as a quad with its last corner twice."""
+    if not len(corners):
+        return np.zeros((0, 3), dtype=np.int64)
+    quad = corners[:, 2] != corners[:, 3]
+    a, b, c, d = (V[corners[:, k]] for k in range(4))
+    straight = np.linalg.norm(a - c, axis=1) <= np.linalg.norm(b - d, axis=1)
+    first = np.where((quad & ~straight)[:, None], corners[:, [0, 1, 3]], corners[:, :3])
+    second = np.where(straight[:, None], corners[:, [0, 2, 3]], corners[:, [1, 2, 3]])
+    return np.concatenate([first, second[quad]])
+
+
+def _decoded(text: str) -> Any:
+    ready()
+    import rhino3dm
+
+    try:
+        thing = rhino3dm.CommonObject.Decode(json.loads(text))
+    except Exception:  # whatever the library makes of it
+        thing = None
+    if thing is None:
+        raise ExportError("the geometry that was sent is not readable as Rhino's JSON")
+    return thing

@@ -1,0 +1,286 @@
+"""Chains as cubic or quadratic curves, one for both skins, moved onto the skins between their ends."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, lru_cache
+
+import numpy as np
+from scipy.sparse import csr_array, vstack
+
+from dsfab.core.arrays import Floats
+from dsfab.export.cad.step.by_members.regions import VOID, ChainNet
+from dsfab.export.cad.step.shared.lifting import Lifting
+from dsfab.export.cad.step.shared.skins import Limits
+from dsfab.export.cad.step.smooth.edges import spread
+from dsfab.export.splines import Spline, basis, bernstein, splines_through
+
+NODES = np.array([0.05, 0.35, 0.65, 0.95])
+"""Where a cubic is read to know its poles."""
+
+
+@dataclass(frozen=True, eq=False)
+class InnerSpline:
+    """The cubic splines, twice differentiable, of the k spans between breaks (k + 1,), which are 0 at the first and at
+    the last of these.
+
+    places : (k + 1,) the means of three knots, at which values may be asked for whatever the spans [de Boor 1978,
+    chapter XIII].    poles : (k, 4, k + 1) what each of these values does for the poles of each span.
+    """
+
+    breaks: Floats
+    places: Floats
+    poles: Floats
+
+    @classmethod
+    def of(cls, breaks: Floats) -> "InnerSpline":
+        """breaks : from 0 to 1."""
+        return _inner_spline(breaks.tobytes())
+
+    @classmethod
+    def _made(cls, breaks: Floats) -> "InnerSpline":
+        count, knots = len(breaks) - 1, np.concatenate([[0.0] * 3, breaks, [1.0] * 3])
+        places = (knots[2:-4] + knots[3:-3] + knots[4:-2]) / 3
+        inside = (np.diff(breaks)[:, None] * NODES + breaks[:-1, None]).ravel()
+        values = np.linalg.solve(_rows(places, knots).T, _rows(inside, knots).T).T
+        poles = np.linalg.solve(bernstein(NODES), values.reshape(count, 4, -1))
+        poles[0, 0] = poles[-1, -1] = 0
+        return cls(breaks, places, np.asarray(poles))
+
+    @cached_property
+    def hats(self) -> Floats:
+        """(k + 1, k, 4) what each pole of any spans between these breaks counts at each place."""
+        count = len(self.places) - 1
+        span = np.clip(np.searchsorted(self.breaks, self.places, side="right") - 1, 0, count - 1)
+        found = np.zeros((count + 1, count, 4))
+        share = (self.places - self.breaks[span]) / np.diff(self.breaks)[span]
+        found[np.arange(count + 1), span] = bernstein(share)
+        return found
+
+
+@lru_cache(maxsize=1024)
+def _inner_spline(breaks: bytes) -> InnerSpline:
+    """Most curves have one of a few lists of breaks, and a patch is made more than once."""
+    return InnerSpline._made(np.frombuffer(breaks))
+
+
+def _rows(x: Floats, knots: Floats) -> Floats:
+    """(k, p - 2) the p cubic hats of some knots at x (k,), without the first and the last."""
+    first, values = basis(x, knots)
+    rows = np.zeros((len(x), len(knots) - 4))
+    np.put_along_axis(rows, first[:, None] + np.arange(4), values, axis=1)
+    return rows[:, 1:-1]
+
+
+BETWEEN = 2
+"""Samples of each edge of the mesh along a chain, on the smooth skins."""
+
+READ = np.array([0.05, 0.35, 0.65, 0.95])
+"""Where a cubic is read to know its poles."""
+
+AT_READ = bernstein(READ)
+TO_POLES = np.linalg.inv(AT_READ)
+
+
+@dataclass(frozen=True, eq=False)
+class SampledChain:
+    """Q : (k, 6) points on the outer and on the inner skin, millimetres.    outline : whether void is beyond it.
+    chord : the mesh's least chord error along it, millimetres."""
+
+    Q: Floats
+    outline: bool
+    chord: float = 0.0
+
+    @cached_property
+    def middle(self) -> Floats:
+        """(k, 3) half way between the skins."""
+        return np.asarray((self.Q[:, :3] + self.Q[:, 3:]) / 2)
+
+    @cached_property
+    def way(self) -> Floats:
+        """(k,) arc lengths, millimetres."""
+        return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self.middle, axis=0), axis=1))])
+
+    def direction(self, from_start: bool, reach: float) -> tuple[Floats, Floats]:
+        """The way from one of its ends to what is within `reach`, millimetres, and the normal at that end."""
+        if (from_start, reach) not in self._directions:
+            x = min(reach / self.way[-1], 0.5)
+            Q, there = self.Q[0 if from_start else -1], self.at(x if from_start else 1 - x)
+            way, across = (there[:3] + there[3:]) / 2 - (Q[:3] + Q[3:]) / 2, Q[:3] - Q[3:]
+            self._directions[from_start, reach] = (way, across / np.linalg.norm(across))
+        return self._directions[from_start, reach]
+
+    @cached_property
+    def _directions(self) -> dict[tuple[bool, float], tuple[Floats, Floats]]:
+        return {}
+
+    def at(self, x: float) -> Floats:
+        """(6,) at a share of the length under 1."""
+        way, to = self.way, x * self.way[-1]
+        i = int(way.searchsorted(to, side="right"))
+        return np.asarray((self.Q[i] - self.Q[i - 1]) / (way[i] - way[i - 1]) * (to - way[i - 1]) + self.Q[i - 1])
+
+
+@dataclass(frozen=True, eq=False)
+class ChainCurve:
+    """breaks : (k + 1,) from 0 to 1, and between them spans : (k, 4, 6) Bezier poles, millimetres.
+    off : largest distance from the chain's samples."""
+
+    breaks: Floats
+    spans: Floats
+    off: float = 0.0
+
+    @classmethod
+    def of(cls, spline: Spline, off: float) -> "ChainCurve":
+        """A line, a parabola or a cubic."""
+        breaks = np.unique(spline.knots)
+        x = READ[None] * np.diff(breaks)[:, None] + breaks[:-1, None]
+        at = spline(x.ravel()).reshape(len(breaks) - 1, 4, -1)
+        spans = np.asarray(np.linalg.solve(AT_READ, at), dtype=np.float64)
+        spans[0, 0], spans[-1, -1] = spline.poles[0], spline.poles[-1]
+        spans[1:, 0] = spans[:-1, 3]
+        return cls(breaks, spans, off)
+
+    def __call__(self, x: Floats) -> Floats:
+        """(k, 6) points at parameters x (k,)."""
+        span = np.clip(np.searchsorted(self.breaks, x, side="right") - 1, 0, len(self.spans) - 1)
+        share = (x - self.breaks[span]) / np.diff(self.breaks)[span]
+        return np.asarray(np.einsum("ka,kai->ki", bernstein(share), self.spans[span]))
+
+    def stops(self, low: float, high: float) -> Floats:
+        """(k,) two parameters, in order, and the breaks between them."""
+        return np.concatenate([[low], self.breaks[(self.breaks > low) & (self.breaks < high)], [high]])
+
+    def with_ends(self, start: Floats, end: Floats) -> "ChainCurve":
+        """Moved so that it has other ends (6,): what is between follows by a share."""
+        x = self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * np.arange(4) / 3
+        ways = start - self.spans[0, 0], end - self.spans[-1, -1]
+        spans = self.spans + (1 - x)[..., None] * ways[0] + x[..., None] * ways[1]
+        spans[0, 0], spans[-1, -1] = start, end
+        return replace(self, spans=spans)
+
+    def reversed(self) -> "ChainCurve":
+        """Run through the other way."""
+        return ChainCurve(1 - self.breaks[::-1], self.spans[::-1, ::-1], self.off)
+
+
+def parts_of(poles: Floats, start: Floats, end: Floats) -> Floats:
+    """(k, 4, d) poles of parts of cubics with poles (k, 4, d), from shares `start` to `end` (k,) of each."""
+    inside = start[:, None] + (end - start)[:, None] * READ
+    rows = bernstein(inside.ravel()).reshape(len(poles), 4, 4)
+    return np.asarray(TO_POLES @ rows @ poles)
+
+
+def curves_through(lines: Sequence[Floats], tolerances: Sequence[float]) -> list[ChainCurve]:
+    """The curves within tolerances of polylines (k, 6), millimetres; all are fitted at once."""
+    fits = splines_through([spread(line) for line in lines], tolerances, parts=2)
+    return [ChainCurve.of(*fit) for fit in fits]
+
+
+def on_skins(curves: Sequence[ChainCurve], away: Callable[[Floats], Floats]) -> list[ChainCurve]:
+    """Curves that what `away` says of points (k, 6) of theirs has brought onto the skins between their ends.
+
+    Beside their samples they may be by a tolerance, but a face whose edges are off it strays.
+    """
+    if not curves:
+        return []
+    inner = [InnerSpline.of(curve.breaks) for curve in curves]
+    ways = away(np.concatenate([curve(spline.places) for curve, spline in zip(curves, inner, strict=True)]))
+    each = np.split(ways, np.cumsum([len(spline.places) for spline in inner])[:-1])
+    return [
+        replace(curve, spans=curve.spans + spline.poles @ way)
+        for curve, spline, way in zip(curves, inner, each, strict=True)
+    ]
+
+
+def sampled_chains(net: ChainNet, lifting: Lifting, limits: Limits) -> dict[int, SampledChain]:
+    """The chains of a net on the smooth skins, by number."""
+    numbers = list(net.chains)
+    points = [net.chains[k].points for k in numbers]
+    start, end = (np.concatenate([p[some] for p in points]) for some in (slice(-1), slice(1, None)))
+    one, two = net.weights[start], net.weights[end]
+    parts = [csr_array(one * (1 - t) + two * t) for t in np.arange(BETWEEN) / BETWEEN]
+    last = net.weights[np.array([p[-1] for p in points])]
+    Q = lifting.points(csr_array(vstack([*parts, last], format="csr")))
+    count, chord = len(start), limits.allowed(Q[: len(start), :3]) - limits.distance
+    inner = Q[: BETWEEN * count].reshape(BETWEEN, count, 6).transpose(1, 0, 2)
+    at, found = 0, dict[int, SampledChain]()
+    for i, (k, p) in enumerate(zip(numbers, points, strict=True)):
+        mine = inner[at : at + len(p) - 1].reshape(-1, 6)
+        Qk = np.concatenate([mine, Q[[BETWEEN * count + i]]])
+        found[k] = SampledChain(Qk, net.chains[k].right == VOID, float(chord[at : at + len(p) - 1].min()))
+        at += len(p) - 1
+    return found
+
+
+OFF = 1 / 10
+"""Share of the distance that a solid may be off the mesh by which a parabola may be off a cubic."""
+
+TURNED = np.tan(np.deg2rad([0.5, 0.25]))
+"""Tangents of how far it may turn the ends of one, and out of the skins: these are smooth across borders."""
+
+NOTHING = 1e-8
+"""Millimetres of a third difference that is none: curves are cut and turned before they are written."""
+
+BOW = np.sqrt(3) / 36
+"""Largest value of x (1/2 - x) (1 - x): what a third difference of 1 bends a cubic away from a parabola."""
+
+
+def with_parabolas(curves: Sequence[ChainCurve], distance: float, box: Floats) -> list[ChainCurve]:
+    """Curves, as parabolas those whose cubics all are nearly one; a solid may be off its mesh by `distance`,
+    millimetres. Where their poles, which are farther out, would leave a box (2, 3) by more, they stay cubics."""
+    wide = box + distance * np.array([[-1.0], [1.0]])
+    return [
+        replace(curve, spans=lowered(curve.spans, 1)) if _nearly(curve.spans, OFF * distance, wide) else curve
+        for curve in curves
+    ]
+
+
+def lowered(P: Floats, axis: int) -> Floats:
+    """(k, 4, 6), or any with 4 along an axis: cubics as the parabolas through their ends and middles, still 4 poles."""
+    P = P.swapaxes(0, axis)
+    third = _third(P) / 6
+    return np.stack([P[0], P[1] - third, P[2] + third, P[3]]).swapaxes(0, axis)
+
+
+def lowered_patches(P: Floats, distance: float) -> Floats:
+    """Patches of a region (ku, kv, 4, 4, 6) of degree 2 in each direction in which its sides are parabolas, where that
+    moves no pole by more than a share of `distance`, millimetres; the sides stay."""
+    for axis, sides in ((2, P[:, [0, -1], :, [0, -1]]), (3, P[[0, -1], :, [0, -1]])):
+        if np.abs(_third(sides.swapaxes(0, -2))).max() < NOTHING:
+            Q = lowered(P, axis)
+            if np.abs(Q - P).max() <= OFF * distance:
+                P = Q
+    return P
+
+
+def fewest(P: Floats, axis: int) -> Floats:
+    """The poles of what is a parabola along an axis, 3 there as in (k, 3, 6), or those that are given, as (k, 4, 6)."""
+    P = P.swapaxes(0, axis)
+    if len(P) == 4 and np.abs(_third(P)).max() < NOTHING:
+        P = np.stack([P[0], _middle_pole(P), P[3]])
+    return P.swapaxes(0, axis)
+
+
+def _third(P: Floats) -> Floats:
+    """(..) third differences of poles (4, ..)."""
+    return np.asarray(P[3] - P[0] - 3 * (P[2] - P[1]))
+
+
+def _middle_pole(P: Floats) -> Floats:
+    """(..) of parabolas given as cubics with poles (4, ..); the same to the last digit of those turned around."""
+    return np.asarray((3 * (P[1] + P[2]) - (P[0] + P[3])) / 4)
+
+
+def _nearly(spans: Floats, most: float, box: Floats) -> bool:
+    """Whether cubics (k, 4, 6) are parabolas on both skins to `most` millimetres."""
+    P = spans.reshape(-1, 4, 2, 3).swapaxes(0, 1)
+    outer = _middle_pole(P)
+    if (outer < box[0]).any() or (outer > box[1]).any():
+        return False
+    across = (P[:, :, 0] - P[:, :, 1]).sum(axis=0)[:, None]
+    across = across / np.linalg.norm(across, axis=2, keepdims=True)
+    third = _third(P)
+    off, out = np.linalg.norm(third, axis=2), np.abs((third * across).sum(axis=2))
+    handle = 3 * np.linalg.norm(P[[1, 3]] - P[[0, 2]], axis=3).min(axis=0)
+    turned = (off / 2 <= TURNED[0] * handle) & (out / 2 <= TURNED[1] * handle)
+    return bool((turned & (BOW * off <= most)).all())

@@ -1,0 +1,467 @@
+"""Draft of a part by members: all steps from regions to STEP entities, before OCCT checks the file."""
+
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, replace
+from functools import partial
+from types import MappingProxyType
+from weakref import WeakSet
+
+import numpy as np
+
+from dsfab.core.arrays import Floats, Ints
+from dsfab.core.errors import ExportError
+from dsfab.core.sparse import one_blas_thread
+from dsfab.core.units import MM_PER_M
+from dsfab.export.cad.step.by_members.borders import (
+    TOUCHING,
+    crossing_chains,
+    straightened,
+    with_steep_ends,
+    without_crossings,
+)
+from dsfab.export.cad.step.by_members.curves import SampledChain, fewest, sampled_chains
+from dsfab.export.cad.step.by_members.fillet_edges import LongSeam, in_order, with_long_seams
+from dsfab.export.cad.step.by_members.fillets import without_fillets, without_short_walls
+from dsfab.export.cad.step.by_members.lines import NetLines
+from dsfab.export.cad.step.by_members.model import NetModel, NetPatch, net_model
+from dsfab.export.cad.step.by_members.patch_sides import REACH, LineFits, Quad, quads_of
+from dsfab.export.cad.step.by_members.patches import Covering, FaceLimits
+from dsfab.export.cad.step.by_members.region_division import divided, level
+from dsfab.export.cad.step.by_members.regions import (
+    VOID,
+    ChainNet,
+    Interior,
+    Loop,
+    joined_outlines,
+    net_of,
+    without_lenses,
+)
+from dsfab.export.cad.step.by_members.sharp_corners import flush_at_corners
+from dsfab.export.cad.step.by_members.trimmed import SPLIT, TrimmedFace, trimmed_face
+from dsfab.export.cad.step.by_members.trimmed_corrections import with_sampled_peaks, without_strays
+from dsfab.export.cad.step.by_members.trimmed_division import parted
+from dsfab.export.cad.step.entities import closing, header
+from dsfab.export.cad.step.flat_sheets import Entities, references
+from dsfab.export.cad.step.shared.lifting import Lifting
+from dsfab.export.cad.step.smooth.acceptance import SmoothPlan
+from dsfab.export.cad.step.smooth.edges import FLAT
+from dsfab.export.cad.step.smooth.solid import PLANE, ROUNDING
+from dsfab.export.part import Part, StripedSheet
+from dsfab.surface import connected, edge_table
+
+ALONG = 7
+"""Digits after the point of millimetres along edges. An edge that is a part of a patch's side has other poles than the
+side, and OCCT takes what is off by less than 1e-7 as exact. What is off by more it measures at some points of an edge;
+of one that a fillet makes shorter at others, and where it is off by a thousandth more there, that is invalid."""
+
+OVER = 12
+"""Digits after the point of places on surfaces, which are a square."""
+
+NO_SEAMS: Mapping[int, LongSeam] = MappingProxyType({})
+
+
+class NetText:
+    """Writes a model after what `new` holds already; thickness in millimetres. What a model with a seam has twice is
+    written once."""
+
+    def __init__(self, new: Entities, model: NetModel, thickness: float) -> None:
+        self.new, self.model = new, model
+        self._put = new.once if model.seam else new.add
+        self.digits = int(np.clip(np.ceil(-np.log10(ROUNDING * thickness)), 2, 6))
+        self._numbers = dict[tuple[float, ...], int]()
+        self.vertices = [
+            [self._put(f"VERTEX_POINT('',#{p})") for p in self._points(both.reshape(2, 3))] for both in model.vertices
+        ]
+        self.edges = list[list[int]]()
+
+    def faces(self, trimmed: list[TrimmedFace], seams: Mapping[int, LongSeam] = NO_SEAMS) -> list[int]:
+        """The numbers of all faces. seams : by edge those that go on beyond it."""
+        found, posts = list[int](), dict[tuple[int, int], int]()
+        skins: list[NetPatch | TrimmedFace] = [*self.model.patches, *trimmed]
+        surfaces = {i: self._surfaces(skins[i]) for i in sorted({i for seam in seams.values() for i in seam.on})}
+        self._add_edges(seams, surfaces)
+        for i, skin in enumerate(skins):
+            loops = skin.loops if isinstance(skin, TrimmedFace) else [skin.loop]
+            both = surfaces[i] if i in surfaces else self._surfaces(skin)
+            found += [self._skin(loops, both[s], s) for s in (0, 1)]
+        for wall in self.model.walls:
+            (first, way), (last, ahead) = wall.steps[0], wall.steps[-1]
+            start, end = self.model.edges[first], self.model.edges[last]
+            one, two = (
+                self._post(posts, v) for v in (start.start if way else start.end, end.end if ahead else end.start)
+            )
+            poles = fewest(wall.poles, 0)
+            outer, inner = (list(self._points(poles[:, s : s + 3])) for s in (0, 3))
+            surface = self._surface([list(row) for row in zip(inner, outer, strict=True)])
+            below = [(self.edges[e][1], way) for e, way in wall.steps]
+            above = [(self.edges[e][0], not way) for e, way in wall.steps[::-1]]
+            wire = self.new.wire([*below, two, *above, (one[0], not one[1])], "FACE_BOUND")
+            found.append(self.new.face([wire], surface))
+        return found
+
+    def _surfaces(self, skin: NetPatch | TrimmedFace) -> list[int]:
+        """The outer and the inner surface of a face."""
+        if isinstance(skin, TrimmedFace):
+            digits = ALONG + 1 if skin.exact else ALONG - 1
+            return [self._surface(self._grid(poles, digits)) for poles in (skin.outer, skin.inner)]
+        both = np.split(fewest(fewest(skin.poles, 0), 1), 2, axis=2)
+        return [self._surface(self._grid(poles, ALONG + 1) if skin.within else self._rows(poles)) for poles in both]
+
+    def _add_edges(self, seams: Mapping[int, LongSeam], surfaces: Mapping[int, list[int]]) -> None:
+        """All edges, of which some are parts of curves that have places on surfaces."""
+        given = [seams[e].poles if e in seams else edge.poles for e, edge in enumerate(self.model.edges)]
+        self.poles = self._pole_numbers([fewest(poles, 0) for poles in given])
+        for e, (edge, two) in enumerate(zip(self.model.edges, self.poles, strict=True)):
+            on = seams[e].on if e in seams else {}
+            curves = [self._put(bezier(poles)) for poles in two]
+            for s in (0, 1) if on else ():
+                lines = references([self._on_surface(uv[s], surfaces[i][s]) for i, uv in on.items()])
+                curves[s] = self.new.add(f"SURFACE_CURVE('',#{curves[s]},{lines},.PCURVE_S1.)")
+            ends = zip(self.vertices[edge.start], self.vertices[edge.end], curves, strict=True)
+            self.edges.append([self._put(f"EDGE_CURVE('',#{a},#{b},#{curve},.T.)") for a, b, curve in ends])
+
+    def _on_surface(self, uv: Floats, surface: int) -> int:
+        """A curve with poles (k, 2) over a surface."""
+        points = [
+            self.new.once(f"CARTESIAN_POINT('',({','.join(f'{x:.{OVER}f}'.rstrip('0') for x in p)}))")
+            for p in (np.round(uv, OVER) + 0.0).tolist()
+        ]
+        curve = self.new.add(bezier(points))
+        line = self.new.add(f"DEFINITIONAL_REPRESENTATION('',(#{curve}),#{self.new.once(PLANE)})")
+        return self.new.add(f"PCURVE('',#{surface},#{line})")
+
+    def _skin(self, loops: list[Loop], surface: int, s: int) -> int:
+        """A face of the outer (0) or the inner (1) skin; its loops run the other way there."""
+        wires = []
+        for i, loop in enumerate(loops):
+            steps = [(self.edges[e][s], ahead != bool(s)) for e, ahead in (loop[::-1] if s else loop)]
+            wires.append(self.new.wire(steps, "FACE_OUTER_BOUND" if len(loops) > 1 and not i else "FACE_BOUND"))
+        return self.new.face(wires, surface, same=not s)
+
+    def _rows(self, poles: Floats) -> list[list[int]]:
+        """Of a patch's poles (j, k, 3), which are on edges but for the inner ones."""
+        poles = poles.copy()
+        poles[1:-1, 1:-1] = np.round(poles[1:-1, 1:-1], self.digits)
+        return self._grid(poles, ALONG)
+
+    def _points(self, points: Floats, digits: int = ALONG) -> Iterator[int]:
+        """Of points (k, 3), those that are equal once."""
+        known = self._numbers
+        for p in map(tuple, (np.round(points, digits) + 0.0).tolist()):
+            if p not in known:
+                text = ",".join([f"{v:.{digits}f}".rstrip("0") for v in p])
+                known[p] = self.new.once(f"CARTESIAN_POINT('',({text}))")
+            yield known[p]
+
+    def _pole_numbers(self, lines: list[Floats]) -> list[list[list[int]]]:
+        """Of the poles of curves (k, 6), on the outer and on the inner skin."""
+        found, at = list(self._points(np.concatenate([line[:, s : s + 3] for line in lines for s in (0, 3)]))), 0
+        numbers = list[list[list[int]]]()
+        for k in map(len, lines):
+            numbers.append([found[at : at + k], found[at + k : at + 2 * k]])
+            at += 2 * k
+        return numbers
+
+    def _grid(self, poles: Floats, digits: int) -> list[list[int]]:
+        """Of a grid of points (r, k, 3), row by row."""
+        found = list(self._points(poles.reshape(-1, 3), digits))
+        return [found[i : i + poles.shape[1]] for i in range(0, len(found), poles.shape[1])]
+
+    def _post(self, posts: dict[tuple[int, int], int], vertex: int) -> tuple[int, bool]:
+        """The edge between both points of a vertex, and whether it runs to the outer one."""
+        outer, inner = self.vertices[vertex]
+        if (outer, inner) in posts:
+            return posts[outer, inner], False  # it was made for the other side of a seam
+        if (inner, outer) not in posts:
+            ends = [next(self._points(self.model.vertices[vertex][None, i : i + 3])) for i in (3, 0)]
+            posts[inner, outer] = self.new.add(f"EDGE_CURVE('',#{inner},#{outer},#{self.new.add(bezier(ends))},.T.)")
+        return posts[inner, outer], True
+
+    def _surface(self, rows: list[list[int]]) -> int:
+        """A Bezier patch, as a spline with one span."""
+        poles, (j, k) = ",".join(references(row) for row in rows), (len(rows), len(rows[0]))
+        return self.new.add(
+            f"B_SPLINE_SURFACE_WITH_KNOTS('',{j - 1},{k - 1},({poles}),.UNSPECIFIED.,.F.,.F.,.F.,"
+            f"({j},{j}),({k},{k}),(0.,1.),(0.,1.),.UNSPECIFIED.)"
+        )
+
+
+def bezier(poles: list[int]) -> str:
+    """The entity of a Bezier curve through the points with these numbers, as a spline with one span.
+
+    A line too: a polyline that an edge lies on has three points at least (ISO 10303-511, advanced_face).
+    """
+    k = len(poles)
+    return (
+        f"B_SPLINE_CURVE_WITH_KNOTS('',{k - 1},{references(poles)},.UNSPECIFIED.,.F.,.F.,({k},{k}),(0.,1.),"
+        ".UNSPECIFIED.)"
+    )
+
+
+KIND = "curved solid of four-sided patches by members"
+"""What the file says about itself."""
+
+NARROW = 1 / 4000
+"""Gap that is wanted between a trimmed face and its edges, as a share of the thickness."""
+
+NARROW_MM, OF_THIN = 0.01, 1 / 1500
+"""Millimetres of one that is narrow enough, if that is no larger a share of the thickness: of a sheet of 16 mm most
+trimmed faces had degrees of 4 to 7, to close it to .004 mm, and a third more poles."""
+
+SHORT = 1 / 20
+"""Length of a wall between two borders that is none, as a share of the thickness."""
+
+LENS = 1 / 3
+"""Width of a region between two chains that is no region, as a share of the thickness."""
+
+PASSES = 3
+"""Looks at outlines that cross themselves; what one pass joins or leaves whole may cross anew."""
+
+UNASKED = 7000
+"""Faces of a file that nobody asked for by name, where a part is in a hurry of 1: more take half a minute."""
+
+FEWER_WALLS = 3 / 4
+"""Walls for each chain of an outline, at least: a fifteenth of those of `hypar.obj` and of a cylinder are one with
+others."""
+
+
+FEWER_FACES = 0.95
+"""Of a first model that are left, at least, once regions whose outlines cross themselves have joined others."""
+
+BEYOND = 1 / 300
+"""Share of a surface's size that poles of curves are beyond its box at most: along the rim of a vault of 12 m they were
+170 mm above it, and OCCT's box with them."""
+
+
+class ManyFacesError(ExportError):
+    """A file with more faces than are made unasked; asked for by name, it is made."""
+
+
+@dataclass(frozen=True, eq=False)
+class MemberDraft:
+    """What nobody has checked: the text, its solids, faces, trimmed ones among them, and the widest gap, mm."""
+
+    text: str
+    solids: int
+    faces: int
+    trimmed: int
+    gap: float
+
+
+def member_plan(part: Part) -> SmoothPlan:
+    """What is known of a part's sheet, whatever the number of its walls."""
+    return SmoothPlan(replace(part, hurry=0))
+
+
+def member_draft(part: Part, plan: SmoothPlan, fine: bool = False) -> MemberDraft:
+    """The file of a part before it is checked; raises ExportError where it cannot be made, and ManyFacesError
+    where nobody asked for so large a one.
+
+    fine : whether faces are asked how far they are off the mesh, borders follow the skins closely, and trimmed ones
+    are near to many points of long triangles, see `interior`.
+    """
+    with one_blas_thread():  # thousands of small systems
+        return _draft(part, plan, fine)
+
+
+def _draft(part: Part, plan: SmoothPlan, fine: bool) -> MemberDraft:
+    if plan.curved.striped is None:
+        raise ExportError("STEP by members needs the stripes of the sheet, and these are not known")
+    lifting = Lifting.of(plan.surface, plan.curved)
+    new, shells, faces, trimmed = Entities(), list[int](), list[int](), list[TrimmedFace]()
+    count = 0
+    for sheet in _sheets(plan.curved.striped()):
+        net = _net(sheet, lifting, plan)
+        walls = sum(chain.right == VOID for chain in net.chains.values())
+        _require_few(part, 2 * len(net.loops) + int(FEWER_WALLS * walls))
+        model, surfaces = _solid(part, net, Interior(sheet, lifting, plan.limits.thickness, fine), plan)
+        model, surfaces, seams = with_long_seams(model, surfaces)
+        added = NetText(new, model, plan.limits.thickness).faces(surfaces, seams)
+        faces += added
+        shells += [count] * len(added)
+        trimmed += surfaces
+        count += 1
+    _require_few(part, len(faces))
+    end = closing(np.array(shells), [[i] for i in range(count)], np.array(faces), new.free, part.name)
+    text = "".join([header(part.name, KIND, count), *new.text, *end])
+    return MemberDraft(text, count, len(faces), 2 * len(trimmed), max((one.gap for one in trimmed), default=0.0))
+
+
+_MANY = WeakSet[Part]()
+
+
+def has_too_many(part: Part) -> bool:
+    """Whether a part was refused for its number of faces alone."""
+    return part in _MANY
+
+
+def _require_few(part: Part, faces: int) -> None:
+    """Raise ExportError where nobody asked for so many faces, or more."""
+    most = part.hurry * UNASKED
+    if part.hurry and faces > most:
+        _MANY.add(part)
+        raise ManyFacesError(
+            f"by members it would have at least {faces} faces, more than {most}, which take too long to be tried "
+            "unasked"
+        )
+
+
+def _sheets(striped: StripedSheet) -> Iterator[StripedSheet]:
+    """The connected pieces of a sheet, over its seam too."""
+    one, two = np.concatenate([edge_table(striped.F).pairs, striped.seam]).T // 3
+    count, piece = connected(len(striped.F), one, two)
+    cell, corner = striped.seam // 3, striped.seam % 3
+    for i in range(count):
+        mine = piece == i
+        seam = 3 * (np.cumsum(mine) - 1)[cell] + corner
+        seam = seam[mine[cell[:, 0]]]
+        yield StripedSheet(striped.F[mine], striped.weights, striped.label[mine], striped.loose[mine], seam)
+
+
+def _net(sheet: StripedSheet, lifting: Lifting, plan: SmoothPlan) -> ChainNet:
+    """The net of a piece; it has about a wall for each chain of its outline, and at least two faces for each region."""
+    t, skins = plan.limits.thickness, lifting.skins
+    creased = lifting.sides.along if len(lifting.sides.creases) else None
+    net = net_of(sheet, plan.surface.V, skins.normals, t / MM_PER_M, creased)
+    net = without_fillets(net, lifting)
+    P, N = (np.asarray(net.weights @ x) for x in (skins.points, skins.normals))
+    net = joined_outlines(without_lenses(net, P, LENS * t), P, N)
+    net = with_steep_ends(without_short_walls(net, lifting, SHORT * t), lifting, t)
+    return straightened(level(net, sheet, lifting, plan.limits), lifting, t)
+
+
+def _solid(part: Part, net: ChainNet, interior: Interior, plan: SmoothPlan) -> tuple[NetModel, list[TrimmedFace]]:
+    """The model of a piece, and its faces without four sides."""
+    fits = _Fits(interior, plan)
+    lines, model = fits.model(net)
+    _require_few(part, int(FEWER_FACES * model.faces))
+    known = dict[int, bytes]()
+    for _ in range(PASSES):
+        outlines = _outlines(net, lines, model)
+        new = _changed(known, outlines)
+        sound = without_crossings(net, lines.curves(new), new, TOUCHING * plan.limits.thickness)
+        if sound is net:
+            break
+        net, known = sound, outlines
+        lines, model = fits.model(net)
+    net, model = _divided(net, lines, model, fits, plan)
+    faces = _trimmed_faces(net, model, interior, fits)
+    bad = {region for region in model.compact if not _close(faces.get(region), plan)}
+    if bad:
+        fits.patched |= bad
+        _, model = fits.model(net)
+        faces = _trimmed_faces(net, model, interior, fits)
+    inside = partial(interior.points, net)
+    flush = flush_at_corners(model, parted(model, faces, inside, fits.lifting.away, fits.wanted))
+    model, surfaces = in_order(*flush)
+    return model, with_sampled_peaks(model, surfaces)
+
+
+def _trimmed_faces(net: ChainNet, model: NetModel, interior: Interior, fits: "_Fits") -> dict[int, TrimmedFace]:
+    """By region; none of one that no surface is near to, but has four sides."""
+    found, parts = dict[int, TrimmedFace](), {*net.parent, *net.parent.values()}
+    outlines = {region: model.outline(loops) for region, loops in model.trimmed.items()}
+    for region, loops in model.trimmed.items():
+        if len(loops) == 1 and (known := fits.faces.get((region, outlines[region]))):
+            found[region] = replace(known, loops=loops)
+    points = interior.points(net, [region for region in model.trimmed if region not in found])
+    new = dict[int, TrimmedFace]()
+    for region, inside in points.items():
+        try:
+            new[region] = trimmed_face(model, model.trimmed[region], inside, fits.wanted, region in parts)
+        except ExportError:
+            if region not in model.compact:
+                raise
+    new = without_strays(model, new, points, fits.lifting.away, fits.wanted)
+    fits.faces |= {(region, outlines[region]): face for region, face in new.items()}
+    return found | new
+
+
+def _close(face: TrimmedFace | None, plan: SmoothPlan) -> bool:
+    """Whether a trimmed face can be cut wherever patches can, and is as near to the sheet."""
+    near = FLAT * plan.limits.distance
+    return face is not None and face.gap <= SPLIT and face.off <= near
+
+
+def _divided(
+    net: ChainNet, lines: NetLines, model: NetModel, fits: "_Fits", plan: SmoothPlan
+) -> tuple[ChainNet, NetModel]:
+    """A net and its model with members that are cut off from their ends, unless an outline then crosses itself."""
+    regions, known = set(model.trimmed), _outlines(net, lines, model)
+    for _ in range(PASSES):
+        whole = divided(net, sorted(regions), fits.lifting, NARROW * plan.limits.thickness)
+        if whole is net:
+            break
+        lines, found = fits.model(whole)
+        new = _changed(known, _outlines(whole, lines, found))
+        curves = lines.curves(new)
+        crossed = [region for region in new if crossing_chains(whole, curves, region)]
+        wrong = {whole.parent.get(region, region) for region in crossed} & regions
+        if not wrong:
+            return whole, found
+        regions -= wrong
+    return net, model
+
+
+def _outlines(net: ChainNet, lines: NetLines, model: NetModel) -> dict[int, bytes]:
+    """The poles around each trimmed region of a net. A line takes part in many outlines, and moves all of them."""
+    curves = lines.curves(model.trimmed)
+    return {
+        region: b"".join(curves[k].spans.tobytes() for loop in net.loops[region] for k, _ in loop)
+        for region in model.trimmed
+    }
+
+
+def _changed(known: dict[int, bytes], outlines: dict[int, bytes]) -> list[int]:
+    """The regions whose outlines are not those that were known before."""
+    return [region for region, outline in outlines.items() if known.get(region) != outline]
+
+
+class _Fits:
+    """The lines of nets, and their models; chains with the points that they had are not sampled anew, nor are trimmed
+    faces with the outlines that they had (by region and poles)."""
+
+    def __init__(self, interior: Interior, plan: SmoothPlan) -> None:
+        self.lifting, self.limits, self.reach = interior.lifting, plan.limits, REACH * plan.limits.thickness
+        skins = np.stack([plan.limits.V.min(axis=0), plan.limits.V.max(axis=0)])
+        box = _wide_box(skins)
+        self.fits = LineFits(plan.limits.distance, box, skins, self.lifting.away, interior.fine)
+        beyond_mesh = plan.gate.beyond if interior.fine else None
+        self.wanted = FaceLimits(_narrow(plan.limits.thickness), plan.limits.distance, box, beyond_mesh)
+        self.covering = Covering(self.lifting.away, self.wanted)
+        self.points, self.chains = dict[int, Ints](), dict[int, SampledChain]()
+        self.faces = dict[tuple[int, bytes], TrimmedFace]()
+        self.quads = dict[int, tuple[list[Loop], list[SampledChain], Quad | None]]()
+        self.patched = set[int]()
+
+    def model(self, net: ChainNet) -> tuple[NetLines, NetModel]:
+        """Of a net."""
+        new = {k: chain for k, chain in net.chains.items() if self.points.get(k) is not chain.points}
+        if new:
+            self.chains |= sampled_chains(replace(net, chains=new), self.lifting, self.limits)
+            self.points |= {k: chain.points for k, chain in new.items()}
+        chains = {k: self.chains[k] for k in net.chains}
+        quads, others = self._quads(net, chains)
+        lines = self.fits.lines(net, chains, quads, self.reach)
+        return lines, net_model(lines, chains, quads, others, self.covering, self.patched)
+
+    def _quads(self, net: ChainNet, chains: dict[int, SampledChain]) -> tuple[list[Quad], list[int]]:
+        """As `quads_of`; regions with the chains that they had are as they were."""
+        for region, loops in net.loops.items():
+            around = [chains[k] for loop in loops for k, _ in loop]
+            known = self.quads.get(region)
+            if known is None or known[0] != loops or any(a is not b for a, b in zip(known[1], around, strict=True)):
+                found, _ = quads_of(replace(net, loops={region: loops}), chains, self.reach)
+                self.quads[region] = loops, around, found[0] if found else None
+        quads = {region: self.quads[region][2] for region in net.loops}
+        return [quad for quad in quads.values() if quad], [region for region, quad in quads.items() if not quad]
+
+
+def _narrow(thickness: float) -> float:
+    """The gap that is wanted between a trimmed face and its edges, millimetres."""
+    return max(NARROW * thickness, min(NARROW_MM, OF_THIN * thickness))
+
+
+def _wide_box(skins: Floats) -> Floats:
+    """(2, 3) a box, and a little more."""
+    return np.asarray(skins + BEYOND * float(np.linalg.norm(skins[1] - skins[0])) * np.array([[-1.0], [1.0]]))

@@ -1,0 +1,254 @@
+"""Bezier patches of four-sided regions (Coons surfaces), height fields, and their distance from the mesh."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from functools import cache, partial
+
+import numpy as np
+from scipy.special import comb
+
+from dsfab.core.arrays import Bools, Floats, cross
+from dsfab.export.cad.step.by_members.curves import InnerSpline, lowered_patches
+from dsfab.export.splines import bernstein
+
+
+def places(poles: Floats, axes: Floats, points: Floats) -> Floats:
+    """(k, 2) parameters of points (k, 3) over a surface with such poles (p + 1, p + 1, 3), which lie evenly over a
+    parallelogram in the plane of the first two axes."""
+    (a, b), (c, _) = poles[:: len(poles) - 1, :: len(poles) - 1] @ axes[:2].T
+    return np.asarray(np.linalg.solve(np.stack([c - a, b - a], axis=1), (points @ axes[:2].T - a).T).T)
+
+
+def height_rows(uv: Floats, degree: int) -> Floats:
+    """(k, (degree + 1)^2) what each pole counts at places (k, 2) of a square."""
+    both = np.einsum("ka,kb->kab", _powers(uv[:, 0], degree), _powers(uv[:, 1], degree))
+    return np.asarray(both.reshape(len(uv), -1))
+
+
+def rows_at(uv: Floats) -> Callable[[int], Floats]:
+    """The same by degree at places (k, 2) that are asked often, found once."""
+    return cache(partial(height_rows, uv))
+
+
+def raised(poles: Floats, degree: int) -> Floats:
+    """(degree + 1, degree + 1) poles of the same surface as those (p + 1, p + 1)."""
+    while (n := len(poles)) <= degree:
+        poles = _higher(n) @ poles @ _higher(n).T
+    return poles
+
+
+@cache
+def _higher(n: int) -> Floats:
+    """(n + 1, n) the poles of a curve a degree higher than its n are."""
+    share = np.arange(n + 1)[:, None] / n
+    return np.asarray(share * np.eye(n + 1, n, -1) + (1 - share) * np.eye(n + 1, n))
+
+
+def _powers(x: Floats, degree: int) -> Floats:
+    """(k, degree + 1) Bernstein polynomials at x (k,)."""
+    i = np.arange(degree + 1)
+    return np.asarray(_binomials(degree) * x[:, None] ** i * (1 - x[:, None]) ** (degree - i))
+
+
+@cache
+def _binomials(degree: int) -> Floats:
+    """(degree + 1,) how many ways there are to take 0, 1 ... of as many things as the degree is."""
+    return np.asarray(comb(degree, np.arange(degree + 1)))
+
+
+@cache
+def differences(count: int) -> Floats:
+    """(2 (k - 2) k, k^2) second differences of a square (k, k) of poles, along both directions."""
+    second = np.diff(np.eye(count), n=2, axis=0)
+    return np.concatenate([np.kron(second, np.eye(count)), np.kron(np.eye(count), second)])
+
+
+PLACES = (np.stack(np.meshgrid(*[np.arange(24)] * 2, indexing="ij"), axis=2).reshape(-1, 2) + 0.5) / 24
+"""(k, 2) of the square that a surface is over: of a face of 40 mm beside a cow's ear, 12 along a side missed a bulge
+of 1.6 mm in a corner."""
+
+ROWS = rows_at(PLACES)
+
+
+@dataclass(frozen=True, eq=False)
+class FaceLimits:
+    """What faces are asked for, millimetres.
+
+    gap : between trimmed ones and their edges.
+    off : what points inside may be off; where the gap is wider, but such that edges can be split, too.
+    box : (2, 3) where poles should be.
+    beyond_mesh : how much farther points (k, 3) are from the mesh than they may be (k,), where that is asked, too.
+    """
+
+    gap: float
+    off: float
+    box: Floats
+    beyond_mesh: Callable[[Floats], Floats] | None = None
+
+
+def farthest(
+    surfaces: Sequence[tuple[Floats, Floats]],
+    lines: Sequence[Sequence[Floats]],
+    beyond_mesh: Callable[[Floats], Floats] | None,
+) -> float:
+    """The most that a region's surfaces, poles (p + 1, p + 1, 3) and axes, are farther from a mesh than they may be,
+    inside of its outlines (., 3) on each of them; none where nobody asks."""
+    if beyond_mesh is None:
+        return -np.inf
+    inside = [
+        places_inside(*surface, outlines) for surface, outlines in zip(surfaces, zip(*lines, strict=True), strict=True)
+    ]
+    return float(beyond_mesh(np.concatenate(inside)).max(initial=-np.inf))
+
+
+def places_inside(poles: Floats, axes: Floats, lines: Sequence[Floats]) -> Floats:
+    """(k, 3) points of a surface with such poles (p + 1, p + 1, 3) and axes that closed lines (., 3) go around."""
+    points = ROWS(len(poles) - 1) @ poles.reshape(-1, 3)
+    return np.asarray(points[enclosed(points @ axes[:2].T, [line @ axes[:2].T for line in lines])])
+
+
+def enclosed(points: Floats, lines: Sequence[Floats]) -> Bools:
+    """(k,) which points (k, 2) of a plane an odd number of closed lines (., 2) goes around."""
+    x, y = points.T
+    found = np.zeros(len(points), dtype=bool)
+    for line in lines:
+        (ax, ay), (bx, by) = line.T, np.roll(line, -1, axis=0).T
+        slope = (bx - ax) / np.where(by != ay, by - ay, 1.0)
+        above = ay > y[:, None]
+        i, j = np.nonzero(above != np.roll(above, -1, axis=1))  # few: only there it is asked on which side they pass
+        beside = x[i] < ax[j] + (y[i] - ay[j]) * slope[j]
+        found ^= np.bincount(i[beside], minlength=len(points)) % 2 == 1
+    return found
+
+
+SHARE_PLACES = np.linspace(0, 1, 5)
+"""Where a patch is asked whether it is folded, in both directions."""
+
+
+def coons(bottom: Floats, right: Floats, top: Floats, left: Floats) -> Floats:
+    """(ku, kv, 4, 4, d) poles of the patches between spans: bottom and top (ku, 4, d) from left to right, left and
+    right (kv, 4, d) upwards."""
+    b, t = bottom[:, None, :, None, :], top[:, None, :, None, :]
+    lt, rt = left[None, :, None, :, :], right[None, :, None, :, :]
+    u = _shares(bottom, top)[:, None, :, None, None]
+    v = _shares(left, right)[None, :, None, :, None]
+    a, c, e, f = bottom[0, 0], bottom[-1, -1], top[0, 0], top[-1, -1]
+    corners = (1 - u) * (1 - v) * a + u * (1 - v) * c + (1 - u) * v * e + u * v * f
+    P: Floats = np.asarray((1 - v) * b + v * t + (1 - u) * lt + u * rt - corners)
+    P[:, 0, :, 0], P[:, -1, :, -1] = bottom, top
+    P[0, :, 0], P[-1, :, -1] = left, right
+    return P
+
+
+def pulled(grids: Sequence[Floats], away: Callable[[Floats], Floats]) -> list[Floats]:
+    """Patches of regions (ku, kv, 4, 4, d), their insides moved by what `away` says of points (k, d) of theirs; their
+    borders stay, and cells meet as before."""
+    both = [
+        (InnerSpline.of(_way(P[:, 0, :, 0], P[:, -1, :, -1])), InnerSpline.of(_way(P[0, :, 0], P[-1, :, -1])))
+        for P in grids
+    ]
+    at = list[Floats]()
+    for P, (u, v) in zip(grids, both, strict=True):
+        along = np.tensordot(u.hats, P, axes=([1, 2], [0, 2]))
+        at.append(np.tensordot(v.hats, along, axes=([1, 2], [1, 2])))
+    ways = away(np.concatenate([points.reshape(-1, points.shape[2]) for points in at]))
+    ends = np.cumsum([points.shape[0] * points.shape[1] for points in at])
+    found = list[Floats]()
+    for P, (u, v), points, some in zip(grids, both, at, np.split(ways, ends[:-1]), strict=True):
+        along = np.tensordot(u.poles, some.reshape(points.shape), axes=([2], [1]))
+        found.append(P + np.tensordot(v.poles, along, axes=([2], [2])).transpose(2, 0, 3, 1, 4))
+    return found
+
+
+def _shares(one: Floats, other: Floats) -> Floats:
+    """(k, 4) how far each pole of the spans of opposite sides is along them."""
+    way = _way(one, other)
+    return np.asarray(way[:-1, None] + np.diff(way)[:, None] * np.arange(4) / 3)
+
+
+def _way(one: Floats, other: Floats) -> Floats:
+    """(k + 1,) how far the ends of the spans of opposite sides are along them, as the mean of both."""
+    way = np.zeros(len(one) + 1)
+    for side in (one, other):
+        long = np.cumsum(np.linalg.norm(side[:, -1, :3] - side[:, 0, :3], axis=1))
+        way[1:] += long / long[-1] / 2
+    return way
+
+
+def least_jacobian(P: Floats) -> float:
+    """The smallest ratio of normals of patches (..., 4, 4, 3), not of unit length, along the mean one to the largest
+    of these; under 0 where one is folded."""
+    P = P.reshape(-1, 4, 4, 3)
+    y = 1 - SHARE_PLACES
+    B = np.stack([y**3, 3 * SHARE_PLACES * y**2, 3 * SHARE_PLACES**2 * y, SHARE_PLACES**3], axis=1)
+    C = np.stack([y**2, 2 * SHARE_PLACES * y, SHARE_PLACES**2], axis=1)
+    du = np.einsum("xa,yb,kabi->kxyi", C, B, np.diff(P, axis=1))
+    dv = np.einsum("xa,yb,kabi->kxyi", B, C, np.diff(P, axis=2))
+    N = cross(du.reshape(-1, 3), dv.reshape(-1, 3)).reshape(du.shape)
+    mean = N.mean(axis=(1, 2))
+    along = np.einsum("kxyi,ki->kxy", N, mean)
+    return float((along.min(axis=(1, 2)) / along.max(axis=(1, 2))).min())
+
+
+FOLDED = 0.1
+"""Least relative Jacobian of a patch: one that is less is trimmed instead."""
+
+ASKED = np.linspace(0, 1, 7)
+"""Where a patch is asked how far it is off the mesh, in both directions."""
+
+
+class Covering:
+    """Makes the patches of regions. A net is changed some times, each time in a few places: regions with the curves
+    that they had have the patches that they had.
+
+    away : the ways (k, 6) to both skins from points there.    limits : of patches, with `off` what they may be off the
+    skins in their middles.
+    """
+
+    def __init__(self, away: Callable[[Floats], Floats], limits: FaceLimits) -> None:
+        self.away, self.limits = away, limits
+        self.known = dict[int, tuple[list[bytes], Floats | None]]()
+
+    def __call__(self, regions: Sequence[int], sides: Sequence[Sequence[Floats]]) -> list[Floats | None]:
+        """(ku, kv, 4, 4, 6) poles for each region, or none where its patches are folded or too far off; sides : for
+        each, bottom, right, top and left as `coons` takes them."""
+        poles = [[side.tobytes() for side in four] for four in sides]
+        new = [i for i, (r, now) in enumerate(zip(regions, poles, strict=True)) if self.known.get(r, ((),))[0] != now]
+        for i, P in zip(new, self._made([sides[i] for i in new]), strict=True):
+            self.known[regions[i]] = poles[i], P
+        return [self.known[region][1] for region in regions]
+
+    def _made(self, sides: Sequence[Sequence[Floats]]) -> list[Floats | None]:
+        """The same for regions that are new."""
+        if not sides:
+            return []
+        patches = [lowered_patches(P, self.limits.off) for P in pulled([coons(*four) for four in sides], self.away)]
+        far = (_strays(patches, self.away) > self.limits.off) | (_beyond_mesh(patches, self.limits) > 0)
+        return [None if is_far or _folded(P) else P for P, is_far in zip(patches, far, strict=True)]
+
+
+def _folded(P: Floats) -> bool:
+    """Whether one of the patches of a region is, on either skin."""
+    return least_jacobian(np.concatenate([P[..., :3], P[..., 3:]])) < FOLDED
+
+
+def _strays(patches: Sequence[Floats], away: Callable[[Floats], Floats]) -> Floats:
+    """(k,) how far patches (ku, kv, 4, 4, 6) of regions are off the skins in the middles of their cells, at most: on a
+    coarse mesh these wave, and splines from border to border pass by."""
+    if not patches:
+        return np.zeros(0)
+    half = bernstein(np.array([0.5]))[0]
+    middles = [np.einsum("a,b,uvabi->uvi", half, half, P).reshape(-1, 6) for P in patches]
+    off = np.linalg.norm(away(np.concatenate(middles)).reshape(-1, 2, 3), axis=2).max(axis=1)
+    return np.array([some.max() for some in np.split(off, np.cumsum([len(some) for some in middles])[:-1])])
+
+
+def _beyond_mesh(patches: Sequence[Floats], limits: FaceLimits) -> Floats:
+    """(k,) how much farther patches (ku, kv, 4, 4, 6) of regions are from the mesh than they may be, if that is asked:
+    beside a crease one was on the skins in its middle, and 1.4 mm off where 1.1 are allowed."""
+    if not patches or limits.beyond_mesh is None:
+        return np.full(len(patches), -np.inf)
+    poles, ends = [P.reshape(-1, 4, 4, 6) for P in patches], np.cumsum([P.shape[0] * P.shape[1] for P in patches])
+    points = np.einsum("xa,yb,kabi->kxyi", bernstein(ASKED), bernstein(ASKED), np.concatenate(poles))
+    beyond = limits.beyond_mesh(points.reshape(-1, 3)).reshape(len(points), -1).max(axis=1)
+    return np.array([some.max() for some in np.split(beyond, ends[:-1])])

@@ -1,0 +1,289 @@
+"""Division of regions into members: long members cut from their ends, and seams where a region bends too much."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import replace
+from itertools import pairwise
+
+import numpy as np
+from scipy.sparse import csr_array, vstack
+from scipy.sparse.csgraph import dijkstra
+from scipy.spatial import cKDTree
+
+from dsfab.core.arrays import Bools, Floats, Ints, cross
+from dsfab.export.cad.step.by_members.curves import sampled_chains
+from dsfab.export.cad.step.by_members.patch_sides import REACH, quads_of
+from dsfab.export.cad.step.by_members.regions import VOID, Chain, ChainNet, Loop, mean_width, vector_area
+from dsfab.export.cad.step.shared.lifting import Lifting
+from dsfab.export.cad.step.shared.skins import Limits
+from dsfab.export.part import StripedSheet
+from dsfab.surface import connected, edge_table, half_edges
+
+LONG = 1.5
+"""Times the distance between them that both walls of a member are long at least."""
+
+POINTS = 9
+"""Of a chain that divides a region."""
+
+
+def divided(net: ChainNet, regions: Iterable[int], lifting: Lifting, width: float) -> ChainNet:
+    """The net with the ends of some regions as regions of their own, where these have two long walls; an end that is
+    narrower than a width, millimetres, stays with the member."""
+    P = np.asarray(net.weights @ lifting.skins.points)
+    chains, loops, cell = dict(net.chains), dict(net.loops), dict(net.parent)
+    free, count, lines = max(loops) + 1, len(P), list[Floats]()
+    for region in regions:
+        walls = _long_walls(net, loops[region], P)
+        if walls is None:
+            continue
+        loop = loops[region][0]
+        i, j = walls
+        whole = vector_area(P[_points(net, loop)])
+        turned = [*loop[i:], *loop[:i]]
+        ends = [turned[1 : j - i], turned[j - i + 1 :]]
+        member: Loop = [turned[0]]
+        for wall, end in zip((turned[0], turned[j - i]), ends, strict=True):
+            if member[-1] != wall:
+                member.append(wall)
+            if len(end) == 1 or _narrow(net, end, P, width, whole):
+                member += end
+                continue
+            a, b = net.ends(end[0])[0], net.ends(end[-1])[1]
+            k, between = max(chains) + 1, np.arange(count, count + POINTS - 2)
+            lines.append(P[a] + np.linspace(0, 1, POINTS)[1:-1, None] * (P[b] - P[a]))
+            chains[k] = Chain(np.concatenate([[a], between, [b]]), region, free)
+            count += len(between)
+            member.append((k, True))
+            loops[free] = [[*end, (k, False)]]
+            cell[free] = cell.get(region, region)
+            for e, ahead in end:
+                chains[e] = chains[e].beside(free, ahead)
+            free += 1
+        loops[region] = [member]
+    if not lines:
+        return net
+    rows = lifting.weights_at(np.concatenate(lines))
+    weights = csr_array(vstack([net.weights, rows], format="csr"))
+    return replace(net, weights=weights, chains=chains, loops=loops, parent=cell)
+
+
+def _long_walls(net: ChainNet, loops: list[Loop], P: Floats) -> tuple[int, int] | None:
+    """The places in a region's only loop of two walls, longer than they are apart, with something between them."""
+    if len(loops) != 1 or len(loops[0]) < 5:
+        return None
+    loop = loops[0]
+    length = np.array([_length(P, net, step) if _wall(net, step) else 0.0 for step in loop])
+    i, j = np.sort(np.argsort(-length, kind="stable")[:2]).tolist()
+    if j - i < 2 or i + len(loop) - j < 2:
+        return None
+    (a, b), (c, d) = net.ends(loop[i]), net.ends(loop[j])
+    apart = max(np.linalg.norm(P[a] - P[d]), np.linalg.norm(P[b] - P[c]))
+    return (i, j) if min(length[i], length[j]) > LONG * apart > 0 else None
+
+
+def _narrow(net: ChainNet, end: Loop, P: Floats, width: float, whole: Floats) -> bool:
+    """Whether chains in a row are nearly straight, or turn back: what a line between their ends cuts off from a region
+    with a vector area (3,) is narrow, or lies beyond it."""
+    line = P[_points(net, end)]
+    return mean_width(line) < width or float(vector_area(line) @ whole) < 0
+
+
+def _points(net: ChainNet, loop: Loop) -> Ints:
+    """The points of chains in a row."""
+    return np.concatenate([net.chains[k].points[:: 1 if ahead else -1] for k, ahead in loop])
+
+
+def _wall(net: ChainNet, step: tuple[int, bool]) -> bool:
+    return net.chains[step[0]].right == VOID
+
+
+def _length(P: Floats, net: ChainNet, step: tuple[int, bool]) -> float:
+    return float(np.linalg.norm(np.diff(P[net.chains[step[0]].points], axis=0), axis=1).sum())
+
+
+LEVEL = 0.75
+"""Least cosine between the mean normal of a region and any: at .35, which trimmed faces ask, some were 2 mm off their
+edges."""
+
+STOUT = 32.0
+"""Square of a region's outline over its area, from which on it is long: 16 of a square, 29 of five in a row."""
+
+SHORT = 0.1
+"""What a seam as long as the root of a region's area counts for, where all that the region bends is 1."""
+
+MUCH = 0.8
+"""Share of what a region bends that is left at most, with what its seam counts for."""
+
+FEW = 8
+"""A chain is long where so many of them are more than its region's outline."""
+
+MOST = 200
+"""Seams that a sheet gets at most."""
+
+
+def level(net: ChainNet, sheet: StripedSheet, lifting: Lifting, limits: Limits) -> ChainNet:
+    """The net without regions that bend too much, if they have one outline and nodes to divide them at; its points
+    are first those of the sheet."""
+    work = _Seams(net, sheet, lifting, limits.thickness)
+    bends = {r: work.least(r) for r, loops in net.loops.items() if len(loops) == 1}
+    todo = {r: x for r, x in bends.items() if x < LEVEL and not _is_member(work, r, lifting, limits)}
+    for _ in range(MOST):
+        if not todo:
+            break
+        region = min(todo, key=todo.__getitem__)
+        del todo[region]
+        if (new := work.divide(region)) >= 0:
+            todo |= {r: least for r in (region, new) if (least := work.least(r)) < LEVEL}
+    return work.net
+
+
+def _is_member(work: "_Seams", region: int, lifting: Lifting, limits: Limits) -> bool:
+    """Whether a region is long and has four sides: its patches follow it however much it bends."""
+    if region in work.net.loose or work.stout(region):
+        return False
+    chains = {k: work.net.chains[k] for k, _ in work.net.loops[region][0]}
+    alone = replace(work.net, chains=chains, loops={region: work.net.loops[region]})
+    return bool(quads_of(alone, sampled_chains(alone, lifting, limits), REACH * limits.thickness)[0])
+
+
+class _Seams:
+    """A net whose regions are divided one after another."""
+
+    def __init__(self, net: ChainNet, sheet: StripedSheet, lifting: Lifting, near: float) -> None:
+        self.near = near
+        self.net, self.F, self.skins = net, sheet.F, lifting.skins
+        self.P = np.asarray(sheet.weights @ self.skins.points)
+        a, b, c = (self.P[self.F[:, i]] for i in range(3))
+        N = np.asarray(sheet.weights @ self.skins.normals)[self.F].sum(axis=1)  # slivers know no normal
+        long = np.maximum(np.linalg.norm(N, axis=1, keepdims=True), 1e-300)
+        self.N = N / long * np.linalg.norm(cross(b - a, c - a), axis=1)[:, None]
+
+    def least(self, region: int) -> float:
+        """The least cosine between the mean normal of a region and any."""
+        cells = np.flatnonzero(self.net.cell == region)
+        if not len(cells):
+            return 1.0
+        outline = np.concatenate([self.net.chains[k].points for loop in self.net.loops[region] for k, _ in loop])
+        N = np.concatenate([self.N[cells], self.net.weights[outline] @ self.skins.normals])
+        N /= np.maximum(np.linalg.norm(N, axis=1, keepdims=True), 1e-300)
+        mean = N.sum(axis=0)
+        return float((N @ mean).min() / max(np.linalg.norm(mean), 1e-300))
+
+    def stout(self, region: int) -> bool:
+        """Whether a region is not long."""
+        area = np.linalg.norm(self.N[self.net.cell == region], axis=1).sum() / 2
+        outline = sum(self._length(self.net.chains[k].points) for k, _ in self.net.loops[region][0])
+        return bool(outline**2 < STOUT * area)
+
+    def _spread(self, cells: Ints) -> float:
+        """How much the normals of cells differ, as a share of the area that their sum lacks; in units of area."""
+        N = self.N[cells]
+        return float(np.linalg.norm(N, axis=1).sum() - np.linalg.norm(N.sum(axis=0)))
+
+    def divide(self, region: int) -> int:
+        """Divide a region; returns the number of the new one, or -1 where no seam makes it bend less."""
+        seam = self._seam(region)
+        if seam is None and self._halve_chains(region):
+            seam = self._seam(region)
+        return -1 if seam is None else self._with_seam(region, *seam)
+
+    def _seam(self, region: int) -> tuple[Ints, Ints] | None:
+        """The best way through a region, and the cells on its right."""
+        cells = np.flatnonzero(self.net.cell == region)
+        nodes = [self.net.ends(step)[0] for step in self.net.loops[region][0]]
+        whole, size = self._spread(cells), np.sqrt(np.linalg.norm(self.N[cells], axis=1).sum())
+        best, least = None, MUCH
+        for way, long in _ways(self.F[cells], self.P, nodes, self.near):
+            right = _on_the_right(self.F[cells], way)
+            left = self._spread(cells[right]) + self._spread(cells[~right])
+            if (worth := left / whole + SHORT * long / size) < least:
+                best, least = (way, cells[right]), worth
+        return best
+
+    def _halve_chains(self, region: int) -> bool:
+        """Whether a region has long chains, which then have a node in their middle."""
+        long = {k: self._length(self.net.chains[k].points) for k, _ in self.net.loops[region][0]}
+        some = [k for k, x in long.items() if FEW * x > sum(long.values()) and len(self.net.chains[k].points) > 2]
+        for k in some:
+            chain, new = self.net.chains[k], max(self.net.chains) + 1
+            half = len(chain.points) // 2
+            one, other = (replace(chain, points=some) for some in (chain.points[: half + 1], chain.points[half:]))
+            two = {(k, True): [(k, True), (new, True)], (k, False): [(new, False), (k, False)]}
+            beside = {r: self.net.loops[r] for r in {chain.left, chain.right} - {VOID}}
+            loops = {
+                r: [[part for step in loop for part in two.get(step, [step])] for loop in some]
+                for r, some in beside.items()
+            }
+            self.net = replace(
+                self.net, chains={**self.net.chains, k: one, new: other}, loops={**self.net.loops, **loops}
+            )
+        return len(some) > 0
+
+    def _length(self, points: Ints) -> float:
+        P = self.net.weights[points] @ self.skins.points
+        return float(np.linalg.norm(np.diff(P, axis=0), axis=1).sum())
+
+    def _with_seam(self, region: int, way: Ints, right: Ints) -> int:
+        """The number of a new region, some cells of another one on the right of a way."""
+        chains, loops, cell = dict(self.net.chains), dict(self.net.loops), self.net.cell.copy()
+        loop, new, first = loops[region][0], max(*loops, int(cell.max())) + 1, max(chains) + 1
+        nodes = [self.net.ends(step)[0] for step in loop]
+        i, j = nodes.index(int(way[0])), nodes.index(int(way[-1]))
+        parts = [way] if len(way) < 3 else [way[: len(way) // 2 + 1], way[len(way) // 2 :]]
+        seam: Loop = []
+        for k, part in enumerate(parts, first):
+            chains[k] = Chain(part, region, new)
+            seam.append((k, True))
+        loops[new] = [[*loop[i:j], *[(k, False) for k, _ in seam[::-1]]]]
+        loops[region] = [[*loop[:i], *seam, *loop[j:]]]
+        for step, ahead in loop[i:j]:
+            chains[step] = chains[step].beside(new, ahead)
+        cell[right] = new
+        self.net = replace(self.net, chains=chains, loops=loops, cell=cell)
+        return new
+
+
+def _ways(F: Ints, P: Floats, nodes: list[int], near: float) -> Iterator[tuple[Ints, float]]:
+    """Ways along edges inside of cells F (m, 3) between two of some nodes, in the order of these, and their lengths."""
+    used, local = np.unique(F, return_inverse=True)
+    edges = edge_table(local.reshape(-1, 3))
+    place = {int(v): x for x, v in enumerate(used) if nodes.count(int(v)) == 1}
+    ends = edges.ends[~edges.boundary]
+    border = np.zeros(len(used), dtype=bool)
+    border[edges.ends[edges.boundary]] = True
+    away = np.asarray(cKDTree(P[used[border]]).query(P[used])[0])
+    beside = 1 + near / np.maximum(away[ends].mean(axis=1), near / 4)  # what hugs a wall would cross it once straight
+    long = beside * np.linalg.norm(P[used[ends[:, 0]]] - P[used[ends[:, 1]]], axis=1)
+    start, end, long = (
+        np.concatenate([ends[:, 0], ends[:, 1]]),
+        np.concatenate([ends[:, 1], ends[:, 0]]),
+        np.tile(long, 2),
+    )
+    for i, node in enumerate(nodes):
+        if node not in place:
+            continue
+        out = ~border[start] | (start == place[node])  # a way ends where it comes to the outline
+        graph = csr_array((long[out], (start[out], end[out])), shape=(len(used), len(used)))
+        far, before = (x[0] for x in dijkstra(graph, indices=[place[node]], return_predecessors=True))
+        for other in nodes[i + 1 :]:
+            if other in place and np.isfinite(far[place[other]]):
+                way = [place[other]]
+                while way[-1] != place[node]:
+                    way.append(int(before[way[-1]]))
+                yield used[way[::-1]], float(far[place[other]])
+
+
+def _on_the_right(F: Ints, way: Ints) -> Bools:
+    """(m,) which cells F (m, 3) hang together with those on the right of a way along their edges."""
+    _, local = np.unique(np.append(F.ravel(), way), return_inverse=True)
+    cells, line = local[: F.size].reshape(-1, 3), local[F.size :]
+    edges = edge_table(cells)
+    one, two = edges.pairs.T
+    steps = np.sort(np.stack([line[:-1], line[1:]], axis=1), axis=1)
+    across = np.isin(edges.of.ravel()[one], edges.between(steps[:, 0], steps[:, 1]))
+    _, part = connected(len(F), one[~across] // 3, two[~across] // 3)
+    start, end = half_edges(cells)
+    backwards = {(int(b), int(a)) for a, b in pairwise(line)}
+    beside = [
+        h // 3 for h in np.concatenate([one[across], two[across]]).tolist() if (int(start[h]), int(end[h])) in backwards
+    ]
+    return np.isin(part, part[beside])

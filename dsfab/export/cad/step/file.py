@@ -1,0 +1,288 @@
+"""STEP files of solids (plain or compressed) and of lines, and BREP files of the same solids."""
+
+import io
+import json
+import subprocess
+import tempfile
+import zipfile
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dsfab.core.errors import ExportError
+from dsfab.core.limits import DEFLECTION, READ_BACK
+from dsfab.core.units import MM_PER_M
+from dsfab.export.cad.step import entities as tessellated
+from dsfab.export.cad.step import strategies
+from dsfab.export.cad.step.by_members.build import member_file
+from dsfab.export.cad.step.entities import entities, faceted_bytes, header, quoted
+from dsfab.export.cad.step.file_size import BudgetError
+from dsfab.export.cad.step.flat_sheets import Entities, curve_entity
+from dsfab.export.cad.step.folded_sheets import planar_file
+from dsfab.export.cad.step.planar import polyhedron
+from dsfab.export.cad.step.smooth.build import smooth_file
+from dsfab.export.cad.step.soundness import smooth_use, step_fault
+from dsfab.export.cad.step.worker import step_facts
+from dsfab.export.curves import Curve, chains, check_length, halves, within
+from dsfab.export.mesh.soundness import solids_of
+from dsfab.export.part import Part
+from dsfab.export.readback import ReadBack, check_measure, differs, with_lines
+from dsfab.export.subprocesses import ProgramError, last_line
+from dsfab.export.writing import one_line
+from dsfab.surface import StructureLine
+
+CHECK_SECONDS = 120
+CHECK_SECONDS_PER_FACE = 0.02
+"""Time for reading back, several times what was measured. OCCT's check of very long outlines may not end."""
+
+LIGHT = 8.0
+"""Megabytes of a faceted file that is better than a smooth one whose cuts fail."""
+
+
+def encode(part: Part) -> Iterator[bytes]:
+    """The file, entity by entity; raises ExportError, before the first byte, when it would have too many faces, or the
+    solid is not flat and has to be."""
+    faces, size, texts = ENCODERS[part.step](part)
+    if faces > part.step_faces:
+        raise BudgetError(part, faces, size)
+    return _within_size(part, faces, size, (text.encode("ascii") for text in texts))
+
+
+def _planar(part: Part) -> tuple[int, float, Iterable[str]]:
+    file = planar_file(part)
+    return file.faces, sum(map(len, file.texts)), file.texts
+
+
+def _smooth(part: Part) -> tuple[int, float, Iterable[str]]:
+    """In a hurry, one that OCCT cannot cut is refused for facets, which it can, where these are no large file."""
+    file = smooth_file(part)
+    if part.hurry and part.cut and (fault := smooth_use(part).fault):
+        faces, size, _ = _faceted(part)
+        if size <= 1e6 * LIGHT and faces <= part.step_faces:
+            raise ExportError(f"smooth {fault}")
+    return file.faces, len(file.text), [file.text]
+
+
+def _members(part: Part) -> tuple[int, float, Iterable[str]]:
+    return member_file(part).faces, len(member_file(part).text), [member_file(part).text]
+
+
+def _tessellated(part: Part) -> tuple[int, float, Iterable[str]]:
+    return 0, tessellated.expected_bytes(part), tessellated.tessellated_entities(part)
+
+
+def _faceted(part: Part) -> tuple[int, float, Iterable[str]]:
+    shell, solids = solids_of(part)
+    voids = [i for _, *inner in solids for i in inner]
+    inward = np.isin(shell, voids)
+    F = np.where(inward[:, None], part.F[:, ::-1], part.F)  # a STEP void is a shell that faces outwards, reversed
+    shape = polyhedron(part.V, F, shell)
+    return len(shape.normals), faceted_bytes(shape), entities(shape, solids, part.name)
+
+
+ENCODERS: dict[str, Callable[[Part], tuple[int, float, Iterable[str]]]] = {
+    "planar": _planar,
+    "members": _members,
+    "smooth": _smooth,
+    "faceted": _faceted,
+    "tessellated": _tessellated,
+}
+"""For each way: planar faces that count, about how many bytes, and the text."""
+
+
+def _within_size(part: Part, faces: int, expected: float, chunks: Iterator[bytes]) -> Iterator[bytes]:
+    """The file, as long as it is not larger than allowed; `expected` is what is said of its size if it is."""
+    size = 0
+    for chunk in chunks:
+        size += len(chunk)
+        if part.step_mb and size > 1e6 * part.step_mb:
+            raise BudgetError(part, faces, max(size, expected))
+        yield chunk
+
+
+def check(part: Part, path: Path) -> ReadBack:
+    """Read back with OCCT: as many solids and faces, all valid, with the part's volume.
+
+    Files by members were read back, measured and asked what `dsfab check` asks, and smooth pieces were read back and
+    measured, one by one: what is on the disk must be that file. Smooth ones that are tried in use are asked the same:
+    whether they hold a solid. Others are not, since that takes as long as making them.
+    """
+    if part.step == "members":
+        file = member_file(part)
+        _require_same(part, path, file.text)
+        return ReadBack(file.faces, "faces", file.volume / part.volume - 1)
+    if part.step == "smooth":
+        smooth = smooth_file(part)
+        _require_same(part, path, smooth.text)
+        if part.cut and (fault := step_fault(path, DEFLECTION * smooth.limits.distance / MM_PER_M)):
+            raise ExportError(f"smooth, {fault}")
+        if smooth.smooth == smooth.pieces:
+            return ReadBack(smooth.faces, "faces", smooth.volume / part.volume - 1)
+    found = inspection(part, path)
+    if part.step == "tessellated":
+        return tessellated.check(part, found)
+    solids, faces = len(solids_of(part)[1]), path.read_bytes().count(b"=ADVANCED_FACE(")
+    if found["solids"] != solids:
+        raise differs(part, "solids", solids, found["solids"])
+    if found["faces"] != faces:
+        raise differs(part, "faces", faces, found["faces"])
+    if not found["valid"]:
+        raise ExportError(
+            f"OCCT finds the STEP solid of {part.name!r} invalid: look for parts that touch or cross; "
+            "write STL or 3MF instead"
+        )
+    if not found["tessellates"]:
+        raise ExportError(
+            f"OCCT makes no triangles of a face of the STEP solid of {part.name!r}; write step = 'faceted'"
+        )
+    off = found["volume"] / part.volume - 1
+    return ReadBack(faces, "faces", off if part.step == "smooth" else check_measure(part, found["volume"]))
+
+
+def _require_same(part: Part, path: Path, text: str) -> None:
+    """Raise ExportError where a file is not what was checked before it was written."""
+    if path.read_bytes() != text.encode("ascii"):
+        raise ExportError(f"the STEP file of {part.name!r} is not what was checked; write it again")
+
+
+def inspection(part: Part, path: Path) -> dict[str, Any]:
+    """What `step_check` says about the file, in a process with a time limit; raises ExportError if it says nothing."""
+    limit = CHECK_SECONDS + (CHECK_SECONDS_PER_FACE * part.step_faces if part.step in ("faceted", "smooth") else 0)
+    try:
+        answer: dict[str, Any] = json.loads(last_line(step_facts.__file__, str(path), seconds=limit))
+    except subprocess.TimeoutExpired as error:
+        raise ExportError(
+            f"reading back the STEP file of {part.name!r} did not end within {limit:.0f} s, so nobody knows whether it "
+            "is valid; write STL or 3MF instead, or coarsen the mesh"
+        ) from error
+    except ProgramError as error:
+        raise ExportError(
+            f"OCCT could not read the STEP file of {part.name!r} ({error}); write STL or 3MF instead"
+        ) from error
+    return answer
+
+
+LEVEL = 6
+"""Of deflate: 9 takes five times as long for 2 % less."""
+_BEGINNING_OF_ZIP = (1980, 1, 1, 0, 0, 0)
+
+
+def encode_compressed(part: Part) -> Iterator[bytes]:
+    """The zip; its one entry bears the part's name."""
+    package = io.BytesIO()
+    entry = zipfile.ZipInfo(f"{one_line(part.name).replace('/', '-')}.stp", _BEGINNING_OF_ZIP)
+    entry.compress_type, entry.create_system = zipfile.ZIP_DEFLATED, 0
+    with zipfile.ZipFile(package, "w", compresslevel=LEVEL) as archive, archive.open(entry, "w") as file:
+        for chunk in encode(part):
+            file.write(chunk)
+    yield package.getvalue()
+
+
+def check_compressed(part: Part, path: Path) -> ReadBack:
+    """Unpacked, its checksum found right, and read back as STEP is."""
+    with tempfile.TemporaryDirectory(prefix="dsfab-") as folder, zipfile.ZipFile(path) as archive:
+        if len(archive.namelist()) != 1 or archive.testzip() is not None:
+            raise ExportError(f"the compressed STEP file of {part.name!r} does not unpack; write .step instead")
+        unpacked = Path(folder) / "a.step"
+        unpacked.write_bytes(archive.read(archive.namelist()[0]))
+        return check(part, unpacked)
+
+
+def route_sentence(part: Part, refused: Sequence[ExportError]) -> str:
+    """As for STEP."""
+    return strategies.route_sentence(part, refused).replace("STEP", "BREP", 1)
+
+
+def encode_brep(part: Part) -> Iterator[bytes]:
+    """STEP to a temporary file, read and written again by OCCT."""
+    chunks = encode(part)
+    with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
+        given, path = Path(folder) / "a.step", Path(folder) / "a.brep"
+        given.write_bytes(b"".join(chunks))
+        from OCP.BRepTools import BRepTools
+
+        if not BRepTools.Write_s(step_facts.read(given), str(path)):
+            raise ExportError(f"OCCT could not write {part.name!r} as BREP; write STEP instead")
+        yield path.read_bytes()
+
+
+def check_brep(part: Part, path: Path) -> ReadBack:
+    """Read back with OCCT, in a process with a time limit: as many solids, all valid, with the part's volume."""
+    found, solids = inspection(part, path), len(solids_of(part)[1])
+    if found["solids"] != solids:
+        raise differs(part, "solids", solids, found["solids"])
+    if not (found["valid"] and found["tessellates"]):
+        raise ExportError(f"OCCT finds the BREP solid of {part.name!r} invalid; write STL or 3MF instead")
+    if part.step not in ("smooth", "members"):
+        return ReadBack(found["faces"], "faces", check_measure(part, found["volume"]))
+    if part.step == "members":
+        if not abs(found["volume"] - member_file(part).volume) <= READ_BACK * member_file(part).volume:
+            raise ExportError(f"the BREP by members of {part.name!r} has another volume; write STEP instead")
+        return ReadBack(found["faces"], "faces", found["volume"] / part.volume - 1)
+    smooth = smooth_file(
+        part
+    )  # its pieces were measured one by one; the mesh is smaller, since it cuts its curves short
+    if smooth.smooth == smooth.pieces and not abs(found["volume"] - smooth.volume) <= READ_BACK * smooth.volume:
+        raise ExportError(f"the smooth BREP of {part.name!r} reads back with another volume; write STEP instead")
+    return ReadBack(found["faces"], "faces", found["volume"] / part.volume - 1)
+
+
+COLOURS = {"major": (0.12, 0.31, 0.61), "minor": (0.70, 0.15, 0.12), "keep": (0.18, 0.49, 0.20), "rim": (0, 0.47, 0.53)}
+"""By family; others are black."""
+
+
+def prepare_lines(part: Part) -> Part:
+    """The part as it is; raises ExportError if it has no lines."""
+    return with_lines(part, ".lines.step")
+
+
+def encode_lines(part: Part) -> Iterator[bytes]:
+    """One wireframe of all lines, then a layer and a colour for each family."""
+    new, layers = Entities(), dict[str, list[int]]()
+    for line, chain in zip(part.details.lines, chains(part), strict=True):
+        layers.setdefault(line.layer, []).append(_line(new, line, chain))
+    everything = ",".join(f"#{k}" for members in layers.values() for k in members)
+    curves = new.add(f"GEOMETRIC_CURVE_SET('',({everything}))")
+    shape = new.add(f"GEOMETRICALLY_BOUNDED_WIREFRAME_SHAPE_REPRESENTATION('',(#18,#{curves}),#14)")
+    new.add(f"SHAPE_DEFINITION_REPRESENTATION(#8,#{shape})")
+    styled = []
+    for layer, members in layers.items():
+        listed = ",".join(f"#{k}" for k in members)
+        new.add(f"PRESENTATION_LAYER_ASSIGNMENT('{quoted(layer)}','',({listed}))")
+        style = _style(new, COLOURS.get(layer.partition("-")[2], (0.0, 0.0, 0.0)))
+        styled += [new.add(f"STYLED_ITEM('',(#{style}),#{k})") for k in members]
+    listed = ",".join(f"#{k}" for k in styled)
+    new.add(f"MECHANICAL_DESIGN_GEOMETRIC_PRESENTATION_REPRESENTATION('',({listed}),#14)")
+    about = f"edges and centre lines as curves within {within(part):.2g} mm of the mesh"
+    yield header(part.name, about).encode("ascii")
+    yield "".join(new.text).encode("ascii")
+    yield b"ENDSEC;\nEND-ISO-10303-21;\n"
+
+
+def _line(new: Entities, line: StructureLine, chain: list[Curve]) -> int:
+    """A curve, or a composite of several; OCCT wants two of a closed one."""
+    chain = halves(chain[0]) if line.closed and len(chain) == 1 else chain
+    title = quoted(f"{line.id} {line.length:.3f} mm")
+    if len(chain) == 1:
+        return curve_entity(new, chain[0], chain[0].poles, title, bounded=True)
+    parts = [curve_entity(new, curve, curve.poles, "", bounded=True) for curve in chain]
+    segments = [new.add(f"COMPOSITE_CURVE_SEGMENT(.CONTINUOUS.,.T.,#{k})") for k in parts]
+    return new.add(f"COMPOSITE_CURVE('{title}',({','.join(f'#{k}' for k in segments)}),.F.)")
+
+
+def _style(new: Entities, colour: tuple[float, float, float]) -> int:
+    """The presentation style of a line."""
+    rgb = new.add(f"COLOUR_RGB('',{','.join(f'{x:g}' for x in colour)})")
+    font = new.once("DRAUGHTING_PRE_DEFINED_CURVE_FONT('continuous')")
+    style = new.add(f"CURVE_STYLE('',#{font},POSITIVE_LENGTH_MEASURE(0.1),#{rgb})")
+    return new.add(f"PRESENTATION_STYLE_ASSIGNMENT((#{style}))")
+
+
+def check_lines_file(part: Part, path: Path) -> ReadBack:
+    """Read back with OCCT: no line missing, and as long as they are to the tolerance at their bends."""
+    found = inspection(part, path)
+    if found["lines"] != len(part.details.lines):
+        raise differs(part, "lines", len(part.details.lines), found["lines"])
+    return ReadBack(found["lines"], "lines", check_length(part, found["length"]), "length")

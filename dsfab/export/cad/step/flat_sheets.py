@@ -1,0 +1,321 @@
+"""Flat sheets in STEP: an outline of lines and splines in one plane, a thickness, and their entities."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from dsfab.core.arrays import Floats, lock
+from dsfab.core.errors import ExportError
+from dsfab.export.cad.step.entities import DIGITS, DIRECTION_DIGITS, FIRST, closing, header
+from dsfab.export.cad.step.planar import FLATNESS
+from dsfab.export.curves import Curve, curves_through, of_few_spans
+from dsfab.export.part import Part
+from dsfab.export.writing import TRAILING_ZEROS
+from dsfab.surface.topology import boundary_loops, edge_table, pieces
+
+SAME_PLACE = 1e-3
+"""Millimetres within which a given corner is a vertex of the outline, and both skins have the same outline."""
+
+SLIMMEST = 0.1
+"""A loop is followed at least as closely as this share of its area over its length: slits and dots keep their shape."""
+
+
+SHARE_OF_GAP = 0.25
+"""A loop is followed at least as closely as this share of its distance to the next: curves never cross a member."""
+
+
+class NotFlatError(ExportError):
+    """A solid that is no sheet between two planes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Outlines:
+    """The polylines of a flat sheet.
+
+    axes   : (3, 3) unit vectors, right-handed: two in the plane, and the one across it.
+    height : lower and upper plane along axes[2], millimetres.
+    pieces : per piece its loops, (k, 2) along axes[0] and axes[1]; the outer one first and counter-clockwise, holes
+             clockwise.
+    """
+
+    axes: Floats
+    height: tuple[float, float]
+    pieces: tuple[tuple[Floats, ...], ...]
+
+    def __post_init__(self) -> None:
+        lock(self, "axes", np.float64, (3, 3))
+
+    @property
+    def thickness(self) -> float:
+        """Millimetres between both planes."""
+        return self.height[1] - self.height[0]
+
+
+@dataclass(frozen=True, eq=False)
+class Plate:
+    """Outlines as curves: pieces[i][j] is the chain of loop j of piece i."""
+
+    outlines: Outlines
+    pieces: tuple[tuple[tuple[Curve, ...], ...], ...]
+
+    @property
+    def faces(self) -> int:
+        """A wall for each curve, and two skins for each piece."""
+        return sum(2 + sum(len(loop) for loop in loops) for loops in self.pieces)
+
+    @property
+    def deviation(self) -> float:
+        """Largest distance of a curve from its polyline, both ways, millimetres."""
+        return max(curve.deviation for loops in self.pieces for loop in loops for curve in loop)
+
+
+def outlines_of(part: Part) -> Outlines:
+    """The outlines of a flat solid; raises ExportError, with the reason, when it is not a sheet between two planes."""
+    corners = part.V[part.F]
+    vectors = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    lengths = np.maximum(np.linalg.norm(vectors, axis=1), 1e-300)
+    across = np.linalg.eigh(np.einsum("mi,mj,m->ij", vectors, vectors, 1 / lengths))[1].T
+    used = np.unique(part.F)
+    for axis in across[::-1]:  # the skins are an eigenspace of their own, and usually the larger part of the area
+        axis = axis * np.sign(axis[np.abs(axis).argmax()])
+        height = part.V @ axis
+        low, high = float(height[used].min()), float(height[used].max())
+        if np.minimum(height[used] - low, high - height[used]).max() <= 2 * FLATNESS < high - low:
+            return _between(part, frame(axis), low, high)
+    raise NotFlatError("the sheet is not flat, or not equally thick")
+
+
+def frame(across: Floats) -> Floats:
+    """(3, 3) right-handed axes with `across` last; those of the world when it is one of them."""
+    along = np.roll(np.eye(3), -1, axis=0)[np.abs(across).argmax()]
+    first = along - (along @ across) * across
+    first = first / np.linalg.norm(first)
+    return np.stack([first, np.cross(across, first), across]) + 0.0
+
+
+def _between(part: Part, axes: Floats, low: float, high: float) -> Outlines:
+    """Loops of the upper skin, by piece, if the lower one has the same."""
+    upper = part.V @ axes[2] > (low + high) / 2
+    top, bottom = (part.F[(side[part.F]).all(axis=1)] for side in (upper, ~upper))
+    if not len(top) or not len(bottom):
+        raise NotFlatError("the two skins of the sheet are not flat")
+    flat = part.V @ axes[:2].T
+    rims = [np.concatenate(boundary_loops(F, edge_table(F))) for F in (top, bottom)]
+    over, under = (cKDTree(flat[rim]) for rim in rims)
+    if max(np.max(over.query(under.data)[0]), np.max(under.query(over.data)[0])) > SAME_PLACE:
+        raise ExportError("the two skins of the sheet have different outlines")
+    count, label = pieces(top, edge_table(top))
+    found = []
+    for k in range(count):
+        loops = [flat[loop] for loop in boundary_loops(top[label == k], edge_table(top[label == k]))]
+        areas = np.array([enclosed(loop) for loop in loops])
+        if np.count_nonzero(areas > 0) != 1:
+            raise ExportError("a piece of the sheet touches itself, so its outline is not one loop")
+        found.append(tuple(loops[i] for i in np.argsort(-areas, kind="stable")))
+    return Outlines(axes, (low, high), tuple(found))
+
+
+def plate(outlines: Outlines, corners: Floats, tolerance: float) -> Plate:
+    """The outlines as curves within `tolerance`, millimetres; `corners` (k, 3) stay corners at any angle.
+
+    Raises ExportError when a spline cannot follow so closely.
+    """
+    tree = cKDTree(corners @ outlines.axes[:2].T) if len(corners) else None
+    found = []
+    gaps = iter(gaps_between([loop for loops in outlines.pieces for loop in loops], tolerance))
+    for loops in outlines.pieces:
+        chains = []
+        for loop in loops:
+            marked = np.zeros(len(loop), bool) if tree is None else np.asarray(tree.query(loop)[0]) <= SAME_PLACE
+            length = np.linalg.norm(loop - np.roll(loop, 1, axis=0), axis=1).sum()
+            close = min(tolerance, SLIMMEST * abs(enclosed(loop)) / length, SHARE_OF_GAP * next(gaps))
+            chain = curves_through(loop, marked, close)
+            if chain is None:
+                raise ExportError(f"no spline follows an outline of {len(loop)} points within {close:.3g} mm")
+            chains.append(tuple(short for curve in chain for short in of_few_spans(curve)))
+        found.append(tuple(chains))
+    return Plate(outlines, tuple(found))
+
+
+def gaps_between(loops: list[Floats], tolerance: float, least: float = 0.0) -> list[float]:
+    """A length per loop that is not above its distance to any other loop; inf where a curve could not get so far.
+
+    Points every s along two loops are at most s farther apart than the loops are. Where s is not small against what
+    is found, it is made smaller, but not smaller than `least`, which no gap is then said to be under.
+    """
+    gaps, far = [np.inf] * len(loops), tolerance / SHARE_OF_GAP
+    spacing, left = 8 * far, list(range(len(loops)))
+    while left and len(loops) > 1 and spacing >= least:
+        if spacing < SAME_PLACE:
+            raise ExportError(f"{len(left)} outlines touch another one")
+        trees, reach = [cKDTree(_every(loop, spacing)) for loop in loops], far + spacing
+        boxes = np.array([[loop.min(axis=0), loop.max(axis=0)] for loop in loops])
+        again = []
+        for i in left:
+            apart = np.maximum(boxes[:, 0] - boxes[i, 1], boxes[i, 0] - boxes[:, 1]).max(axis=1)
+            others = np.flatnonzero((apart < far) & (np.arange(len(loops)) != i))
+            found = min(
+                (float(np.min(trees[j].query(trees[i].data, distance_upper_bound=reach)[0])) for j in others),
+                default=np.inf,
+            )
+            gaps[i] = max(found - spacing, least)
+            if gaps[i] < far and spacing > found / 8:
+                again.append(i)
+        left, spacing = again, spacing / 8
+    return gaps
+
+
+def _every(loop: Floats, spacing: float) -> Floats:
+    """Points along a closed polyline (k, 2), its vertices among them, at most `spacing` apart."""
+    along = np.roll(loop, -1, axis=0) - loop
+    count = np.ceil(np.linalg.norm(along, axis=1) / spacing).astype(np.int64).clip(1)
+    edge = np.repeat(np.arange(len(loop)), count)
+    share = (np.arange(len(edge)) - np.repeat(np.cumsum(count) - count, count)) / count[edge]
+    return np.asarray(loop[edge] + share[:, None] * along[edge])
+
+
+def enclosed(loop: Floats) -> float:
+    """Area inside a closed polyline (k, 2), negative when clockwise."""
+    p = loop - loop.mean(axis=0)
+    q = np.roll(p, -1, axis=0)
+    return float((p[:, 0] * q[:, 1] - p[:, 1] * q[:, 0]).sum() / 2)
+
+
+class Entities:
+    """The numbered entities; points and directions are written once."""
+
+    def __init__(self, more: int = 0) -> None:
+        """more : decimals of points and directions over the usual ones."""
+        self.text: list[str] = []
+        self._digits, self._direction_digits = DIGITS + more, DIRECTION_DIGITS + more
+        self._known: dict[str, int] = {}
+
+    def add(self, body: str) -> int:
+        """The number of a new entity."""
+        number = self.free
+        self.text.append(f"#{number}={body};\n")
+        return number
+
+    @property
+    def free(self) -> int:
+        """The number that the next entity gets."""
+        return FIRST + len(self.text)
+
+    def once(self, body: str) -> int:
+        """The number of an entity that may be there already."""
+        if body not in self._known:
+            self._known[body] = self.add(body)
+        return self._known[body]
+
+    def point(self, p: Floats) -> int:
+        """The number of a point p (3,), millimetres."""
+        return self.once(f"CARTESIAN_POINT('',{step_list(p, self._digits)})")
+
+    def direction(self, d: Floats) -> int:
+        """The number of a direction d (3,) of any length."""
+        return self.once(f"DIRECTION('',{step_list(d / np.linalg.norm(d), self._direction_digits)})")
+
+    def line(self, p: Floats, along: Floats) -> int:
+        """The number of a new line through p (3,), millimetres, along a direction (3,)."""
+        vector = self.once(f"VECTOR('',#{self.direction(along)},1.)")
+        return self.add(f"LINE('',#{self.point(p)},#{vector})")
+
+    def plane(self, p: Floats, normal: Floats) -> int:
+        """The number of a new plane through p (3,), millimetres, with a normal (3,)."""
+        axes = self.add(f"AXIS2_PLACEMENT_3D('',#{self.point(p)},#{self.direction(normal)},$)")
+        return self.add(f"PLANE('',#{axes})")
+
+    def wire(self, steps: list[tuple[int, bool]], kind: str = "FACE_OUTER_BOUND") -> int:
+        """A bound of edges, each with whether it is run through forwards."""
+        oriented = [self.add(f"ORIENTED_EDGE('',*,*,#{edge},.{'T' if way else 'F'}.)") for edge, way in steps]
+        loop = self.add(f"EDGE_LOOP('',{references(oriented)})")
+        return self.add(f"{kind}('',#{loop},.T.)")
+
+    def face(self, bounds: list[int], surface: int, same: bool = True) -> int:
+        """A face; same : whether it looks where its surface's normal points."""
+        return self.add(f"ADVANCED_FACE('',{references(bounds)},#{surface},.{'T' if same else 'F'}.)")
+
+
+def plate_entities(plate: Plate, name: str) -> Iterator[str]:
+    """The text of the file: a solid for each piece."""
+    yield header(name, f"flat solid, outline within {plate.deviation:.2g} mm of the mesh", len(plate.pieces))
+    new, shells, faces = Entities(), list[int](), list[int]()
+    for i, loops in enumerate(plate.pieces):
+        made = _piece(new, plate, loops)
+        faces += made
+        shells += [i] * len(made)
+    yield "".join(new.text)
+    yield from closing(np.array(shells), [[i] for i in range(len(plate.pieces))], np.array(faces), new.free, name)
+
+
+def _piece(new: Entities, plate: Plate, loops: tuple[tuple[Curve, ...], ...]) -> list[int]:
+    """The faces of one piece: its walls, and the two skins."""
+    axes, heights = plate.outlines.axes, plate.outlines.height
+    walls, skins = list[int](), ([], [])  # type: tuple[list[int], tuple[list[int], list[int]]]
+    for j, loop in enumerate(loops):
+        kind = "FACE_BOUND" if j else "FACE_OUTER_BOUND"
+        ends = [np.stack([_lifted(c.poles[:1], axes, h)[0] for c in loop]) for h in heights]
+        vertices = [[new.add(f"VERTEX_POINT('',#{new.point(p)})") for p in row] for row in ends]
+        posts = [
+            new.add(f"EDGE_CURVE('',#{v},#{w},#{new.line(p, axes[2])},.T.)")
+            for v, w, p in zip(*vertices, ends[0], strict=True)
+        ]
+        edges = list[tuple[int, int]]()
+        for k, curve in enumerate(loop):
+            after = (k + 1) % len(loop)
+            poles = [_lifted(curve.poles, axes, h) for h in heights]
+            lines = [curve_entity(new, curve, p) for p in poles]
+            low, high = (
+                new.add(f"EDGE_CURVE('',#{row[k]},#{row[after]},#{line},.T.)")
+                for row, line in zip(vertices, lines, strict=True)
+            )
+            edges.append((low, high))
+            wire = new.wire([(low, True), (posts[after], True), (high, False), (posts[k], False)])
+            walls.append(new.face([wire], _wall(new, curve, poles[0], lines[0], axes[2])))
+        skins[0].append(new.wire([(low, False) for low, _ in reversed(edges)], kind))
+        skins[1].append(new.wire([(high, True) for _, high in edges], kind))
+    corner = _lifted(loops[0][0].poles[:1], axes, heights[0])[0], _lifted(loops[0][0].poles[:1], axes, heights[1])[0]
+    bottom = new.face(skins[0], new.plane(corner[0], -axes[2]))
+    return [*walls, bottom, new.face(skins[1], new.plane(corner[1], axes[2]))]
+
+
+def _lifted(points: Floats, axes: Floats, height: float) -> Floats:
+    """Points of the plane in space."""
+    return np.asarray(points @ axes[:2] + height * axes[2])
+
+
+def curve_entity(new: Entities, curve: Curve, poles: Floats, title: str = "", bounded: bool = False) -> int:
+    """A line (bounded: a polyline of two points), or a spline, with poles (p, 3), millimetres: each knot once, with how
+    often it counts."""
+    if curve.straight and bounded:
+        return new.add(f"POLYLINE('{title}',{references([new.point(p) for p in poles])})")
+    if curve.straight:
+        return new.line(poles[0], poles[-1] - poles[0])
+    knots, times = np.unique(curve.knots, return_counts=True)
+    through = references([new.point(p) for p in poles])
+    counts = ",".join(str(k) for k in times.tolist())
+    return new.add(
+        f"B_SPLINE_CURVE_WITH_KNOTS('{title}',{curve.degree},{through},.UNSPECIFIED.,.F.,.F.,({counts}),"
+        f"{step_list(knots, DIGITS)},.UNSPECIFIED.)"
+    )
+
+
+def _wall(new: Entities, curve: Curve, poles: Floats, line: int, across: Floats) -> int:
+    """The surface above a curve, whose normal points to the right of it: outwards."""
+    if curve.straight:
+        return new.plane(poles[0], np.cross(poles[-1] - poles[0], across))
+    vector = new.once(f"VECTOR('',#{new.direction(across)},1.)")
+    return new.add(f"SURFACE_OF_LINEAR_EXTRUSION('',#{line},#{vector})")
+
+
+def step_list(values: Floats, digits: int) -> str:
+    """The values (k,) as '(1.5,0.,-2.)': without the zeros at the end of each."""
+    text = ",".join(f"{v:.{digits}f}" for v in (np.round(values, digits) + 0.0).tolist())
+    return TRAILING_ZEROS.sub(r"\1", f"({text})")
+
+
+def references(numbers: list[int]) -> str:
+    """The entities of these numbers as '(#7,#8,#9)'."""
+    return "(" + ",".join(f"#{k}" for k in numbers) + ")"

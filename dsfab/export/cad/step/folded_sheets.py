@@ -1,0 +1,431 @@
+"""Folded sheets in STEP: flat facets that share straight folds, ruled walls, and their entities."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from dsfab.core.arrays import Bools, Floats, Ints, area_vectors, group_sums
+from dsfab.core.errors import ExportError
+from dsfab.core.units import MM_PER_M
+from dsfab.export.cad.step.entities import DIGITS, closing, header
+from dsfab.export.cad.step.flat_sheets import (
+    SHARE_OF_GAP,
+    SLIMMEST,
+    Entities,
+    NotFlatError,
+    curve_entity,
+    enclosed,
+    frame,
+    gaps_between,
+    outlines_of,
+    plate,
+    plate_entities,
+    references,
+    step_list,
+)
+from dsfab.export.cad.step.planar import FLATNESS, coplanar_regions
+from dsfab.export.cad.step.smooth.edges import Key, run_key
+from dsfab.export.cad.step.smooth.layout import WALL, OutlineRun, Region, SheetOutline, both_skins, sheet_of
+from dsfab.export.curves import Curve, fitted, of_few_spans
+from dsfab.export.part import DividedSheet, Part
+from dsfab.surface import CREASE, edge_table
+
+ROUGH = 1e-4
+"""Thicknesses that the vertices of a facet may be off its plane: files of meshes round them. They are put into it."""
+
+EXACT = 1e-5
+"""Millimetres that the corners of a fold may be off the planes that meet there, afterwards."""
+
+NARROW = 1 / 8
+"""Tolerances: openings that come nearer to a fold, or to another one, are followed as if they came so near."""
+
+FACES = 4
+"""Triangles of the cut sheet for each facet, at least: on a curved sheet each triangle is a facet of its own."""
+
+
+@dataclass(frozen=True, eq=False)
+class Facet:
+    """The planes of both skins of a flat part of a sheet, the upper one first, millimetres.
+
+    origin : (2, 3) a point of each.     axes : (2, 3, 3) unit vectors, right-handed, the last one across, upwards.
+    """
+
+    origin: Floats
+    axes: Floats
+
+    def flat(self, points: Floats) -> Floats:
+        """(k, 4) points (k, 2, 3) of both skins along the first two axes of their planes."""
+        return np.asarray(np.einsum("ksi,sai->ksa", points - self.origin, self.axes[:, :2]).reshape(-1, 4))
+
+    def lifted(self, flat: Floats) -> Floats:
+        """(k, 2, 3) points of both planes from (k, 4)."""
+        return np.asarray(self.origin + np.einsum("ksa,sai->ksi", flat.reshape(-1, 2, 2), self.axes[:, :2]))
+
+
+@dataclass(frozen=True, eq=False)
+class FlatFacets:
+    """A sheet whose faces lie in a few planes, as it was cut: nothing is mitred yet.
+
+    skins : (n, 2, 3) its vertices on both skins, millimetres.    facet : (m,) of each face.
+    """
+
+    whole: DividedSheet
+    shift: int
+    skins: Floats
+    facet: Ints
+    thickness: float
+
+    @cached_property
+    def creased(self) -> bool:
+        """Whether half of the length of its folds and more are creases: else it may be the mesh of a curved sheet."""
+        F, upper = self.whole.F, self.skins[:, 0]
+        h, k = edge_table(F).pairs.T
+        fold = self.facet[h // 3] != self.facet[k // 3]
+        h, k = h[fold], k[fold]
+        normals = group_sums(self.facet, area_vectors(upper, F))
+        normals /= np.maximum(np.linalg.norm(normals, axis=1, keepdims=True), 1e-300)
+        length = np.linalg.norm(upper[F.ravel()[h - h % 3 + (h + 1) % 3]] - upper[F.ravel()[h]], axis=1)
+        turn = np.einsum("ei,ei->e", normals[self.facet[h // 3]], normals[self.facet[k // 3]])
+        return bool(2 * length[turn < np.cos(np.radians(CREASE))].sum() >= length.sum() > 0)
+
+
+@dataclass(frozen=True, eq=False)
+class FoldedSheet:
+    """A sheet of flat facets, millimetres.
+
+    outline : its regions, each in the facet that their `chart` names, and their runs.
+    points  : (n, 2, 3) of its vertices on both skins, those of folds in the planes of all their facets.
+
+    Where more planes meet than have a point in common, each face of the mesh around it is a facet of its own.
+    """
+
+    outline: SheetOutline
+    facets: dict[int, Facet]
+    points: Floats
+    thickness: float
+
+    @property
+    def count(self) -> int:
+        """Number of facets, those of single faces apart."""
+        return int((np.bincount(self.outline.chart) > 1).sum())
+
+
+_FACETS: WeakKeyDictionary[Part, FlatFacets | None] = WeakKeyDictionary()
+_FOUND: WeakKeyDictionary[Part, FoldedSheet | None] = WeakKeyDictionary()
+
+
+def flat_facets(part: Part) -> FlatFacets | None:
+    """The flat facets of a solid's sheet, two or more; None for all others. Found once for each part."""
+    if part not in _FACETS:
+        try:
+            _FACETS[part] = _facets(part)
+        except ExportError:
+            _FACETS[part] = None  # one plane, or curved
+    return _FACETS[part]
+
+
+def folded_sheet(part: Part) -> FoldedSheet | None:
+    """The sheet of a solid with flat facets, mitred at its folds; None for all others. Found once for each part."""
+    if part not in _FOUND:
+        flat = flat_facets(part)
+        try:
+            _FOUND[part] = _folded(flat) if flat else None
+        except ExportError:
+            _FOUND[part] = None
+    return _FOUND[part]
+
+
+def _facets(part: Part) -> FlatFacets:
+    """Raises ExportError where there are none."""
+    if part.curved is None:
+        raise NotFlatError("only the solid is known")
+    curved = part.curved()
+    if len(curved.twins):
+        raise NotFlatError("the surface has one side only, so it has no two skins")
+    whole = curved.divided(np.ones((len(curved.V), 1)))
+    skins = both_skins(whole, curved.shift)
+    thickness = 2 * float(np.median(np.linalg.norm(MM_PER_M * whole.D, axis=1)))
+    facet = _facet_of(skins, whole.F, ROUGH * thickness)
+    _ask_few(facet)
+    if float(np.max(cKDTree(part.V).query(skins[np.unique(whole.F)].reshape(-1, 3))[0])) > ROUGH * thickness:
+        raise NotFlatError("the solid is not the sheet's")
+    return FlatFacets(whole, curved.shift, skins, facet, thickness)
+
+
+def _folded(flat: FlatFacets) -> FoldedSheet:
+    """Raises ExportError where mitring leaves too many facets of single faces."""
+    F, facet = flat.whole.F, flat.facet
+    points, apart = _mitred(flat.skins, F, facet)
+    if apart.any():
+        facet = _apart(facet, np.asarray(apart[F].any(axis=1)))
+        _ask_few(facet)
+        points = _mitred(flat.skins, F, facet)[0]
+    outline = sheet_of(flat.whole._replace(chart=facet), flat.shift)
+    facets = {k: _plane(points, F[facet == k]) for k in range(int(facet.max()) + 1)}
+    return FoldedSheet(outline, facets, points, flat.thickness)
+
+
+def _ask_few(facet: Ints) -> None:
+    """Raise NotFlatError where there is one facet only, or one for every few faces."""
+    if not 1 < int(facet.max()) + 1 <= len(facet) / FACES:
+        raise NotFlatError("the facets of the sheet are not flat")
+
+
+def _facet_of(skins: Floats, F: Ints, off: float) -> Ints:
+    """(m,) the facet of each face: faces that lie in one plane on both skins."""
+    table = edge_table(F)
+    both = [coplanar_regions(skins[:, s], F, table, off)[0] for s in (0, 1)]
+    return np.unique(np.stack(both, axis=1), axis=0, return_inverse=True)[1].reshape(-1)
+
+
+def _apart(facet: Ints, chosen: Bools) -> Ints:
+    """(m,) facets, each chosen face one of its own."""
+    alone = np.where(chosen, len(facet) + np.arange(len(facet)), facet)
+    return np.unique(alone, return_inverse=True)[1].reshape(-1)
+
+
+def _plane(skins: Floats, F: Ints) -> Facet:
+    """The planes through the mean of some faces, normal to their area."""
+    corners = skins[F].transpose(2, 1, 0, 3)  # (2, 3 corners, m, 3)
+    vectors = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    area = np.linalg.norm(vectors, axis=2)
+    origin = np.einsum("sm,smi->si", area, corners.mean(axis=1)) / area.sum(axis=1, keepdims=True)
+    total = vectors.sum(axis=1)
+    return Facet(origin, np.stack([frame(n / np.linalg.norm(n)) for n in total]))
+
+
+def _mitred(skins: Floats, F: Ints, facet: Ints) -> tuple[Floats, Bools]:
+    """(n, 2, 3) the vertices moved by as little as can be into the planes of the facets around them, and those where
+    these do not meet in a point, which more than three need not.
+
+    A facet of one face has no plane of its own: it lies where its corners are.
+    """
+    count = np.bincount(facet)
+    planes = {int(k): _plane(skins, F[facet == k]) for k in np.flatnonzero(count > 1)}
+    pairs = np.unique(np.stack([F, np.repeat(facet[:, None], 3, axis=1)], axis=2).reshape(-1, 2), axis=0)
+    pairs = pairs[count[pairs[:, 1]] > 1]
+    points, apart = skins.copy(), np.zeros(len(skins), dtype=bool)
+    start = np.searchsorted(pairs[:, 0], np.arange(len(skins) + 1))
+    for v in np.flatnonzero(np.diff(start)):
+        around = [planes[int(k)] for k in pairs[start[v] : start[v + 1], 1]]
+        for s in (0, 1):
+            N = np.array([one.axes[s, 2] for one in around])
+            off = np.array([one.axes[s, 2] @ (one.origin[s] - skins[v, s]) for one in around])
+            move = np.linalg.lstsq(N, off, rcond=1e-9)[0]
+            points[v, s] += move
+            apart[v] |= float(np.abs(N @ move - off).max()) > EXACT
+    return points, apart
+
+
+@dataclass(frozen=True, eq=False)
+class FoldedShape:
+    """A folded sheet with its walls as chains of curves (poles (p, 4), see `Facet.flat`) by the keys of their runs."""
+
+    sheet: FoldedSheet
+    walls: dict[Key, list[Curve]]
+
+    @property
+    def faces(self) -> int:
+        """A wall for each curve, and two skins for each region."""
+        return sum(map(len, self.walls.values())) + 2 * len(self.sheet.outline.regions)
+
+    @property
+    def deviation(self) -> float:
+        """Largest distance of a curve from its polyline, millimetres."""
+        return max((curve.deviation for chain in self.walls.values() for curve in chain), default=0.0)
+
+
+def folded_shape(sheet: FoldedSheet, tolerance: float) -> FoldedShape:
+    """The walls as curves within a tolerance, millimetres; raises ExportError where a spline cannot follow."""
+    walls = dict[Key, list[Curve]]()
+    for region in sheet.outline.regions:
+        facet, lines = sheet.facets[region.chart], region_lines(sheet, region)
+        gaps = gaps_between([line[:, :2] for line in lines], tolerance, NARROW * tolerance)
+        for loop, gap in zip(region.loops, gaps, strict=True):
+            for run in loop:
+                if run.beyond == WALL:
+                    close = min(tolerance, SLIMMEST * run.width / 2, SHARE_OF_GAP * gap)
+                    line = facet.flat(sheet.points[run.vertices])
+                    walls[run_key(run)[0]] = of_few_spans(_curve(line, close))
+    return FoldedShape(sheet, walls)
+
+
+def region_lines(sheet: FoldedSheet, region: Region) -> list[Floats]:
+    """(k, 4) the loops of a region in the planes of its facet; the one around it is counter-clockwise.
+
+    Raises ExportError where there is not one such loop.
+    """
+    facet = sheet.facets[region.chart]
+    lines = [facet.flat(sheet.points[np.concatenate([run.vertices[:-1] for run in loop])]) for loop in region.loops]
+    if sum(enclosed(line[:, :2]) > 0 for line in lines) != 1 or sum(enclosed(line[:, 2:]) > 0 for line in lines) != 1:
+        raise ExportError("a facet of the sheet touches itself, so its outline is not one loop")
+    return lines
+
+
+def _curve(line: Floats, close: float) -> Curve:
+    """Of a line (k, 4) on both skins. Beside a fold one of these has farther to go than the other: points at equal
+    shares of both lengths are opposite each other, so that straight edges stay lines."""
+    upper, lower = line[:, :2], line[:, 2:]
+    shares = [_shares(one) for one in (upper, lower)]
+    x = np.union1d(*shares)
+    at = [[np.interp(x, share, column) for column in one.T] for share, one in zip(shares, (upper, lower), strict=True)]
+    found = fitted(np.stack([column for one in at for column in one], axis=1), close)
+    if found is None:
+        raise ExportError(f"no spline follows an outline of {len(line)} points within {close:.3g} mm")
+    return found
+
+
+def _shares(line: Floats) -> Floats:
+    """(k,) of the length of a polyline (k, 2) up to its vertices."""
+    length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    return np.asarray(length / max(float(length[-1]), 1e-300))
+
+
+def is_fold(run: OutlineRun) -> bool:
+    """Whether a run lies between two facets."""
+    return run.beyond != WALL
+
+
+MORE = 2
+"""Decimals of points and directions over the usual ones: edges keep to a plane aslant under 1e-7 mm, the least
+tolerance that OCCT gives. Over it a fillet that shortens an edge finds the tolerance of all of it a bit too small."""
+
+Edges = tuple[int, int]
+"""The edges of a run on the upper skin and on the lower one."""
+
+
+def folded_entities(shape: FoldedShape, name: str) -> Iterator[str]:
+    """The text of the file: a solid for each piece."""
+    pieces = shape.sheet.outline.count
+    yield header(name, f"folded solid of flat facets, outline within {shape.deviation:.2g} mm of the mesh", pieces)
+    writer = _Writer(shape)
+    shells, faces = list[int](), list[int]()
+    for region in shape.sheet.outline.regions:
+        made = writer.region(region)
+        faces += made
+        shells += [region.piece] * len(made)
+    yield "".join(writer.new.text)
+    yield from closing(np.array(shells), [[i] for i in range(pieces)], np.array(faces), writer.new.free, name)
+
+
+class PlanarFile(NamedTuple):
+    """Faces, the text, how far its outline is off the mesh, millimetres, and flat facets: 1 of a sheet in one plane."""
+
+    faces: int
+    texts: list[str]
+    deviation: float
+    facets: int
+
+
+def planar_file(part: Part) -> PlanarFile:
+    """The file of a flat sheet, or of a folded one; raises ExportError, with the reason, for any other solid."""
+    folded = folded_sheet(part)
+    if folded is None:
+        flat = plate(outlines_of(part), part.corners, part.tolerance)
+        return PlanarFile(flat.faces, list(plate_entities(flat, part.name)), flat.deviation, 1)
+    shape = folded_shape(folded, part.tolerance)
+    return PlanarFile(shape.faces, list(folded_entities(shape, part.name)), shape.deviation, folded.count)
+
+
+class _Writer:
+    """Writes regions; what two of them share is written once."""
+
+    def __init__(self, shape: FoldedShape) -> None:
+        self.new, self.shape, self.sheet = Entities(more=MORE), shape, shape.sheet
+        self.vertices, self.posts, self.edges = dict[int, Edges](), dict[int, int](), dict[Key, Edges]()
+
+    def region(self, region: Region) -> list[int]:
+        """The faces of a region: walls, and both skins."""
+        facet, lines = self.sheet.facets[region.chart], region_lines(self.sheet, region)
+        order = sorted(range(len(lines)), key=lambda i: -enclosed(lines[i][:, :2]))
+        faces, bounds = list[int](), (list[int](), list[int]())
+        for i in order:
+            kind = "FACE_BOUND" if bounds[0] else "FACE_OUTER_BOUND"
+            steps = list[tuple[Edges, bool]]()
+            for run in region.loops[i]:
+                if is_fold(run):
+                    steps.append(self._fold(run))
+                else:
+                    known, walls = self._walls(run, facet)
+                    steps += [(both, True) for both in known]
+                    faces += walls
+            bounds[0].append(self.new.wire([(both[0], ahead) for both, ahead in steps], kind))
+            bounds[1].append(self.new.wire([(both[1], not ahead) for both, ahead in reversed(steps)], kind))
+        for s, way in ((0, 1), (1, -1)):
+            plane = self.new.plane(facet.origin[s], way * facet.axes[s, 2])
+            faces.append(self.new.face(bounds[s], plane))
+        return faces
+
+    def _fold(self, run: OutlineRun) -> tuple[Edges, bool]:
+        """Both edges of a fold, which its two facets share, and whether the run goes along them."""
+        key, ahead = run_key(run)
+        if key not in self.edges:
+            way = run.vertices[[0, -1]] if ahead else run.vertices[[-1, 0]]
+            p, q = self.sheet.points[way]
+            a, b = (self._vertex(int(v)) for v in way)
+            self.edges[key] = self._edges(a, b, [self.new.line(p[s], q[s] - p[s]) for s in (0, 1)])
+        return self.edges[key], ahead
+
+    def _walls(self, run: OutlineRun, facet: Facet) -> tuple[list[Edges], list[int]]:
+        """Both edges of each wall of a run, and its faces: seen from outside, lower edges go to the right."""
+        chain, vertices, posts = self.shape.walls[run_key(run)[0]], list[Edges](), list[int]()
+        for v in run.vertices[[0, -1]]:
+            vertices.append(self._vertex(int(v)))
+            posts.append(self._post(int(v)))
+        for i, curve in enumerate(chain[:-1], 1):
+            points = facet.lifted(curve.poles[-1:])[0]
+            vertices.insert(i, self._new_vertex(points))
+            posts.insert(i, self._new_post(vertices[i], points))
+        known, faces = list[Edges](), list[int]()
+        for i, curve in enumerate(chain):
+            poles = facet.lifted(curve.poles)
+            curves = [curve_entity(self.new, curve, poles[:, s]) for s in (0, 1)]
+            upper, lower = self._edges(vertices[i], vertices[i + 1], curves)
+            wire = self.new.wire([(lower, True), (posts[i + 1], True), (upper, False), (posts[i], False)])
+            faces.append(self.new.face([wire], self._ruled(curve, poles)))
+            known.append((upper, lower))
+        return known, faces
+
+    def _edges(self, a: Edges, b: Edges, curves: list[int]) -> Edges:
+        """The edges from vertices a to vertices b of both skins."""
+        upper, lower = (self.new.add(f"EDGE_CURVE('',#{a[s]},#{b[s]},#{curves[s]},.T.)") for s in (0, 1))
+        return upper, lower
+
+    def _vertex(self, v: int) -> Edges:
+        if v not in self.vertices:
+            self.vertices[v] = self._new_vertex(self.sheet.points[v])
+        return self.vertices[v]
+
+    def _post(self, v: int) -> int:
+        """The edge from the lower to the upper point of a vertex."""
+        if v not in self.posts:
+            self.posts[v] = self._new_post(self._vertex(v), self.sheet.points[v])
+        return self.posts[v]
+
+    def _new_vertex(self, points: Floats) -> Edges:
+        upper, lower = (self.new.add(f"VERTEX_POINT('',#{self.new.point(p)})") for p in points)
+        return upper, lower
+
+    def _new_post(self, vertex: Edges, points: Floats) -> int:
+        (upper, lower), (p, q) = vertex, points
+        return self.new.add(f"EDGE_CURVE('',#{lower},#{upper},#{self.new.line(q, p - q)},.T.)")
+
+    def _ruled(self, curve: Curve, poles: Floats) -> int:
+        """The surface between the curves with poles (p, 2, 3), upper and lower; its normal points outwards."""
+        upper, lower = poles[:, 0], poles[:, 1]
+        across = np.cross(lower[-1] - lower[0], upper[0] - lower[0])
+        normal = across / max(float(np.linalg.norm(across)), 1e-300)
+        if np.abs((poles - lower[0]) @ normal).max() <= FLATNESS:
+            return self.new.plane(lower[0], normal)
+        knots, times = np.unique(curve.knots, return_counts=True)
+        rows = ",".join(references([self.new.point(p) for p in both]) for both in zip(lower, upper, strict=True))
+        counts = ",".join(str(k) for k in times.tolist())
+        return self.new.add(
+            f"B_SPLINE_SURFACE_WITH_KNOTS('',{curve.degree},1,({rows}),.UNSPECIFIED.,.F.,.F.,.F.,"
+            f"({counts}),(2,2),{step_list(knots, DIGITS)},(0.,1.),.UNSPECIFIED.)"
+        )

@@ -1,0 +1,297 @@
+"""Planar faces from triangles: coplanar regions, their outlines as loops, and polyhedra of long edges."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from dsfab.core.arrays import Bools, Floats, Ints, group_sums
+from dsfab.surface.topology import EdgeTable, edge_table
+
+FLATNESS = 1e-5
+"""Millimetres that vertices may be off a joined plane or line: the linear precision of Parasolid, 1e-8 m."""
+
+
+def coplanar_regions(V: Floats, F: Ints, table: EdgeTable, off: float = FLATNESS) -> tuple[Ints, Floats]:
+    """Region (m,) of each triangle, and twice the area vector (r, 3) of each region.
+
+    off : millimetres that vertices may be off a joined plane.
+
+    Neighbours are joined where the apex of each lies in the plane of the other and they are not folded over. Triangles
+    lower than FLATNESS have no plane of their own: they join the neighbour across their longest edge and no other, or
+    they would bridge the two sides of an edge of the solid.
+    Small turns could add up, so a region with a vertex off its mean plane falls apart again.
+    """
+    corners = V[F]
+    vectors = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+    units = vectors / np.maximum(np.linalg.norm(vectors, axis=1, keepdims=True), 1e-300)
+    lengths = np.linalg.norm(corners - np.roll(corners, -1, axis=1), axis=2)
+    low = np.linalg.norm(vectors, axis=1) <= FLATNESS * lengths.max(axis=1)
+    h, k = np.concatenate([table.pairs, table.pairs[:, ::-1]]).T  # seen from triangle h // 3: its neighbour k // 3
+    tip = V[F.ravel()[k - k % 3 + (k + 2) % 3]]
+    level = np.abs(np.einsum("pi,pi->p", tip - corners[h // 3, 0], units[h // 3])) <= off
+    level &= np.einsum("pi,pi->p", units[h // 3], units[k // 3]) > 0
+    there, back = np.split(level & ~low[h // 3] & ~low[k // 3], 2)
+    flat = table.pairs[there & back] // 3
+    absorbed = np.stack([h, k], axis=1)[low[h // 3] & (h % 3 == lengths.argmax(axis=1)[h // 3])] // 3
+    region = _components(np.concatenate([flat, absorbed]), len(F))
+    uneven = _off_plane(corners, vectors, region) > off
+    if uneven.any():
+        region = _components(np.concatenate([flat[~uneven[region[flat[:, 0]]]], absorbed]), len(F))
+    return region, group_sums(region, vectors)
+
+
+def _components(links: Ints, count: int) -> Ints:
+    graph = coo_array((np.ones(len(links), dtype=np.int8), (links[:, 0], links[:, 1])), shape=(count, count))
+    return connected_components(graph, directed=False)[1].astype(np.int64)
+
+
+def _off_plane(corners: Floats, vectors: Floats, region: Ints) -> Floats:
+    """(r,) largest distance of a region's vertices from the plane through their mean, normal to its area vector."""
+    normal = group_sums(region, vectors)
+    normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
+    weight = np.linalg.norm(vectors, axis=1)
+    total = np.maximum(np.bincount(region, weight), 1e-300)
+    middle = group_sums(region, corners.mean(axis=1) * weight[:, None]) / total[:, None]
+    height = np.abs(np.einsum("mci,mi->mc", corners - middle[region][:, None], normal[region])).max(axis=1)
+    worst = np.zeros(len(normal))
+    np.maximum.at(worst, region, height)
+    return worst
+
+
+@dataclass(frozen=True, eq=False)
+class Outline:
+    """Loops of vertices: loop i has the half-edges h[start[i] : start[i + 1]], each leaving its vertex."""
+
+    h: Ints
+    start: Ints
+
+    @property
+    def loop(self) -> Ints:
+        """(h,) the loop that each half-edge is of."""
+        return np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
+
+    @property
+    def next(self) -> Ints:
+        """(h,) position of the next half-edge of the same loop."""
+        onward = np.arange(1, len(self.h) + 1)
+        onward[self.start[1:] - 1] = self.start[:-1]
+        return onward
+
+
+def outline_of(region: Ints, other: Ints) -> Outline:
+    """The half-edges between different regions (m,), chained with their region on the left; other: (3 m,) the
+    opposite ones.
+
+    After a half-edge, the next one is found by turning about its end through triangles of the same region: loops never
+    jump across a vertex where a region touches itself.
+    """
+    kept = region[np.arange(len(other)) // 3] != region[other // 3]
+    onward = np.arange(len(other))
+    onward += np.where(onward % 3 == 2, -2, 1)
+    follow = onward.copy()
+    turning = np.flatnonzero(kept)  # about a vertex inside a region one would turn for ever
+    while len(turning := turning[~kept[onward[turning]]]):
+        onward[turning] = follow[other[onward[turning]]]
+    step, passed = onward.tolist(), bytearray(len(other))
+    h, start = list[int](), [0]
+    for at in np.flatnonzero(kept).tolist():
+        while not passed[at]:
+            passed[at] = True
+            h.append(at)
+            at = step[at]
+        if len(h) > start[-1]:
+            start.append(len(h))
+    return Outline(np.array(h, dtype=np.int64), np.array(start))
+
+
+def simple(outline: Outline, F: Ints) -> Outline:
+    """The loops of faces F (m, 3) cut where they come back to a vertex, so that none touches itself."""
+    vertex = F.ravel()[outline.h]
+    visits = np.sort(outline.loop * (int(F.max()) + 1) + vertex)
+    touching = set((visits[1:][visits[1:] == visits[:-1]] // (int(F.max()) + 1)).tolist())
+    if not touching:
+        return outline
+    loops: list[list[int]] = []
+    for i, (begin, end) in enumerate(zip(outline.start[:-1], outline.start[1:], strict=True)):
+        h = outline.h[begin:end].tolist()
+        loops.extend(cut_apart(h, vertex[begin:end].tolist()) if i in touching else [h])
+    return Outline(np.concatenate([np.array(loop) for loop in loops]), np.cumsum([0, *map(len, loops)]))
+
+
+def cut_apart(h: list[int], vertices: list[int]) -> list[list[int]]:
+    """One loop of half-edges h, with the vertices they leave, as loops that visit each vertex once."""
+    loops, path, place = [], list[int](), dict[int, int]()
+    visited: list[int] = []
+    for half_edge, vertex in zip(h, vertices, strict=True):
+        if vertex in place:
+            begin = place[vertex]
+            loops.append(path[begin:])
+            for v in visited[begin:]:
+                del place[v]
+            del path[begin:], visited[begin:]
+        place[vertex] = len(path)
+        path.append(half_edge)
+        visited.append(vertex)
+    return [*loops, path]
+
+
+def ends_of_runs(alive: Bools, outline: Outline) -> tuple[Ints, Ints]:
+    """(h,) for each position, the last corner (alive, (h,)) of its loop at or before it, and the first corner after
+    it."""
+    at = np.flatnonzero(alive)
+    loop = outline.loop
+    first = np.searchsorted(at, outline.start[:-1])
+    last = np.searchsorted(at, outline.start[1:]) - 1
+    rank = np.searchsorted(at, np.arange(len(alive)), side="right") - 1
+    run = np.where(rank >= first[loop], rank, last[loop])
+    end = np.where(rank + 1 <= last[loop], rank + 1, first[loop])
+    return at[run], at[end]
+
+
+def positions(start: Ints, loops: Ints) -> tuple[Ints, Ints]:
+    """(p,) the positions of all steps of some loops (k,), loop after loop, and for each of them which of `loops` it
+    is of."""
+    length = np.diff(start)[loops]
+    loop = np.repeat(np.arange(len(loops)), length)
+    return (start[loops] - np.cumsum(length) + length)[loop] + np.arange(len(loop)), loop
+
+
+@dataclass(frozen=True, eq=False)
+class Polyhedron:
+    """Planar faces with shared edges. Loops run counter-clockwise about the face's normal, inner loops clockwise.
+
+    points  : (p, 3) millimetres.
+    edges   : (e, 2) points at the ends of each straight edge.
+    steps   : (s,) edge of each step of the loops; every edge has two steps, one in each direction.
+    forward : (s,) whether the step runs from the edge's first end to its second.
+    loops   : (l + 1,) loop i has the steps loops[i] : loops[i + 1].
+    faces   : (f + 1,) face i has the loops faces[i] : faces[i + 1], its outer loop first.
+    normals : (f, 3) unit normals.
+    origin  : (f,) a point of each face.
+    shell   : (f,) the closed shell of each face.
+    """
+
+    points: Floats
+    edges: Ints
+    steps: Ints
+    forward: Bools
+    loops: Ints
+    faces: Ints
+    normals: Floats
+    origin: Ints
+    shell: Ints
+
+
+def polyhedron(V: Floats, F: Ints, shell: Ints) -> Polyhedron:
+    """Planar faces of a closed triangle mesh whose edges have two triangles each; shell (m,) labels its triangles."""
+    table = edge_table(F)
+    other = np.empty(3 * len(F), dtype=np.int64)
+    other[table.pairs[:, 0]], other[table.pairs[:, 1]] = table.pairs[:, 1], table.pairs[:, 0]
+    region, vectors = coplanar_regions(V, F, table)
+    outline = simple(outline_of(region, other), F)
+    alive = _corners(V, F, table, outline)
+    return _assembled(V, F, shell, region, vectors, table, outline, alive)
+
+
+def _corners(V: Floats, F: Ints, table: EdgeTable, outline: Outline) -> Bools:
+    """(n,) vertices that the outlines need: not those in the middle of a straight edge.
+
+    A vertex can go when just two outline edges meet there, in line. Then every run of such vertices must lie on the
+    line between its ends, or it is kept whole: a finely divided circle is locally straight too. Loops keep three
+    corners.
+    """
+    a = F.ravel()[outline.h]
+    edge = np.unique(table.of.ravel()[outline.h])
+    degree = np.bincount(table.ends[edge].ravel(), minlength=len(V))
+    alive = degree > 2
+    before, after = np.roll(a, 1), a[outline.next]
+    before[outline.start[:-1]] = a[outline.start[1:] - 1]
+    two = np.flatnonzero(~alive[a])  # all others are corners: on a curved solid nearly every vertex
+    at, p, q = V[a[two]], V[before[two]], V[after[two]]
+    onward = np.einsum("hi,hi->h", at - p, q - at) > 0
+    alive[a[two][~onward | (_from_line(at, p, q) > FLATNESS)]] = True
+    while len(dead := two[~alive[a[two]]]):
+        few = np.repeat(np.add.reduceat(alive[a], outline.start[:-1]) < 3, np.diff(outline.start))
+        bent = dead[few[dead]]
+        if not len(bent):
+            run, end = ends_of_runs(alive[a], outline)
+            off = _from_line(V[a[dead]], V[a[run[dead]]], V[a[end[dead]]]) > FLATNESS
+            bent = dead[np.isin(run[dead], run[dead[off]])]
+        if not len(bent):
+            break
+        alive[a[bent]] = True
+    return alive
+
+
+def _from_line(p: Floats, a: Floats, b: Floats) -> Floats:
+    """(k,) distances of points p from the lines through a and b."""
+    along = b - a
+    length = np.maximum(np.linalg.norm(along, axis=1), 1e-300)
+    distances: Floats = np.linalg.norm(np.cross(p - a, along), axis=1) / length
+    return distances
+
+
+def _assembled(
+    V: Floats, F: Ints, shell: Ints, region: Ints, vectors: Floats, table: EdgeTable, outline: Outline, alive: Bools
+) -> Polyhedron:
+    """Number points, edges and faces; what has a row per step is let go early, since there are three to a triangle."""
+    face_of_loop = region[outline.h[outline.start[:-1]] // 3]
+    normals = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
+    begin, start, (edge, ends, forward) = _long_edges(F, table, outline, alive)
+    order = np.lexsort((-_around(V, begin, start, face_of_loop, normals), face_of_loop))
+    steps = positions(start, order)[0]
+    used, point = np.unique(begin, return_inverse=True)
+    of_vertex = np.zeros(len(V), dtype=np.int64)
+    of_vertex[used] = np.arange(len(used))
+    faces = np.searchsorted(face_of_loop[order], np.arange(len(normals) + 1))
+    shell_of = np.zeros(len(normals), dtype=np.int64)
+    shell_of[region] = shell
+    loops = np.concatenate([[0], np.cumsum(np.diff(start)[order])])
+    return Polyhedron(
+        points=V[used],
+        edges=of_vertex[ends],
+        steps=edge[steps],
+        forward=forward[steps],
+        loops=loops,
+        faces=faces,
+        normals=normals,
+        origin=point[steps[loops[faces[:-1]]]],
+        shell=shell_of,
+    )
+
+
+def _long_edges(
+    F: Ints, table: EdgeTable, outline: Outline, alive: Bools
+) -> tuple[Ints, Ints, tuple[Ints, Ints, Bools]]:
+    """The vertex that each step of the loops begins at, where the loops start, and of the steps their edges.
+
+    The edge of each step, the vertices (e, 2) at the edges' ends, and whether a step runs from the first to the second.
+    From both sides, a long edge is known by the smallest mesh edge in it.
+    """
+    a = F.ravel()[outline.h]
+    kept = alive[a]
+    run, end = ends_of_runs(kept, outline)
+    smallest = np.full(len(a), len(table.ends))
+    np.minimum.at(smallest, run, table.of.ravel()[outline.h])
+    start = np.concatenate([[0], np.cumsum(np.add.reduceat(kept, outline.start[:-1]))])
+    begin, finish = a[kept], a[end[kept]]
+    _, edge = np.unique(smallest[kept], return_inverse=True)
+    ends = np.zeros((int(edge.max()) + 1, 2), dtype=np.int64)
+    ends[edge, 0], ends[edge, 1] = np.minimum(begin, finish), np.maximum(begin, finish)
+    return begin, start, (edge, ends, begin < finish)
+
+
+def _around(V: Floats, begin: Ints, start: Ints, face_of_loop: Ints, normals: Floats) -> Floats:
+    """(l,) twice the area inside each loop, seen against its face's normal; 0 for the only loop of a face."""
+    around = np.zeros(len(face_of_loop))
+    many = np.flatnonzero(np.bincount(face_of_loop)[face_of_loop] > 1)
+    if len(many):
+        ahead = np.arange(1, len(begin) + 1)
+        ahead[start[1:] - 1] = start[:-1]
+        at, loop = positions(start, many)
+        base = V[begin[start[many]]][loop]
+        swept = np.cross(V[begin[at]] - base, V[begin[ahead[at]]] - base)
+        around[many] = np.bincount(loop, np.einsum("hi,hi->h", swept, normals[face_of_loop[many]][loop]))
+    return around

@@ -1,0 +1,338 @@
+"""Lifting of points of the mesh to both skins, with normals on each side of a crease and mitres between them."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import igl
+import numpy as np
+from scipy.sparse import csr_array, vstack
+
+from dsfab.core.arrays import Bools, Floats, Ints, face_angles
+from dsfab.core.units import MM_PER_M
+from dsfab.export.cad.step.shared.skins import Dense, dense
+from dsfab.export.part import Curved
+from dsfab.surface import CREASE, Surface, connected, corner_fans
+
+WEAK = 8.0
+"""Degrees between two faces from which their edge may be part of a crease; one of its edges bends by `CREASE`."""
+
+RATIO = 4.0
+"""Times by which a crease bends more than the edges beside it."""
+
+SHORTEST = 6
+"""Edges that a crease has at least: single sharp edges are noise of the mesh."""
+
+STRAIGHT = np.cos(np.radians(30.0))
+"""Cosine of the turn up to which an edge goes on from the end of a crease."""
+
+OTHERS = [[1, 2], [2, 0], [0, 1]]
+"""Of a face's edges, those beside each."""
+
+
+def crease_edges(surface: Surface) -> Bools:
+    """(e,) the edges that are parts of creases."""
+    edges = surface.edges
+    inner = edges.count == 2
+    bend = np.zeros(len(edges.ends))
+    one, two = surface.normals[edges.pairs // 3].transpose(1, 0, 2)
+    bend[inner] = np.degrees(np.arccos(np.clip(np.einsum("ei,ei->e", one, two), -1, 1)))
+    crease = np.zeros(len(bend), dtype=bool)
+    for _ in range(2):  # again, for faces of two creases
+        rest = np.where(crease | ~inner, 0.0, bend)
+        beside = rest[edges.of[:, OTHERS]].max(axis=2)  # (m, 3) the sharper of a face's other edges
+        around = np.zeros(len(bend))
+        np.maximum.at(around, edges.of, beside)
+        crease |= inner & (bend >= np.maximum(WEAK, RATIO * around))
+    crease = _gone_on(surface, bend, inner, crease)
+    at = np.flatnonzero(crease)
+    _, part = connected(surface.n, *edges.ends[at].T)
+    run = part[edges.ends[at, 0]]
+    long = np.bincount(run, minlength=surface.n) >= SHORTEST
+    sharpest = np.zeros(surface.n)
+    np.maximum.at(sharpest, run, bend[at])
+    crease[at] = (long & (sharpest >= CREASE))[run]
+    return crease
+
+
+def _gone_on(surface: Surface, bend: Floats, inner: Bools, crease: Bools) -> Bools:
+    """(e,) creases with the edges that go on straight from their ends, up to where several of them meet: a face there
+    has another sharp edge, and is judged by the flatter one."""
+    edges = surface.edges
+    around = np.zeros(len(bend))
+    np.maximum.at(around, edges.of, np.where(inner, bend, 0.0)[edges.of[:, OTHERS]].min(axis=2))
+    maybe = inner & ~crease & (bend >= np.maximum(WEAK, RATIO * around))
+    way = surface.V[edges.ends[:, 1]] - surface.V[edges.ends[:, 0]]
+    way /= np.linalg.norm(way, axis=1, keepdims=True)
+    new = crease
+    while new.any():
+        ends, tip = edges.ends[crease], np.zeros((surface.n, 3))
+        np.add.at(tip, ends, way[crease][:, None])
+        tip[np.bincount(ends.ravel(), minlength=surface.n) != 1] = 0
+        new = maybe & (np.abs(np.einsum("eci,ei->ec", tip[edges.ends], way)) >= STRAIGHT).any(axis=1)
+        crease, maybe = crease | new, maybe & ~new
+    return crease
+
+
+NOTHING = 1e-9
+"""A barycentric weight that is none."""
+
+LONGEST = 3.0
+"""Times half the thickness that a mitre may be long: sharper creases are blunt."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sides:
+    """The vertices of a surface as (s,) columns: the n vertices, then each side of those that are on creases.
+
+    creases : (k, 2) edges, the smaller vertex first, in order.    vertex : (s,) of each column.
+    corner  : (m, 3) the column of each face's corners.    normals : (s, 3) of what is on one side.
+    half    : (s,) see `Dense`.
+    mitre   : (s, 3) metres, what half the thickness along a normal lacks for both sides to meet.
+    """
+
+    surface: Surface
+    creases: Ints
+    vertex: Ints
+    corner: Ints
+    normals: Floats
+    half: Floats
+    mitre: Floats
+
+    @classmethod
+    def of(cls, skins: Dense) -> "Sides":
+        """Those of a surface with its skins."""
+        surface, crease = skins.surface, crease_edges(skins.surface)
+        vertex, creases = np.arange(surface.n), surface.edges.ends[crease]
+        if not len(creases):
+            return cls(surface, creases, vertex, surface.F, skins.normals, skins.half, np.zeros((surface.n, 3)))
+        corner = _corner_sides(surface, crease)
+        more = corner >= surface.n
+        sides = np.zeros(int(corner.max()) + 1 - surface.n, dtype=np.int64)
+        sides[corner[more] - surface.n] = surface.F[more]
+        vertex = np.concatenate([vertex, sides])
+        N = np.zeros((len(vertex), 3))
+        np.add.at(N, corner, face_angles(surface.V, surface.F)[..., None] * surface.normals[:, None])
+        N[: surface.n] = skins.normals
+        N /= np.maximum(np.linalg.norm(N, axis=1, keepdims=True), 1e-300)
+        half = skins.half[vertex]
+        mitre = np.zeros_like(N)
+        mitre[surface.n :] = _mitres(sides, N[surface.n :], half[surface.n :])
+        return cls(surface, creases, vertex, corner, N, half, mitre)
+
+    def rows(self, weights: csr_array) -> tuple[csr_array, csr_array]:
+        """Barycentric weights (k, n) on columns (k, s), twice: seen from both sides of a crease that a point is on."""
+        weights = csr_array(weights)
+        row, mine = self._beside_creases(weights)
+        columns = np.tile(weights.indices, (2, 1)).astype(np.int64)
+        faces = self._faces(weights.indices[mine].astype(np.int64), row[mine], len(weights.indptr) - 1)
+        for i in range(2):
+            face = faces[row, i]
+            known = face >= 0
+            for c in range(3):
+                same = known & (self.surface.F[face, c] == weights.indices)
+                columns[i, same] = self.corner[face[same], c]
+        shape = (weights.shape[0], len(self.vertex))
+        one, two = (csr_array((weights.data, c, weights.indptr), shape=shape) for c in columns)
+        return one, two
+
+    def between_faces(self, weights: csr_array) -> Ints:
+        """(j,) which points beside creases, with weights (k, n), are in no face: half way between points of two."""
+        weights = csr_array(weights)
+        row, mine = self._beside_creases(weights)
+        faces = self._faces(weights.indices[mine].astype(np.int64), row[mine], weights.shape[0])
+        special = np.unique(row[mine])
+        return np.asarray(special[faces[special, 0] < 0])
+
+    def _beside_creases(self, weights: csr_array) -> tuple[Ints, Bools]:
+        """The row of each weight, and whether it counts and is of a row with vertices on creases."""
+        split = np.zeros(self.surface.n, dtype=bool)
+        split[self.vertex[self.surface.n :]] = True
+        row = np.repeat(np.arange(weights.shape[0]), np.diff(weights.indptr))
+        real = np.abs(weights.data) > NOTHING
+        special = np.unique(row[split[weights.indices] & real])
+        return row, np.isin(row, special) & real
+
+    def _faces(self, vertices: Ints, row: Ints, count: int) -> Ints:
+        """(count, 2) faces that the vertices of rows are of, the same twice but on edges; -1 where there is none."""
+        found = np.full((count, 2), -1)
+        order = np.lexsort([vertices, row])
+        vertices, row = vertices[order], row[order]
+        rows, first, many = np.unique(row, return_index=True, return_counts=True)
+        F, edges, n = np.sort(self.surface.F, axis=1), self.surface.edges, self.surface.n
+        for size in (1, 2, 3):
+            r, at = rows[many == size], first[many == size]
+            key = _keys(np.stack([vertices[at + i] for i in range(size)], axis=1), n)
+            if size == 1:
+                face = np.zeros(n, dtype=np.int64)
+                face[self.surface.F] = np.arange(self.surface.m)[:, None]
+                found[r] = face[key][:, None]
+            elif size == 2:
+                e = _looked_up(_keys(edges.ends, n), key)
+                there = e >= 0
+                found[r[there], 0] = edges.order[edges.start[e[there]]] // 3
+                found[r[there], 1] = edges.order[edges.start[e[there] + 1] - 1] // 3
+            else:
+                found[r] = _looked_up(_keys(F, n), key)[:, None]
+        return found
+
+    def on_creases(self, weights: csr_array) -> Bools:
+        """(k,) whether points with barycentric weights (k, n) lie on a crease."""
+        low, high = ends_of_rows(weights)
+        n, split = self.surface.n, self.vertex[self.surface.n :]
+        on = _looked_up(_keys(self.creases, n), low * n + high) >= 0
+        return np.asarray((low >= 0) & (on | ((low == high) & np.isin(low, split))))
+
+    def along(self, weights: csr_array, one: Ints, two: Ints) -> Bools:
+        """(e,) whether the lines from points `one` to points `two` (e,), rows of weights, lie on a crease."""
+        low, high = ends_of_rows(weights)
+        n, known = self.surface.n, (low[one] >= 0) & (low[two] >= 0)
+        a, b = np.minimum(low[one], low[two]), np.maximum(high[one], high[two])
+        among = [(x[y] == a) | (x[y] == b) for x in (low, high) for y in (one, two)]
+        return np.asarray(known & np.all(among, axis=0) & (_looked_up(_keys(self.creases, n), a * n + b) >= 0))
+
+
+def ends_of_rows(weights: csr_array) -> tuple[Ints, Ints]:
+    """(k,) the smallest and the largest vertex of each row of weights; -1 where it has more than two."""
+    row = np.repeat(np.arange(weights.shape[0]), np.diff(weights.indptr))
+    real = np.abs(weights.data) > NOTHING
+    row, vertex = row[real], weights.indices[real].astype(np.int64)
+    low = np.full(weights.shape[0], np.iinfo(np.int64).max)
+    high = np.full(weights.shape[0], -1)
+    np.minimum.at(low, row, vertex)
+    np.maximum.at(high, row, vertex)
+    few = (np.bincount(row, minlength=weights.shape[0]) <= 2) & (high >= 0)
+    return np.where(few, low, -1), np.where(few, high, -1)
+
+
+def _corner_sides(surface: Surface, crease: Bools) -> Ints:
+    """(m, 3) the column of each corner: its vertex, or from n on a number of a side."""
+    F, edges = surface.F, surface.edges
+    fan = corner_fans(F, edges, apart=crease).ravel()
+    pair = np.unique(np.stack([F.ravel(), fan], axis=1), axis=0)
+    fans = np.bincount(pair[:, 0], minlength=surface.n)
+    on = np.zeros(surface.n, dtype=bool)
+    on[edges.ends[crease]] = True
+    several = (fans > 1) & on
+    corner = F.ravel().copy()
+    of = several[corner]
+    _, side = np.unique(fan[of], return_inverse=True)
+    corner[of] = surface.n + side
+    return np.asarray(corner.reshape(F.shape))
+
+
+def _mitres(vertex: Ints, N: Floats, half: Floats) -> Floats:
+    """(s, 3) for sides of vertices with normals N (s, 3): from half the thickness along these to what has it on all
+    sides."""
+    found = np.zeros_like(N)
+    for v in np.unique(vertex):
+        mine = vertex == v
+        D = np.linalg.pinv(N[mine], rcond=0.05) @ half[mine]
+        D *= min(1.0, LONGEST * float(half[mine].max()) / max(float(np.linalg.norm(D)), 1e-300))
+        found[mine] = D - half[mine, None] * N[mine]
+    return found
+
+
+def _keys(vertices: Ints, n: int) -> Ints:
+    """(k,) one number for each row of vertices, in ascending order in it."""
+    key = vertices[:, 0].astype(np.int64)
+    for column in vertices.T[1:]:
+        key = key * n + column
+    return np.asarray(key)
+
+
+def _looked_up(known: Ints, wanted: Ints) -> Ints:
+    """(k,) where each wanted number is among those known; -1 where it is not."""
+    if not len(known):
+        return np.full(len(wanted), -1)
+    order = np.argsort(known, kind="stable")
+    at = order[np.clip(np.searchsorted(known, wanted, sorter=order), 0, len(known) - 1)]
+    return np.where(known[at] == wanted, at, -1)
+
+
+MOST = 1 / 5
+"""Share of the thickness that a point is lifted at most: of the mesh's chord error no more counts than a quarter, see
+`dsfab.export.cad.step.shared.skins`, and both skins and what is fitted to them stray a little more."""
+
+
+@dataclass(frozen=True, eq=False)
+class Lifting:
+    """An uncut surface with its skins, see `Dense`."""
+
+    skins: Dense
+
+    @classmethod
+    def of(cls, surface: Surface, curved: Curved) -> "Lifting":
+        """Of the surface that a sheet was cut from."""
+        return cls(dense(surface, curved))
+
+    def points(self, weights: csr_array) -> Floats:
+        """(k, 6) millimetres on the outer and on the inner skin, over points with barycentric weights (k, n)."""
+        if not len(self.sides.creases):
+            return self._points(weights)
+        one, two = self.sides.rows(self._in_faces(weights))
+        return np.asarray((self._points(one) + self._points(two)) / 2)
+
+    def _in_faces(self, weights: csr_array) -> csr_array:
+        """The weights (k, n), those of points between two faces beside a crease as of the nearest places: nothing says
+        on which side they are, and seen from none they were 1.4 mm off the others of their chain."""
+        between = self.sides.between_faces(weights)
+        if not len(between):
+            return weights
+        nearest = self.weights_at(np.asarray(weights[between] @ self.skins.points))
+        row = np.arange(weights.shape[0])
+        row[between] = len(row) + np.arange(len(between))
+        return csr_array(vstack([weights, nearest], format="csr")[row])
+
+    def _points(self, weights: csr_array) -> Floats:
+        """The same, over weights (k, s) on the columns of `sides`."""
+        V, N = self.skins.points[self.sides.vertex], self.sides.normals
+        P, n = np.asarray(weights @ V), np.asarray(weights @ N)
+        along = np.einsum("ni,ni->n", V, N)
+        outer = (N[:, :, None] * N[:, None, :]).reshape(-1, 9)
+        pull = weights @ (along[:, None] * N)
+        half = MM_PER_M * np.asarray(weights @ self.sides.half)[:, None]
+        lift = (pull - np.einsum("kij,kj->ki", (weights @ outer).reshape(-1, 3, 3), P)) / 2
+        lift *= np.minimum(2 * MOST * half / np.maximum(np.linalg.norm(lift, axis=1, keepdims=True), 1e-300), 1)
+        n /= np.maximum(np.linalg.norm(n, axis=1, keepdims=True), 1e-300)
+        D = half * n
+        if len(self.sides.creases):
+            D = D + MM_PER_M * np.asarray(weights @ self.sides.mitre)
+        middle = P + lift + self.skins.shift * D
+        return np.concatenate([middle + D, middle - D], axis=1)
+
+    def away(self, Q: Floats) -> Floats:
+        """(k, 6) from points (k, 6) beside the skins to these, across, over the places nearest to the middles."""
+        there = self.points(self.weights_at((Q[:, :3] + Q[:, 3:]) / 2))
+        across = there[:, :3] - there[:, 3:]
+        beyond = np.einsum("ki,ki->k", across, Q[:, :3] - Q[:, 3:]) < 0  # where a seam's other side is as near
+        there[beyond], across[beyond] = np.roll(there[beyond], 3, axis=1), -across[beyond]
+        across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
+        ways = [np.einsum("ki,ki->k", (there - Q)[:, s : s + 3], across)[:, None] * across for s in (0, 3)]
+        return np.concatenate(ways, axis=1)
+
+    def weights_at(self, points: Floats) -> csr_array:
+        """(k, n) barycentric weights of the places of the mesh nearest to points (k, 3), millimetres."""
+        V, F = self.skins.points, self.skins.surface.F
+        _, simplex, place = self._tree.squared_distance(V, F, np.ascontiguousarray(points))
+        corners = F[np.asarray(simplex)]
+        a, b, c = (V[corners[:, i]] for i in range(3))
+        across = np.cross(b - a, c - a)
+        area = np.einsum("ki,ki->k", across, across)
+        one = np.einsum("ki,ki->k", np.cross(c - b, place - b), across) / area
+        two = np.einsum("ki,ki->k", np.cross(a - c, place - c), across) / area
+        share = np.clip(np.stack([one, two, 1 - one - two], axis=1), 0, 1)
+        share /= share.sum(axis=1, keepdims=True)
+        rows = np.arange(0, 3 * len(points) + 1, 3)
+        return csr_array((share.ravel(), corners.ravel(), rows), shape=(len(points), len(V)))
+
+    @cached_property
+    def sides(self) -> Sides:
+        """Of its creases."""
+        return Sides.of(self.skins)
+
+    @cached_property
+    def _tree(self) -> igl.AABB:
+        """Of the triangles: each look at places near points would make one."""
+        tree = igl.AABB()
+        tree.init(self.skins.points, self.skins.surface.F)
+        return tree

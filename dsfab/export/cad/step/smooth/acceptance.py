@@ -1,0 +1,341 @@
+"""Acceptance of smooth pieces by OCCT, gaps, volume and distance from the mesh; the plan that all layouts share."""
+
+from collections.abc import Collection, Container, Iterator
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import igl
+import numpy as np
+from scipy.spatial import cKDTree
+
+from dsfab.core.arrays import Floats, Ints
+from dsfab.core.errors import ExportError
+from dsfab.core.limits import CHANGED_VOLUME
+from dsfab.core.units import MM_PER_M
+from dsfab.export.cad.step.shared.skins import Limits, prisms, smooth_limits
+from dsfab.export.cad.step.smooth.charts import Atlas
+from dsfab.export.cad.step.smooth.edges import Allowed
+from dsfab.export.cad.step.smooth.layout import WALL, SheetOutline, layout, sheet_of
+from dsfab.export.cad.step.smooth.solid import Builder, SmoothModel, SmoothPiece, crossings
+from dsfab.export.cad.step.worker.reports import OcctFinding
+from dsfab.export.mesh.soundness import solids_of
+from dsfab.export.part import Part
+from dsfab.surface import nearest
+from dsfab.surface.mesh import Surface
+from dsfab.surface.topology import corners_of, faces_at
+
+GAP = 1 / 20
+"""Widest gap between a skin and the edges on it, as a share of the thickness."""
+
+NEAR = 1 / 2
+"""Share of the distance that is allowed under which points are near, whatever else is allowed there."""
+
+
+@dataclass(frozen=True, eq=False)
+class Acceptance:
+    """reason : why a piece is refused, '' when it is accepted.    bad : (k, 3) places where tighter curves may help.
+
+    there, back : largest distance of the piece from the mesh and of the mesh from the piece.    volume : of the piece.
+    """
+
+    reason: str
+    bad: Floats = field(default_factory=lambda: np.zeros((0, 3)))
+    there: float = 0.0
+    back: float = 0.0
+    volume: float = 0.0
+
+
+class Away(NamedTuple):
+    """Distances between a piece and the mesh, one way: the largest, the largest excess over what is allowed with the
+    distance and the allowance there, and the places that are too far off."""
+
+    most: float
+    worst: float
+    allowed: float
+    bad: Floats
+
+
+_NOWHERE = Away(0.0, 0.0, 0.0, np.zeros((0, 3)))
+
+
+@dataclass(frozen=True, eq=False)
+class Solids:
+    """The solids of a part's mesh, millimetres."""
+
+    part: Part
+
+    @cached_property
+    def _shells(self) -> tuple[Ints, list[list[int]]]:
+        return solids_of(self.part)
+
+    @cached_property
+    def _tree(self) -> cKDTree:
+        return cKDTree(self.part.V)
+
+    def away(self, points: Floats) -> Floats:
+        """(k,) distances of points (k, 3) from all triangles."""
+        P, V, F = (np.ascontiguousarray(x) for x in (points, self.part.V, self.part.F))
+        return np.asarray(np.sqrt(self._triangles.squared_distance(V, F, P)[0]))
+
+    @cached_property
+    def _triangles(self) -> igl.AABB:
+        tree = igl.AABB()
+        tree.init(np.ascontiguousarray(self.part.V), np.ascontiguousarray(self.part.F))
+        return tree
+
+    def at(self, points: Floats) -> Ints:
+        """(k,) the solids of the vertices nearest to points."""
+        shell, solids = self._shells
+        at = np.full(len(self.part.V), -1)
+        at[self.part.F] = shell[:, None]
+        of = np.empty(int(shell.max()) + 1, dtype=np.int64)
+        for i, some in enumerate(solids):
+            of[some] = i
+        return np.asarray(of[at[self._tree.query(points)[1]]])
+
+    def faces(self, chosen: Container[int]) -> Ints:
+        """(m, 3) the triangles of some solids."""
+        shell, solids = self._shells
+        shells = [k for i, some in enumerate(solids) if i in chosen for k in some]
+        return np.asarray(self.part.F[np.isin(shell, shells)])
+
+    @property
+    def count(self) -> int:
+        """Number of solids."""
+        return len(self._shells[1])
+
+
+@dataclass(frozen=True, eq=False)
+class Gate:
+    """Judges the pieces of a sheet against the solids of a part, millimetres."""
+
+    solids: Solids
+    sheet: SheetOutline
+    limits: Limits
+
+    @cached_property
+    def solid(self) -> Ints:
+        """(p,) the solid of the mesh that each piece is: that of the vertex nearest to one of its own."""
+        first = self.sheet.F[np.unique(self.sheet.piece, return_index=True)[1], 0]
+        return self.solids.at((self.sheet.V + self.sheet.D)[first])
+
+    def without(self, done: set[int]) -> Ints:
+        """(m, 3) the triangles of all other solids."""
+        return self.solids.faces(set(range(self.solids.count)) - done)
+
+    def verdicts(self, pieces: dict[int, SmoothPiece], found: dict[int, OcctFinding]) -> dict[int, Acceptance]:
+        """About pieces by their numbers, with what OCCT says about those that it read."""
+        away = self._distances({k: found[k] for k in pieces if k in found and found[k].tessellates})
+        return {
+            k: self._verdict(k, piece, found.get(k), away.get(k, (_NOWHERE, _NOWHERE))) for k, piece in pieces.items()
+        }
+
+    def _verdict(self, k: int, piece: SmoothPiece, found: OcctFinding | None, away: tuple[Away, Away]) -> Acceptance:
+        if piece.refused or found is None:
+            return Acceptance(piece.refused or "OCCT did not read it within the time limit")
+        limits, wanted, gap = self.limits, self.volumes[k], max(piece.gap, found.gap)
+        there, back = away
+        far = max(away, key=lambda way: way.worst - way.allowed)
+        sound = found.valid and found.closed
+        near = far.worst <= far.allowed
+        tests = (
+            (sound, "OCCT finds it invalid"),
+            (found.faces == piece.faces, f"OCCT reads {found.faces} faces instead of {piece.faces}"),
+            (found.tessellates, "OCCT makes no triangles of a face"),
+            (gap <= GAP * limits.thickness, f"a gap of {gap:.3g} mm is wider than {GAP * limits.thickness:.3g} mm"),
+            (near, f"it is {far.worst:.2g} mm off the mesh, more than {far.allowed:.2g} mm"),
+            (
+                abs(found.volume - wanted) <= (CHANGED_VOLUME + self.rounder[k]) * wanted,
+                f"its volume is off by {found.volume / wanted - 1:.1%}",
+            ),
+        )
+        reason = next((text for good, text in tests if not good), "")
+        bad = np.concatenate([there.bad, back.bad])
+        if not (sound and found.tessellates):
+            bad = found.bad if len(found.bad) else crossings(piece)
+        if sound and found.tessellates and near and gap <= GAP * limits.thickness:
+            bad = bad[:0]
+        elif not len(bad):
+            bad = piece.ends
+        return Acceptance(reason, bad, there.most, back.most, found.volume)
+
+    @cached_property
+    def volumes(self) -> Floats:
+        """(p,) millimetres cubed of the mesh solid of each piece: the sum over its faces of the prisms between the
+        skins."""
+        return self._sum(np.ones(len(self.sheet.F)))
+
+    @cached_property
+    def rounder(self) -> Floats:
+        """(p,) by what share the volume of each piece may be larger, since the mesh cuts its curves short."""
+        sheet = self.sheet
+        upper = (sheet.V + sheet.D)[sheet.F].mean(axis=1)  # on a skin, whose triangles are found in half the time
+        share = self.limits.rounder[self.limits.nearest(upper)]
+        return np.maximum(self._sum(share) / self.volumes, 0.0)
+
+    def _sum(self, share: Floats) -> Floats:
+        """By piece, of a share of the volume over each face."""
+        sheet = self.sheet
+        of = share * prisms(sheet.V, sheet.D, sheet.F)
+        return np.asarray(np.bincount(sheet.piece, of, sheet.count), dtype=np.float64)
+
+    def _distances(self, found: dict[int, OcctFinding]) -> dict[int, tuple[Away, Away]]:
+        """By piece, from it to the mesh, and back."""
+        away = dict[int, tuple[Away, Away]]()
+        points = self.solids.part.V
+        for solid in {int(self.solid[k]) for k in found}:
+            mesh, these = self.solids.faces({solid}), [k for k in found if self.solid[k] == solid]
+            V = np.concatenate([found[k].V for k in these])
+            start = np.cumsum([0, *(len(found[k].V) for k in these)])
+            F = np.concatenate([found[k].F + i for k, i in zip(these, start, strict=False)])
+            back = self._farthest(points, mesh, V, F)
+            for k in these:
+                away[k] = (self._farthest(found[k].V, found[k].F, points, mesh), back)
+        return away
+
+    def distances(self, V: Floats, F: Ints) -> tuple[Away, Away]:
+        """Of the triangles V (n, 3), F (m, 3) of all solids from those of the part, and back."""
+        part = self.solids.part
+        return self._farthest(V, F, part.V, part.F), self._farthest(part.V, part.F, V, F)
+
+    def beyond(self, points: Floats) -> Floats:
+        """(k,) how much farther points (k, 3) are from the mesh than they may be, less than 0 where they are nearer."""
+        away = self.solids.away(points)
+        far = away > NEAR * self.limits.distance  # the others need not be asked
+        away[far] -= self.limits.allowed(points[far])
+        away[~far] -= self.limits.distance
+        return away
+
+    def _farthest(self, V: Floats, F: Ints, V2: Floats, F2: Ints) -> Away:
+        """Of the vertices and the middles of triangles, from the other triangles."""
+        corners = corners_of(F, np.ones(len(F), dtype=bool), len(V))
+        points = np.concatenate([V[corners], V[F].mean(axis=1)])
+        away = nearest(points, V2, F2).distance
+        far = points[away > self.limits.distance]  # the others need not be asked
+        if not len(far):
+            return Away(float(away.max()), float(away.max()), self.limits.distance, far)
+        most, allowed = away[away > self.limits.distance], self.limits.allowed(far)
+        k = int((most - allowed).argmax())
+        return Away(float(away.max()), float(most[k]), float(allowed[k]), far[most > allowed])
+
+
+FIT = 1 / 3
+"""Tolerance of the skins, as a share of the distance that is allowed."""
+
+LAYOUTS = ((68.0, 1, 0), (58.0, 1, 0), (52.0, 8, 1), (45.0, 12, 2), (40.0, 24, 3))
+"""Degrees that a chart's normals may lean, charts at least, and where their seeds begin."""
+
+LOOPS = 40
+"""Outlines in a chart, about: opening, checking and measuring a face take OCCT their number squared."""
+
+MOST_WALLS = 1500
+"""Walls of a sheet that is to be made in a hurry: half a minute at most so far."""
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothSolid:
+    """A layout's pieces, who judges them and who builds them anew; asked : those of solids that were not done yet."""
+
+    gate: Gate
+    builder: Builder
+    model: SmoothModel
+    asked: list[int]
+
+
+class SmoothPlan:
+    """A part to be made smooth; raises ExportError where its sheet is not known, or is too large for a hurry."""
+
+    def __init__(self, part: Part) -> None:
+        if part.curved is None:
+            raise ExportError("smooth STEP needs the sheet, and only its solid is known")
+        self.curved, self.solids = part.curved(), Solids(part)
+        self.surface = Surface(self.curved.V, self.curved.F)
+        self.limits = smooth_limits(self.surface, self.curved, part.tolerance)
+        t, distance = self.limits.thickness, self.limits.distance
+        self.allowed = Allowed(t, distance, float(np.median(self.limits.chord)))
+        if part.hurry:
+            self._ask_walls(MOST_WALLS * part.hurry)
+
+    def layouts(self) -> Iterator[Floats]:
+        """Fields (n, c) of one layout after another, each once: chart k is where field k is largest.
+
+        The first one is for open sheets only: on a closed surface its charts become too flat, and fits fail.
+        """
+        if len(self.curved.twins):
+            raise ExportError("the surface has one side only, so it has no two skins")
+        some = LAYOUTS if self.surface.edges.boundary.any() else LAYOUTS[1:]
+        known = set[bytes]()
+        for lean, fewest, start in some:
+            fields = layout(self.surface, float(np.deg2rad(lean)), max(fewest, self.enough), start)
+            chart = fields.argmax(axis=1).tobytes()
+            if chart not in known:
+                yield fields
+            known.add(chart)
+
+    @cached_property
+    def whole(self) -> SheetOutline:
+        """The sheet in one chart."""
+        return sheet_of(self.curved.divided(np.ones((self.surface.n, 1))), self.curved.shift)
+
+    @cached_property
+    def gate(self) -> Gate:
+        """Judges solids that are not made in charts."""
+        return Gate(self.solids, self.whole, self.limits)
+
+    @property
+    def enough(self) -> int:
+        """Charts for all outlines of the sheet."""
+        return sum(len(region.loops) for region in self.whole.regions) // LOOPS + 1
+
+    def _ask_walls(self, most: int) -> None:
+        """Raise ExportError where a sheet has too many walls for a hurry."""
+        count = sum(run.beyond == WALL for region in self.whole.regions for loop in region.loops for run in loop)
+        if count > most:
+            raise ExportError(
+                f"its smooth solid would have {count} walls, more than {most}, which take too long to be made "
+                "unasked; ask for step = 'smooth'"
+            )
+
+    def built(self, fields: Floats, done: Collection[int] = ()) -> SmoothSolid:
+        """The pieces of all solids but those that are done, in a layout of charts: fields (n, c), the largest names
+        the chart. Raises ExportError as soon as a chart fails that the only solid needs: the others take long."""
+        atlas = Atlas(self.surface, self.curved, fields, FIT * self.limits.distance)
+        needed = set[int]()
+
+        def hopeless(chart: int) -> bool:
+            if self.solids.count == 1 and chart in self.curved.divided(atlas.fields).chart:
+                needed.add(chart)
+            return bool(needed)
+
+        atlas.make(np.unique(fields.argmax(axis=1)[self._near(done)]), hopeless=hopeless)
+        if needed:
+            raise ExportError(atlas.failed[needed.pop()])
+        sheet = sheet_of(self.curved.divided(atlas.fields), self.curved.shift)
+        gate = Gate(self.solids, sheet, self.limits)
+        asked = _pieces(gate, done)
+        atlas.make(np.unique(sheet.chart[np.isin(sheet.piece, asked)]), halve=False)
+        why = {k: text for chart, text in atlas.failed.items() for k in np.unique(sheet.piece[sheet.chart == chart])}
+        ready = [k for k in asked if k not in why]
+        regions = tuple(region for region in sheet.regions if region.piece in ready)
+        builder = Builder(replace(sheet, regions=regions), atlas.charts, self.allowed)
+        pieces = [
+            builder.piece(k, {}) if k in ready else SmoothPiece(refused=why.get(k, "it is done"))
+            for k in range(sheet.count)
+        ]
+        return SmoothSolid(
+            gate, builder, SmoothModel(atlas.charts, builder.nodes, pieces, self.limits.thickness), asked
+        )
+
+    def _near(self, done: Collection[int]) -> Ints:
+        """Vertices of the surface on faces that the pieces of solids may touch that are not done."""
+        mine = np.isin(self.whole.piece, _pieces(Gate(self.solids, self.whole, self.limits), done))
+        points = self.whole.V[np.unique(self.whole.F[mine])]
+        marks = np.zeros(self.surface.n, dtype=bool)
+        marks[cKDTree(MM_PER_M * self.surface.V).query(points)[1]] = True
+        return np.unique(self.surface.F[faces_at(self.surface.F, marks)])
+
+
+def _pieces(gate: Gate, done: Collection[int]) -> list[int]:
+    """The pieces of solids that are not done yet."""
+    return [k for k in range(gate.sheet.count) if int(gate.solid[k]) not in done]

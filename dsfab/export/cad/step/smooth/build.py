@@ -1,0 +1,212 @@
+"""The ladder of smooth STEP: build, ask OCCT about every piece, refit what it refuses, give up what stays refused.
+
+charts found, skins fitted -> all pieces built -> file -> `check` -> `gate` -> refused pieces: tighter curves there
+ ^                                                                |  still refused
+ '------------- another layout of charts, for these only ---------'-> faceted, piece by piece
+"""
+
+from contextlib import ExitStack
+from typing import NamedTuple
+from weakref import WeakKeyDictionary
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from dsfab.core.arrays import Floats, Ints, from_segments
+from dsfab.core.errors import ExportError
+from dsfab.core.limits import DEFLECTION
+from dsfab.core.sparse.cholesky import one_blas_thread
+from dsfab.export.cad.step.file_size import BudgetError, within
+from dsfab.export.cad.step.shared.skins import Limits
+from dsfab.export.cad.step.smooth.acceptance import GAP, Acceptance, SmoothPlan, SmoothSolid
+from dsfab.export.cad.step.smooth.edges import TIGHTER, Key
+from dsfab.export.cad.step.smooth.layout import WALL, SheetOutline
+from dsfab.export.cad.step.smooth.solid import SmoothModel, SmoothPiece, SmoothPieceFile, crossings, file_text, rest_of
+from dsfab.export.cad.step.worker.reports import OcctFinding, findings, occt
+from dsfab.export.part import Part
+from dsfab.export.subprocesses import Ahead
+
+MOST_INSPECTED = 6000
+"""After so many faces were read back, a minute or two, no further layout is tried."""
+
+REFITS = 2
+"""How often the refused pieces of a layout are built tighter."""
+
+HOPELESS = 40
+"""Places that OCCT refuses in a first file beyond which refits are not tried in a hurry: of seven sheets with 1100 to
+3800 faces four had none, one 2, and two 104 and 216, which refits did not cure."""
+
+SECONDS = 120
+SECONDS_PER_FACE = 0.1
+"""Of the processor, for a check, many times what was measured; it may not end."""
+
+CLOSEST = len(TIGHTER) - 1
+"""The level that no curve is refitted beyond."""
+
+CHORDS, NEAR = 64, 4
+"""Chords of an edge that corners of the mesh are compared with, and how many of those nearest by their middles."""
+
+
+class _Taken(NamedTuple):
+    """A piece that was accepted: the layout it is in, its number there, and its verdict."""
+
+    model: SmoothModel
+    number: int
+    verdict: Acceptance
+
+
+_MADE: WeakKeyDictionary[Part, SmoothPieceFile] = WeakKeyDictionary()
+
+
+def smooth_file(part: Part) -> SmoothPieceFile:
+    """The smooth file of a part, made once; raises ExportError with the reason where no piece can be smooth."""
+    if part not in _MADE:
+        _MADE[part] = _Ladder(part).made()
+    return _MADE[part]
+
+
+def first_draft(part: Part) -> tuple[int, int]:
+    """Faces and bytes of a part's first smooth file, which nobody has checked; ExportError where none can be made."""
+    plan = SmoothPlan(part)
+    with one_blas_thread():
+        model = plan.built(next(plan.layouts())).model
+    which = [k for k, piece in enumerate(model.pieces) if not piece.refused]
+    if not which:
+        raise ExportError(model.pieces[0].refused)
+    return sum(model.pieces[k].faces for k in which), len(file_text(part, [(model, k) for k in which]))
+
+
+class _Ladder:
+    def __init__(self, part: Part) -> None:
+        self.part, self.plan = part, SmoothPlan(part)
+        self.inspected, self.most = 0, MOST_INSPECTED
+        self.taken, self.reason, self.pieces = list[_Taken](), "", 0
+        self.left: Ints = part.F
+        self.done = set[int]()
+        self.last, self.text = list[tuple[SmoothModel, int]](), ""
+
+    def made(self) -> SmoothPieceFile:
+        """Each solid in the first layout that has all its pieces accepted; those of other solids may be in others."""
+        for turn, fields in enumerate(self.plan.layouts(), 1):
+            try:
+                self._try(fields)
+            except BudgetError:
+                raise
+            except ExportError as error:
+                self.reason = str(error)
+                if self.part.hurry:
+                    break
+                continue
+            if not len(self.left) or self.inspected > self.most or turn == self.part.hurry:
+                break
+        if not self.taken:
+            raise ExportError(f"{self.reason}; write step = 'faceted'")
+        return self._file()
+
+    def _try(self, fields: Floats) -> None:
+        """A layout: its pieces of solids that are not done yet, refitted where they are refused."""
+        with ExitStack() as programs:
+            self._judged(programs, fields)
+
+    def _judged(self, programs: ExitStack, fields: Floats) -> None:
+        program = programs.enter_context(occt())
+        with one_blas_thread():  # bands of a hundred: on two busy cores, threads took ten times as long
+            built = self.plan.built(fields, self.done)
+        gate, model, asked = built.gate, built.model, built.asked
+        levels = [dict[Key, int]() for _ in model.pieces]
+        for k in asked:
+            if not model.pieces[k].refused:
+                untangle(built, k, levels[k])
+        verdicts, todo = dict[int, Acceptance](), asked
+        for turn in range(REFITS + 1):
+            ready = [k for k in todo if not model.pieces[k].refused]
+            verdicts |= gate.verdicts({k: model.pieces[k] for k in todo}, self._found(program, model, ready))
+            todo = [k for k in todo if len(verdicts[k].bad) and tighten(model, k, levels[k], verdicts[k].bad)]
+            if not todo or turn == REFITS or self.inspected > self.most:
+                break
+            if self.part.hurry and sum(len(verdicts[k].bad) for k in todo) > HOPELESS:
+                break
+            program = programs.enter_context(occt())
+            for k in todo:
+                model.pieces[k] = built.builder.piece(k, levels[k], traced=turn == REFITS - 1)
+        refused = {int(gate.solid[k]) for k in asked if verdicts[k].reason}
+        taken = [k for k in asked if int(gate.solid[k]) not in refused]
+        self.taken += [_Taken(model, k, verdicts[k]) for k in taken]
+        self.done |= {int(gate.solid[k]) for k in taken}
+        self.reason = next((verdicts[k].reason for k in asked if verdicts[k].reason), "")
+        self.left, self.pieces = gate.without(self.done), len(model.pieces)
+
+    def _found(self, program: Ahead, model: SmoothModel, which: list[int]) -> dict[int, OcctFinding]:
+        """What OCCT finds in the pieces, by piece; nothing when it does not end in time."""
+        count = sum(model.pieces[k].faces for k in which)
+        self.inspected += count
+        self.last = [(model, k) for k in which]
+        self.text = file_text(self.part, self.last)
+        within(self.part, count, len(self.text))
+        seconds = SECONDS + SECONDS_PER_FACE * count
+        found = findings(program, self.text, DEFLECTION * self.plan.limits.distance, seconds) if which else []
+        return dict(zip(which, found, strict=True)) if len(found) == len(which) else {}
+
+    def _file(self) -> SmoothPieceFile:
+        rest = rest_of(self.part, self.left) if len(self.left) else None
+        taken = [(model, k) for model, k, _ in self.taken]
+        text = self.text if rest is None and taken == self.last else file_text(self.part, taken, rest)
+        return SmoothPieceFile(
+            text=text,
+            pieces=self.pieces,
+            smooth=len(self.taken),
+            faces=text.count("=ADVANCED_FACE("),
+            gap=max(model.pieces[k].gap for model, k, _ in self.taken),
+            there=max(verdict.there for _, _, verdict in self.taken),
+            back=max(verdict.back for _, _, verdict in self.taken),
+            limits=self.plan.limits,
+            volume=sum(verdict.volume for _, _, verdict in self.taken),
+            refused=self.reason if len(self.left) else "",
+        )
+
+
+def tighten(model: SmoothModel, k: int, level: dict[Key, int], bad: Floats) -> bool:
+    """Raise the level of the runs nearest to the `bad` points (k, 3), millimetres; whether there was one to raise."""
+    piece = model.pieces[k]
+    x = np.linspace(0, 1, 9)
+    samples = np.concatenate([curve(x) for edge in piece.edges for curve in (edge.upper, edge.lower)])
+    tree = cKDTree(samples)
+    reach = np.atleast_1d(tree.query(bad)[0]) + 1e-3 * model.thickness
+    hit = {i // (2 * len(x)) for point, r in zip(bad, reach, strict=True) for i in tree.query_ball_point(point, r)}
+    keys = {piece.keys[i] for i in hit if level.get(piece.keys[i], 0) < CLOSEST}
+    level |= {key: level.get(key, 0) + 1 for key in keys}
+    return bool(keys)
+
+
+def untangle(built: SmoothSolid, k: int, level: dict[Key, int]) -> None:
+    """Build a piece again until none of its curves crosses, gapes or strays, as long as closer fits are left."""
+    model, corners = built.model, _corners(built.gate.sheet, k)
+    for _ in range(CLOSEST):
+        piece = model.pieces[k]
+        gaping = piece.ends[[edge.gap > GAP * model.thickness for edge in piece.edges]]
+        stray = astray(piece, corners, built.gate.limits)
+        bad = np.concatenate([crossings(piece), gaping, stray])
+        if not len(bad) or not tighten(model, k, level, bad):
+            return
+        model.pieces[k] = built.builder.piece(k, level)
+
+
+def astray(piece: SmoothPiece, corners: Floats, limits: Limits) -> Floats:
+    """(k, 3) the corners (n, 3) of the mesh at walls that are farther from the piece's edges than its solid may be.
+
+    OCCT's triangles would tell so, but another round with OCCT takes seconds.
+    """
+    x = np.linspace(0, 1, CHORDS + 1)
+    lines = np.stack([curve(x) for edge in piece.edges if edge.wall for curve in (edge.upper, edge.lower)])
+    start, end = lines[:, :-1].reshape(-1, 3), lines[:, 1:].reshape(-1, 3)
+    near = cKDTree((start + end) / 2).query(corners, NEAR)[1]
+    away = from_segments(corners[:, None], start[near], end[near]).min(axis=1)
+    far = away > limits.distance
+    return np.asarray(corners[far][away[far] > limits.allowed(corners[far])])
+
+
+def _corners(sheet: SheetOutline, k: int) -> Floats:
+    """(n, 3) both ends of the mesh's posts along the walls of a piece."""
+    runs = [run for region in sheet.regions if region.piece == k for loop in region.loops for run in loop]
+    v = np.unique(np.concatenate([run.vertices for run in runs if run.beyond == WALL]))
+    return np.concatenate([sheet.V[v] + sheet.D[v], sheet.V[v] - sheet.D[v]])

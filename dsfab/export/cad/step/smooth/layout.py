@@ -1,0 +1,336 @@
+"""Division of a surface into charts that a plane sees whole, and the outlines of the sheet in each chart."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from itertools import pairwise
+from typing import Any
+
+import igl
+import numpy as np
+from scipy.sparse import coo_array, csc_array, csr_array, diags_array
+from scipy.sparse.csgraph import connected_components, dijkstra
+from scipy.sparse.linalg import splu
+
+from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.core.sparse.cholesky import one_blas_thread
+from dsfab.core.units import MM_PER_M
+from dsfab.export.cad.step.planar import cut_apart
+from dsfab.export.part import DividedSheet
+from dsfab.surface.fields import voronoi_mass
+from dsfab.surface.mesh import Surface
+from dsfab.surface.topology import boundary_loops, edge_table, half_edges, pieces
+
+SLACK = np.deg2rad(12.0)
+"""Straightening moves faces into charts that see them at a flatter angle: so much more is allowed then."""
+
+ROUNDS = 30
+"""Seeds are added so often."""
+
+TURN = 0.2
+"""What turning by a radian counts on the way between faces, as a share of the surface's root area."""
+
+REACH = 0.25
+"""How far indicators diffuse, as a share of the small charts' radii."""
+
+SYMMETRIC: dict[str, Any] = {
+    "permc_spec": "MMD_AT_PLUS_A",
+    "options": {"SymmetricMode": True},
+    "diag_pivot_thresh": 0.0,
+}
+"""For factors of symmetric matrices with fewer entries."""
+
+SWEEPS = 4
+"""Rounds of diffusion and choice."""
+
+
+def layout(surface: Surface, cone: float, fewest: int = 1, start: int = 0) -> Floats:
+    """Fields (n, c) on the vertices: chart k is where field k is largest.
+
+    cone : half angle, radians, within which the normals of a cluster lie around their mean.
+    fewest : charts at least; start : another number gives another layout.
+    """
+    label = _clusters(surface, cone, fewest, start)
+    if label.max() == 0:
+        return np.ones((surface.n, 1))
+    return _within_cones(surface, label, np.cos(cone + SLACK))
+
+
+def _clusters(surface: Surface, cone: float, fewest: int, start: int) -> Ints:
+    """(m,) a cluster for each face, no normal of a cluster outside the cone around its mean, if rounds suffice."""
+    graph = _dual(surface)
+    count, piece = connected_components(graph, directed=False)
+    rng = np.random.default_rng(start)
+    seeds = [int(rng.choice(np.flatnonzero(piece == c))) for c in range(count)]
+    while len(seeds) < min(fewest, surface.m):
+        seeds.append(int(np.argmax(_grown(graph, seeds)[1])))
+    for _ in range(ROUNDS):
+        for _ in range(3):
+            seeds = _middles(surface, _grown(graph, seeds)[0])
+        label = _grown(graph, seeds)[0]
+        cosine = _cosines(surface, label)
+        least = np.full(len(seeds), 2.0)
+        np.minimum.at(least, label, cosine)
+        bad = np.flatnonzero(least < np.cos(cone))
+        if not len(bad):
+            break
+        for b in bad:
+            inside = np.flatnonzero(label == b)
+            seeds.append(int(inside[np.argmin(cosine[inside])]))
+        seeds = list(dict.fromkeys(seeds))
+    return np.unique(label, return_inverse=True)[1].astype(np.int64)
+
+
+def _dual(surface: Surface) -> csr_array:
+    """Distances between neighbouring faces; turning counts, too, so that clusters end at bends."""
+    f, g = (surface.edges.pairs // 3).T
+    away = np.linalg.norm(surface.centroids[f] - surface.centroids[g], axis=1)
+    angle = np.arccos(np.clip(np.einsum("ki,ki->k", surface.normals[f], surface.normals[g]), -1, 1))
+    length = away + TURN * np.sqrt(surface.area) * angle + 1e-12 * surface.size
+    ends = (np.concatenate([f, g]), np.concatenate([g, f]))
+    return coo_array((np.concatenate([length, length]), ends), shape=(surface.m, surface.m)).tocsr()
+
+
+def _grown(graph: csr_array, seeds: list[int]) -> tuple[Ints, Floats]:
+    """The nearest seed of each face, and its distance."""
+    distance, _, source = dijkstra(graph, directed=False, indices=seeds, min_only=True, return_predecessors=True)
+    number = np.zeros(graph.shape[0], dtype=np.int64)
+    number[seeds] = np.arange(len(seeds))
+    return number[source], distance
+
+
+def _middles(surface: Surface, label: Ints) -> list[int]:
+    """The face of each cluster nearest to its centroid."""
+    area = np.bincount(label, surface.areas)
+    middle = np.stack([np.bincount(label, surface.areas * c) for c in surface.centroids.T], axis=1) / area[:, None]
+    away = np.linalg.norm(surface.centroids - middle[label], axis=1)
+    least = np.full(len(area), np.inf)
+    np.minimum.at(least, label, away)
+    nearest = np.flatnonzero(away == least[label])
+    return [int(f) for f in nearest[np.unique(label[nearest], return_index=True)[1]]]
+
+
+def _cosines(surface: Surface, label: Ints) -> Floats:
+    """(m,) of the angle between each face's normal and its cluster's mean."""
+    vectors = surface.areas[:, None] * surface.normals
+    mean = np.stack([np.bincount(label, x) for x in vectors.T], axis=1)
+    size = np.linalg.norm(mean, axis=1, keepdims=True)
+    area = np.bincount(label, surface.areas)[:, None]
+    mean = np.where(size > 1e-3 * area, mean / np.maximum(size, 1e-300), 0.0)  # a closed cluster has none
+    return np.asarray(np.einsum("mi,mi->m", surface.normals, mean[label]))
+
+
+def _within_cones(surface: Surface, label: Ints, least: float) -> Floats:
+    """Straightened fields; charts that became too steep or fell apart are divided, and straightened again."""
+    for turn in range(5):
+        fields = _straightened(surface, label, 1.0 if turn == 0 else 0.7)
+        label = fields[surface.F].sum(axis=1).argmax(axis=1)
+        label = _parts(surface, label)
+        cosine = _cosines(surface, label)
+        bad = np.unique(label[cosine < least])
+        if not len(bad) and label.max() + 1 == len(np.unique(fields.argmax(axis=1))):
+            break
+        for b in bad:
+            _halve(surface, label, int(b), cosine)
+    used = np.unique(fields.argmax(axis=1))
+    return np.asarray(fields[:, used])
+
+
+def _straightened(surface: Surface, label: Ints, share: float) -> Floats:
+    """(n, c) indicators of the clusters, diffused and chosen from in turn."""
+    count = int(label.max()) + 1
+    stiffness = -igl.cotmatrix(surface.V, surface.F)
+    mass = voronoi_mass(surface)
+    radius = np.sqrt(np.bincount(label, surface.areas, count) / np.pi)
+    reach = share * REACH * max(float(np.percentile(radius, 10)), 4 * surface.mean_edge)
+    load = np.zeros((surface.n, count))
+    for corner in range(3):
+        np.add.at(load, (surface.F[:, corner], label), surface.areas / 3)
+    with one_blas_thread():  # then all columns at once take half the time of one by one, otherwise five times as much
+        step = splu(csc_array(diags_array(mass) + reach**2 * stiffness), **SYMMETRIC)
+        fields = step.solve(load)
+        for _ in range(SWEEPS - 1):
+            chosen = np.zeros_like(load)
+            chosen[np.arange(surface.n), fields.argmax(axis=1)] = mass
+            moved = (chosen != load).any(axis=0)  # of small charts, half stay as they are
+            fields[:, moved] = step.solve(chosen[:, moved])
+            load = chosen
+    return fields
+
+
+def _parts(surface: Surface, label: Ints) -> Ints:
+    """A label of its own for every connected part."""
+    f, g = (surface.edges.pairs // 3).T
+    same = label[f] == label[g]
+    links = coo_array((np.ones(int(same.sum())), (f[same], g[same])), shape=(surface.m, surface.m))
+    return np.asarray(connected_components(links, directed=False)[1].astype(np.int64))
+
+
+def _halve(surface: Surface, label: Ints, bad: int, cosine: Floats) -> None:
+    """Divide a chart between its steepest face and the face that looks away from that one most."""
+    inside = np.flatnonzero(label == bad)
+    first = inside[np.argmin(cosine[inside])]
+    second = inside[np.argmin(surface.normals[inside] @ surface.normals[first])]
+    closer = surface.normals[inside] @ (surface.normals[second] - surface.normals[first]) > 0
+    label[inside[closer]] = int(label.max()) + 1
+
+
+SHARP = np.deg2rad(35.0)
+"""A wall that turns by more than this at a vertex has a corner there."""
+
+WALL = -1
+"""What is beyond a wall, where a seam has a chart."""
+
+
+@dataclass(frozen=True, eq=False)
+class OutlineRun:
+    """vertices (k,) in order, the material on their left; beyond: the chart there, or `WALL`; width: of the loop it is
+    in, twice its area over its length, millimetres: the radius of a circle, the width of a long slit."""
+
+    vertices: Ints
+    beyond: int
+    width: float
+
+
+@dataclass(frozen=True, eq=False)
+class Region:
+    """A connected part of the sheet in one chart: its loops of runs, in any order."""
+
+    chart: int
+    piece: int
+    loops: tuple[tuple[OutlineRun, ...], ...]
+
+
+@dataclass(frozen=True, eq=False)
+class SheetOutline:
+    """The divided sheet in millimetres, with its regions.
+
+    V, D    : (n, 3) vertices of the middle surface, half-thickness vectors.
+    F       : (m, 3) faces; chart and piece (m,) of each.
+    charts  : (v, 2) all pairs of a vertex and a chart around it, in order.
+    """
+
+    V: Floats
+    D: Floats
+    F: Ints
+    chart: Ints
+    piece: Ints
+    charts: Ints
+    regions: tuple[Region, ...]
+
+    @property
+    def count(self) -> int:
+        """Number of pieces."""
+        return int(self.piece.max()) + 1
+
+
+@dataclass(frozen=True, eq=False)
+class _Beyond:
+    """Half-edges by their ends, sorted keys start * n + end; the chart beyond each, and what it is an edge of."""
+
+    n: int
+    key: Ints
+    chart: Ints
+    family: Ints
+
+    def at(self, loop: Ints) -> tuple[Ints, Ints]:
+        k = np.searchsorted(self.key, loop * self.n + np.roll(loop, -1))
+        return self.chart[k], self.family[k]
+
+
+def both_skins(given: DividedSheet, shift: int) -> Floats:
+    """(n, 2, 3) millimetres, the vertices of a sheet on its upper skin and on its lower one."""
+    V, D = _middle(given, shift)
+    return np.stack([V + D, V - D], axis=1)
+
+
+def _middle(given: DividedSheet, shift: int) -> tuple[Floats, Floats]:
+    """(n, 3) each, millimetres: the vertices of the middle surface, and half-thickness vectors."""
+    D = MM_PER_M * given.D
+    return MM_PER_M * given.V + shift * D, D
+
+
+def sheet_of(given: DividedSheet, shift: int) -> SheetOutline:
+    """The regions of a sheet whose middle lies `shift` half-thicknesses off its vertices."""
+    V, D, F = *_middle(given, shift), given.F
+    table = edge_table(F)
+    _, piece = pieces(F, table)
+    count = int(given.chart.max()) + 1
+    charts = np.stack(np.divmod(np.unique(F * count + given.chart[:, None]), count), axis=1)  # pairs as single numbers
+    special = np.bincount(charts[:, 0], minlength=len(V)) > 2
+    special[table.ends[table.boundary]] = True
+    beyond = _beyond(given, len(V))
+    found = list(_regions(F, given.chart))
+    shared = [_shared(loops) for _, loops in found]
+    special[np.concatenate(shared)] = True
+    regions = tuple(
+        Region(
+            int(given.chart[face]),
+            int(piece[face]),
+            tuple(_runs(V, some, special, beyond, touching) for loop in loops for some in _simple(loop)),
+        )
+        for (face, loops), touching in zip(found, shared, strict=True)
+    )
+    return SheetOutline(V, D, F, given.chart, piece, charts, regions)
+
+
+def _regions(F: Ints, chart: Ints) -> Iterator[tuple[int, list[Ints]]]:
+    """Connected parts of charts: a face of each, and its outlines as vertices."""
+    for k in np.unique(chart):
+        mine = np.flatnonzero(chart == k)
+        count, part = pieces(F[mine], edge_table(F[mine]))
+        for i in range(count):
+            faces = mine[part == i]
+            yield int(faces[0]), boundary_loops(F[faces], edge_table(F[faces]))
+
+
+def _shared(loops: list[Ints]) -> Ints:
+    """The vertices that the outlines of a part pass more than once."""
+    vertices, often = np.unique(np.concatenate(loops), return_counts=True)
+    return np.asarray(vertices[often > 1])
+
+
+def _simple(loop: Ints) -> list[Ints]:
+    """A loop cut apart where it comes back to a vertex: a wire of STEP must not, and only some readers mend it."""
+    return [loop[some] for some in cut_apart(list(range(len(loop))), loop.tolist())]
+
+
+def _beyond(given: DividedSheet, n: int) -> _Beyond:
+    a, b = half_edges(given.F)
+    h0, h1 = edge_table(given.F).pairs.T
+    chart, family = np.full(len(a), WALL), np.full(len(a), WALL)
+    chart[h0], chart[h1] = given.chart[h1 // 3], given.chart[h0 // 3]
+    family[given.half_edge] = given.family
+    key = a * n + b
+    order = np.argsort(key)
+    return _Beyond(n, key[order], chart[order], family[order])
+
+
+def _runs(V: Floats, loop: Ints, special: Bools, beyond: _Beyond, touching: Ints) -> tuple[OutlineRun, ...]:
+    chart, family = beyond.at(loop)
+    seam = chart != WALL
+    kind = np.where(seam, chart, -2 - family)
+    along = V[np.roll(loop, -1)] - V[loop]
+    length = np.linalg.norm(along, axis=1)
+    along = along / np.maximum(length, 1e-300)[:, None]
+    ahead = np.einsum("ki,ki->k", along, np.roll(along, 1, axis=0))
+    sharp = ~seam & ~np.roll(seam, 1) & (ahead < np.cos(SHARP))
+    ends = (kind != np.roll(kind, 1)) | sharp | (seam & np.roll(seam, 1) & special[loop]) | np.isin(loop, touching)
+    at = _two_at_least(V, loop, np.flatnonzero(ends))
+    stops, width = [*at.tolist(), int(at[0]) + len(loop)], _width(V[loop], float(length.sum()))
+    return tuple(OutlineRun(loop[np.arange(i, j + 1) % len(loop)], int(chart[i]), width) for i, j in pairwise(stops))
+
+
+def _width(line: Floats, length: float) -> float:
+    """Twice the area inside a closed line in space over its length."""
+    P = line - line.mean(axis=0)
+    return float(np.linalg.norm(np.cross(P, np.roll(P, -1, axis=0)).sum(axis=0))) / max(length, 1e-300)
+
+
+def _two_at_least(V: Floats, loop: Ints, at: Ints) -> Ints:
+    """Positions of a loop where runs begin: at least two, found alike from both sides of a seam."""
+    if len(at) > 1:
+        return at
+    first = int(at[0]) if len(at) else int(np.argmin(loop))
+    away = np.round(np.linalg.norm(V[loop] - V[loop[first]], axis=1), 6)
+    second = int(np.lexsort((loop, -away))[0])
+    return np.sort(np.array([first, second]))

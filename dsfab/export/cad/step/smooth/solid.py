@@ -1,0 +1,438 @@
+"""Smooth solids as closed shells on shared edges, crossings of their outlines, and their STEP entities and file."""
+
+from collections.abc import Iterable, Iterator
+from dataclasses import dataclass, field, replace
+from functools import lru_cache
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.core.errors import ExportError
+from dsfab.export.cad.step.entities import DIGITS, closing, header, planar_faces
+from dsfab.export.cad.step.file_size import simplified_part, usual_tolerance
+from dsfab.export.cad.step.flat_sheets import Entities, enclosed, references, step_list
+from dsfab.export.cad.step.planar import Polyhedron, polyhedron
+from dsfab.export.cad.step.shared.skins import Limits
+from dsfab.export.cad.step.smooth.charts import Patch, SkinChart
+from dsfab.export.cad.step.smooth.edges import (
+    Allowed,
+    Asked,
+    Edge,
+    Key,
+    Nodes,
+    nodes_of,
+    run_key,
+    seam_edges,
+    wall_edges,
+)
+from dsfab.export.cad.step.smooth.layout import WALL, OutlineRun, Region, SheetOutline
+from dsfab.export.mesh.soundness import solids_of
+from dsfab.export.part import Part, without_collapsed
+from dsfab.export.splines import Spline, straight
+
+
+@dataclass(frozen=True)
+class SmoothSkin:
+    """A region's two faces: its chart, and loops of edges with whether each is run through forwards; outer first."""
+
+    chart: int
+    loops: tuple[tuple[tuple[int, bool], ...], ...]
+
+
+@dataclass(eq=False)
+class SmoothPiece:
+    """A piece: edges with the keys of their runs, skins, and its widest gap, millimetres.
+
+    traced : whether its edges are written with their curves on skins and walls, too.
+    refused : why it cannot be one closed shell, or ''.
+    """
+
+    edges: list[Edge] = field(default_factory=list)
+    keys: list[Key] = field(default_factory=list)
+    skins: list[SmoothSkin] = field(default_factory=list)
+    gap: float = 0.0
+    traced: bool = False
+    refused: str = ""
+
+    @property
+    def faces(self) -> int:
+        """A wall for each edge that is no seam, and two skins for each region."""
+        return sum(edge.wall for edge in self.edges) + 2 * len(self.skins)
+
+    @property
+    def ends(self) -> Floats:
+        """(k, 3) the upper ends of its edges."""
+        return np.array([edge.upper.poles[0] for edge in self.edges])
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothModel:
+    """All pieces on their charts, the points of their nodes (2, 3), and the thickness; millimetres."""
+
+    charts: dict[int, SkinChart]
+    nodes: Nodes
+    pieces: list[SmoothPiece]
+    thickness: float
+
+
+class Builder:
+    """Builds pieces, again where asked, on one sheet and its charts."""
+
+    def __init__(self, sheet: SheetOutline, charts: dict[int, SkinChart], allowed: Allowed) -> None:
+        self.sheet, self.allowed = sheet, allowed
+        self.nodes = nodes_of(sheet, charts)
+        self._made: dict[tuple[Key, int], list[Edge]] = {}
+        self._make(sheet.regions, {})
+
+    def piece(self, number: int, level: dict[Key, int], traced: bool = False) -> SmoothPiece:
+        """One piece; level : how often each of its runs was refused; traced : as in `SmoothPiece`."""
+        made, seams = SmoothPiece(traced=traced), dict[Key, int]()
+        regions = [region for region in self.sheet.regions if region.piece == number]
+        self._make(regions, level)
+        for region in regions:
+            loops = [
+                tuple(step for run in loop for step in self._edges(made, seams, run, level)) for loop in region.loops
+            ]
+            area = [enclosed(_polygon(made, loop, region.chart)) for loop in loops]
+            order = sorted(range(len(loops)), key=lambda i: -area[i])
+            if not loops or sum(a > 0 for a in area) != 1:
+                made.refused = "a chart does not see a part of it as one outline"
+            made.skins.append(SmoothSkin(region.chart, tuple(loops[i] for i in order)))
+        if not any(edge.wall for edge in made.edges):
+            made.refused = "it has no outline"
+        made.gap = max((edge.gap for edge in made.edges), default=0.0)
+        return made
+
+    def _make(self, regions: Iterable[Region], level: dict[Key, int]) -> None:
+        """Make the edges of regions that are not made yet, all at once."""
+        walls, seams = dict[tuple[Key, int], Asked](), dict[tuple[Key, int], Asked]()
+        for chart, run in ((region.chart, run) for region in regions for loop in region.loops for run in loop):
+            key, ahead = run_key(run)
+            made = key, level.get(key, 0)
+            if made not in self._made and made not in seams:
+                way = run if run.beyond == WALL or ahead else OutlineRun(run.vertices[::-1], run.beyond, run.width)
+                (walls if run.beyond == WALL else seams)[made] = Asked(way, chart, made[1])
+        if walls:
+            found = wall_edges(list(walls.values()), self.nodes, self.allowed)
+            self._made |= dict(zip(walls, found, strict=True))
+        if seams:
+            both = seam_edges(list(seams.values()), self.nodes, self.sheet, self.allowed)
+            self._made |= {made: [edge] for made, edge in zip(seams, both, strict=True)}
+
+    def _edges(
+        self, made: SmoothPiece, seams: dict[Key, int], run: OutlineRun, level: dict[Key, int]
+    ) -> list[tuple[int, bool]]:
+        """The numbers of a run's edges, and whether the run goes along them."""
+        key, ahead = run_key(run)
+        first = len(made.edges)
+        if run.beyond != WALL and key in seams:
+            return [(seams[key], ahead)]
+        edges = self._made[key, level.get(key, 0)]
+        made.edges += edges
+        made.keys += [key] * len(edges)
+        if run.beyond == WALL:
+            return [(first + i, True) for i in range(len(edges))]
+        seams[key] = first
+        return [(first, ahead)]
+
+
+def _polygon(made: SmoothPiece, loop: tuple[tuple[int, bool], ...], chart: int) -> Floats:
+    """A loop over the plane, as the poles of its curves."""
+    ways = [made.edges[i].flat[chart].poles[:: 1 if ahead else -1] for i, ahead in loop]
+    return np.concatenate([way[:-1] for way in ways])
+
+
+SAMPLES = 16
+"""Chords of each curve, of which crossings are looked for."""
+
+SHARP = 0.5
+"""Cosine of the angle between the sides of a corner that is sharp."""
+
+ROUNDED = 1e-9
+"""Share of a chord's length within which a point counts as on it."""
+
+
+def crossings(piece: SmoothPiece) -> Floats:
+    """(k, 3) places on the upper side where the curves of a skin cross each other over the plane of their chart."""
+    return np.concatenate([np.zeros((0, 3)), *(_in_skin(piece, skin) for skin in piece.skins)])
+
+
+def _in_skin(piece: SmoothPiece, skin: SmoothSkin) -> Floats:
+    x = np.linspace(0, 1, SAMPLES + 1)
+    edges = [piece.edges[i] for loop in skin.loops for i, _ in loop]
+    flat = np.stack([edge.flat[skin.chart](x) for edge in edges])
+    start, end = flat[:, :-1].reshape(-1, 2), flat[:, 1:].reshape(-1, 2)
+    one, two = _near(start, end)
+    found = _across(start, end, one, two) & _across(start, end, two, one)
+    places = np.stack([edge.upper(x[:-1]) for edge in edges]).reshape(-1, 3)
+    ends = np.concatenate([edge.upper(x[[0, -1]]) for edge in edges])
+    return np.concatenate([places[np.unique(np.r_[one[found], two[found]])], ends[_twisted(edges, skin)]])
+
+
+def _twisted(edges: list[Edge], skin: SmoothSkin) -> Ints:
+    """The ends 2 k and 2 k + 1 of edges k at sharp corners whose sides change places close to them: they cross there.
+
+    The chords that meet at a corner do not show that; the tangents do, beside the ways to the middles of the edges.
+    """
+    way = np.array([way for loop in skin.loops for _, way in loop])
+    number = np.split(np.arange(len(way)), np.cumsum([len(loop) for loop in skin.loops])[:-1])
+    before = np.concatenate([np.roll(some, 1) for some in number])
+    flat = [edge.flat[skin.chart] for edge in edges]
+    lines = [curve.poles[:: 1 if ahead else -1] for curve, ahead in zip(flat, way, strict=True)]
+    middle = np.concatenate([curve(np.array([0.5])) for curve in flat])
+    into, out = (np.stack([line[[0, 1, -2, -1]] for line in lines])[i] for i in (before, np.arange(len(way))))
+    near = into[:, 3] - into[:, 2], out[:, 1] - out[:, 0]
+    far = into[:, 3] - middle[before], middle - out[:, 0]
+    sharp = np.einsum("ki,ki->k", *near) < -SHARP * np.prod([np.linalg.norm(v, axis=1) for v in near], axis=0)
+    bad = np.flatnonzero(sharp & (_turn(*near) * _turn(*far) < 0))
+    return np.concatenate([2 * before[bad] + way[before[bad]], 2 * bad + ~way[bad]])
+
+
+def _turn(one: Floats, two: Floats) -> Floats:
+    """(k,) positive where vectors turn to the left."""
+    return np.asarray(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0])
+
+
+def _near(start: Floats, end: Floats) -> tuple[Ints, Ints]:
+    """Pairs of chords that may cross, without those that meet at their ends."""
+    middle, long = (start + end) / 2, np.linalg.norm(end - start, axis=1)
+    reach = long.max()
+    one, two = cKDTree(middle).query_pairs(reach, output_type="ndarray").T
+    apart = np.linalg.norm(middle[one] - middle[two], axis=1)
+    close = apart <= (1 + ROUNDED) * (long[one] + long[two]) / 2  # chords that cross are; most others are shorter
+    one, two = one[close], two[close]
+    meet = np.zeros(len(one), dtype=bool)
+    for a in (start, end):
+        for b in (start, end):
+            meet |= np.linalg.norm(a[one] - b[two], axis=1) < 1e-9 * reach
+    return one[~meet], two[~meet]
+
+
+def _across(start: Floats, end: Floats, line: Ints, chord: Ints) -> Bools:
+    """(k,) whether the ends of a chord lie on different sides of a line, and neither on it but for rounding."""
+    along = (end - start)[line]
+    long = np.linalg.norm(along, axis=1)
+    to, past = start[chord] - start[line], end[chord] - start[line]
+    first, second = _turn(along, to) / long, _turn(along, past) / long
+    return np.asarray((first * second < 0) & (np.minimum(np.abs(first), np.abs(second)) > ROUNDED * long))
+
+
+ROUNDING = 3e-5
+"""Coordinates are rounded to this share of the thickness, at most, and to 1e-6 mm at least."""
+
+PLANE = "(GEOMETRIC_REPRESENTATION_CONTEXT(2)PARAMETRIC_REPRESENTATION_CONTEXT()REPRESENTATION_CONTEXT('2D SPACE',''))"
+
+SIDES = {"lower": (0, 0, "(1.,0.)"), "upper": (0, 1, "(1.,0.)"), "start": (0, 0, "(0.,1.)"), "end": (1, 0, "(0.,1.)")}
+"""Sides of a wall: where they begin, in lengths of its sides, and their direction."""
+
+
+class SmoothText:
+    """Writes pieces of a model after what `new` holds already."""
+
+    def __init__(self, new: Entities, model: SmoothModel) -> None:
+        self.new, self.model = new, model
+        self.digits = int(np.clip(np.ceil(-np.log10(ROUNDING * model.thickness)), 2, 6))
+        self._skins: dict[tuple[int, bool], int] = {}
+
+    def piece(self, piece: SmoothPiece) -> list[int]:
+        """The faces of a piece."""
+        new = self.new
+        at = {v: self.model.nodes.at[v] for edge in piece.edges for v in (edge.start, edge.end)}
+        vertices = {v: [new.add(f"VERTEX_POINT('',#{p})") for p in self._points(both)] for v, both in at.items()}
+        edges, faces = list[tuple[int, int]](), list[int]()
+        poles = [[list(self._points(line.poles)) for line in (edge.upper, edge.lower)] for edge in piece.edges]
+        surfaces = [
+            self._wall(edge, through) if edge.wall else 0 for edge, through in zip(piece.edges, poles, strict=True)
+        ]
+        sides = dict[int, list[tuple[int, str, int]]]()
+        for edge, wall in zip(piece.edges, surfaces, strict=True):
+            if wall:
+                sides.setdefault(edge.start, []).append((wall, "start", edge.spans))
+                sides.setdefault(edge.end, []).append((wall, "end", edge.spans))
+        posts = {v: self._post(vertices[v], at[v], sides[v] if piece.traced else []) for v in sorted(sides)}
+        for edge, wall, (above, below) in zip(piece.edges, surfaces, poles, strict=True):
+            flat = {k: self._line(curve, edge.spans) for k, curve in edge.flat.items() if piece.traced}
+            ends = vertices[edge.start], vertices[edge.end]
+            on = wall if piece.traced else 0
+            upper = self._edge(edge, above, flat, on, True, (ends[0][0], ends[1][0]))
+            lower = self._edge(edge, below, flat, on, False, (ends[0][1], ends[1][1]))
+            edges.append((upper, lower))
+            if wall:
+                steps = [(lower, True), (posts[edge.end], True), (upper, False), (posts[edge.start], False)]
+                faces.append(new.face([new.wire(steps)], wall))
+        return faces + [face for skin in piece.skins for face in self._both(skin, edges)]
+
+    def _both(self, skin: SmoothSkin, edges: list[tuple[int, int]]) -> tuple[int, int]:
+        """The upper and the lower face of a region."""
+        new = self.new
+        kinds = ["FACE_BOUND" if j else "FACE_OUTER_BOUND" for j in range(len(skin.loops))]
+        above = [
+            new.wire([(edges[i][0], way) for i, way in loop], k) for loop, k in zip(skin.loops, kinds, strict=True)
+        ]
+        below = [
+            new.wire([(edges[i][1], not way) for i, way in reversed(loop)], k)
+            for loop, k in zip(skin.loops, kinds, strict=True)
+        ]
+        upper = new.face(above, self._skin(skin.chart, True))
+        return upper, new.face(below, self._skin(skin.chart, False), same=False)
+
+    def _points(self, points: Floats) -> Iterator[int]:
+        """Of points (k, d), written as `step_list` does: rounded all at once, in a third of the time."""
+        for p in (np.round(points, self.digits) + 0.0).tolist():
+            text = ",".join([f"{v:.{self.digits}f}".rstrip("0") for v in p])
+            yield self.new.once(f"CARTESIAN_POINT('',({text}))")
+
+    def _post(self, vertices: list[int], ends: Floats, sides: list[tuple[int, str, int]]) -> int:
+        """The edge from the lower to the upper point of a node, between two walls."""
+        line = self._line(straight(ends[1], ends[0]), 1)
+        on = [self._on_wall(*side) for side in sides]
+        return self._trimmed(line, on, (vertices[1], vertices[0]))
+
+    def _edge(
+        self, edge: Edge, poles: list[int], flat: dict[int, int], wall: int, above: bool, ends: tuple[int, int]
+    ) -> int:
+        """An edge's upper or lower curve on the skins of its charts, and on its wall."""
+        on = [self._over(self._skin(chart, above), curve) for chart, curve in flat.items()]
+        if wall:
+            on.append(self._on_wall(wall, "upper" if above else "lower", edge.spans))
+        return self._trimmed(self._curve(edge.upper if above else edge.lower, poles, edge.spans), on, ends)
+
+    def _trimmed(self, line: int, on: list[int], ends: tuple[int, int]) -> int:
+        curve = self.new.add(f"SURFACE_CURVE('',#{line},{references(on)},.CURVE_3D.)") if on else line
+        return self.new.add(f"EDGE_CURVE('',#{ends[0]},#{ends[1]},#{curve},.T.)")
+
+    def _over(self, surface: int, curve: int) -> int:
+        """A curve of a surface's parameters."""
+        shown = self.new.once(f"DEFINITIONAL_REPRESENTATION('',(#{curve}),#{self.new.once(PLANE)})")
+        return self.new.add(f"PCURVE('',#{surface},#{shown})")
+
+    def _on_wall(self, wall: int, side: str, spans: int) -> int:
+        """A side of a wall, whose parameters run from 0 to `spans` along it and to 1 upwards."""
+        u, v, along = SIDES[side]
+        start = self.new.once(f"CARTESIAN_POINT('',({u * spans}.,{v}.))")
+        way = self.new.once(f"DIRECTION('',{along})")
+        vector = self.new.once(f"VECTOR('',#{way},1.)")
+        return self._over(wall, self.new.once(f"LINE('',#{start},#{vector})"))
+
+    def _line(self, curve: Spline, spans: int) -> int:
+        """A curve whose poles are not written yet."""
+        return self._curve(curve, list(self._points(curve.poles)), spans)
+
+    def _curve(self, curve: Spline, through: list[int], spans: int) -> int:
+        """A curve with the parameters 0 to `spans`.
+
+        A line too: a polyline that an edge lies on has three points at least (ISO 10303-511, advanced_face).
+        """
+        poles = references(through)
+        times, knots = _counted(spans * curve.knots)
+        return self.new.add(
+            f"B_SPLINE_CURVE_WITH_KNOTS('',{curve.degree},{poles},.UNSPECIFIED.,.F.,.F.,{times},{knots},.UNSPECIFIED.)"
+        )
+
+    def _wall(self, edge: Edge, poles: list[list[int]]) -> int:
+        """The ruled surface between an edge's two curves; its normal points to their right: outwards."""
+        upper, lower = poles
+        rows = ",".join(references(list(row)) for row in zip(lower, upper, strict=True))
+        return self._surface((edge.lower.degree, 1), rows, edge.spans * edge.lower.knots, np.array([0.0, 0, 1, 1]))
+
+    def _skin(self, chart: int, above: bool) -> int:
+        if (chart, above) not in self._skins:
+            patch: Patch = self.model.charts[chart].upper if above else self.model.charts[chart].lower
+            poles = ",".join(references(list(self._points(row))) for row in patch.poles)
+            self._skins[chart, above] = self._surface((3, 3), poles, patch.u, patch.v)
+        return self._skins[chart, above]
+
+    def _surface(self, degrees: tuple[int, int], poles: str, u: Floats, v: Floats) -> int:
+        (many, knots), (times, others) = _counted(u), _counted(v)
+        return self.new.add(
+            f"B_SPLINE_SURFACE_WITH_KNOTS('',{degrees[0]},{degrees[1]},({poles}),.UNSPECIFIED.,.F.,.F.,.F.,"
+            f"{many},{times},{knots},{others},.UNSPECIFIED.)"
+        )
+
+
+def _counted(knots: Floats) -> tuple[str, str]:
+    """How often each knot counts, and the knots."""
+    return _counted_bytes(knots.tobytes())
+
+
+@lru_cache(maxsize=1024)
+def _counted_bytes(knots: bytes) -> tuple[str, str]:
+    """Most curves have one of a few lists of knots."""
+    values, times = np.unique(np.frombuffer(knots), return_counts=True)
+    return "(" + ",".join(str(k) for k in times.tolist()) + ")", step_list(values, 14)
+
+
+SKINS = "curved solid with spline skins"
+"""What the file says about itself."""
+
+
+@dataclass(frozen=True, eq=False)
+class SmoothPieceFile:
+    """The smooth pieces of a part and the text of the file.
+
+    pieces  : of the sheet; smooth counts those that were accepted.
+    gap     : widest among these, millimetres; there and back : the largest distance of a piece from the mesh, and of
+              the mesh from a piece.
+    volume  : of all smooth solids, as OCCT finds it, cubic millimetres.
+    refused : why others were not, or ''.
+    """
+
+    text: str
+    pieces: int
+    smooth: int
+    faces: int
+    gap: float
+    there: float
+    back: float
+    limits: Limits
+    volume: float
+    refused: str
+
+    @property
+    def told(self) -> str:
+        """How the file was made."""
+        some = "" if self.smooth == self.pieces else f"{self.smooth} of {self.pieces} pieces, the rest faceted, "
+        why = f" ({self.refused})" if self.refused else ""
+        return (
+            f"{some}at most {self.there:.2g} mm off the mesh and the mesh {self.back:.2g} mm off it "
+            f"({self.limits.told}); gaps under {self.gap:.2g} mm{why}"
+        )
+
+
+def file_text(part: Part, which: list[tuple[SmoothModel, int]], rest: Part | None = None) -> str:
+    """The file of some pieces of layouts, named like the part, and of the triangles of `rest` as planar faces."""
+    new = Entities()
+    writers = {id(model): SmoothText(new, model) for model, _ in which}
+    faces, shells = list[int](), list[int]()
+    for i, (model, k) in enumerate(which):
+        added = writers[id(model)].piece(model.pieces[k])
+        faces += added
+        shells += [i] * len(added)
+    name, solids = part.name, [[i] for i in range(len(which))]
+    if rest is None:
+        head = header(name, SKINS, len(solids))
+        return "".join([head, *new.text, *closing(np.array(shells), solids, np.array(faces), new.free, name)])
+    shape, others = _planar(rest)
+    texts, numbers, free = planar_faces(shape, new.free)
+    solids += [[i + len(which) for i in one] for one in others]
+    end = closing(np.r_[shells, shape.shell + len(which)], solids, np.r_[faces, numbers], free, name)
+    return "".join([header(name, SKINS, len(solids)), *new.text, *texts, *end])
+
+
+def rest_of(part: Part, F: Ints) -> Part:
+    """Some triangles (m, 3) of a part, simplified where that is possible."""
+    used, local = np.unique(F, return_inverse=True)
+    some = replace(part, V=part.V[used], F=local.reshape(F.shape))
+    try:
+        simple = simplified_part(some, usual_tolerance(some))
+        return without_collapsed(simple, np.round(simple.V, DIGITS) + 0.0, f"a STEP file with {DIGITS} decimals")
+    except ExportError:
+        return some
+
+
+def _planar(part: Part) -> tuple[Polyhedron, list[list[int]]]:
+    """A part as planar faces, and the shells of its solids."""
+    shell, solids = solids_of(part)
+    inward = np.isin(shell, [i for _, *inner in solids for i in inner])
+    return polyhedron(part.V, np.where(inward[:, None], part.F[:, ::-1], part.F), shell), solids

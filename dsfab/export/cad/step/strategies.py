@@ -1,0 +1,391 @@
+"""Strategies to write a solid as STEP, the best first, their estimated costs, and messages about the choice."""
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dsfab.core.errors import ExportError
+from dsfab.core.limits import FURTHER, OUTLINE
+from dsfab.export.cad.step import entities
+from dsfab.export.cad.step.by_members.build import NotByMembersError, member_file
+from dsfab.export.cad.step.by_members.draft import has_too_many, member_draft, member_plan
+from dsfab.export.cad.step.entities import DIGITS, FACETED_DIGITS, faceted_bytes
+from dsfab.export.cad.step.file_size import (
+    COSTS,
+    START,
+    BudgetError,
+    none_within,
+    simplified_part,
+    usual_tolerance,
+    way_of,
+    within,
+    writing,
+)
+from dsfab.export.cad.step.flat_sheets import NotFlatError, outlines_of
+from dsfab.export.cad.step.folded_sheets import flat_facets, folded_sheet, planar_file
+from dsfab.export.cad.step.planar import polyhedron
+from dsfab.export.cad.step.smooth.build import first_draft, smooth_file
+from dsfab.export.cad.step.soundness import smooth_use
+from dsfab.export.mesh.soundness import solids_of
+from dsfab.export.part import Curved, Part, without_collapsed
+from dsfab.surface import Surface
+from dsfab.surface.topology import edge_table, half_edges
+
+ROUTES = ("auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated")
+
+TIGHTER = 1 / 4
+"""A planar file that is refused is tried once more with this share of the tolerance: curves may cross in a narrow."""
+
+LONGER = 3
+"""Times the walls and layouts that `auto` tries to make smooth at first: `quick` has no other chance. A seam close to
+an opening makes OCCT refuse a face, and those of another layout, 5 to 10 s each, lie elsewhere: of ten surfaces as
+people bring them four failed so in the first layout; three of them were sound in the second and one in the third."""
+
+MANY = 2
+"""Times the faces that `auto` makes by members at first, where facets are over the budget: what is left is smooth only,
+and CAD programs fail to cut that (of eight cuts of a cylinder at 45 degrees all)."""
+
+FAR = 2
+"""Times the faces of the budget: what has more is not halved by simplifying it further."""
+
+
+def prepare(part: Part) -> Part:
+    """The part rounded to the file's decimals; raises ExportError where an edge has more than two triangles."""
+    V, coarse = (np.round(part.V, digits) + 0.0 for digits in (DIGITS, FACETED_DIGITS))
+    ends = np.stack(half_edges(part.F))
+    short = ends[:, (coarse[ends[0]] == coarse[ends[1]]).all(axis=1)]
+    V[short] = coarse[short]  # they become one, the others stay where planes are found
+    part = without_collapsed(part, V, f"a STEP file with {FACETED_DIGITS} decimals")
+    crowded = int((edge_table(part.F).count != 2).sum())
+    if crowded:
+        raise ExportError(
+            f"{crowded} edges of {part.name!r} have more than two triangles, which no STEP solid can have; "
+            "write STL or 3MF instead"
+        )
+    return part
+
+
+def attempts(part: Part) -> Iterator[Part | BudgetError]:
+    """The part with its ways, the best first; the refusal of a way that is over the budget as soon as it is known.
+
+    A solid is simplified before it is faceted when a tolerance was asked for, else only when nothing else is accepted.
+    """
+    flat, chosen = 0.0, part.step in ("auto", "quick")
+    if part.step == "members":
+        yield part
+        yield replace(part, step="smooth", cut=True)
+        yield replace(part, step="faceted")
+    if chosen or part.step == "planar":
+        flat = default_tolerance(part)
+        planar = replace(part, step="planar", tolerance=part.tolerance or flat)
+        if flat or _may_be_planar(part):
+            yield planar
+            if planar.tolerance:
+                yield replace(planar, tolerance=TIGHTER * planar.tolerance)
+    curved, quick = chosen and part.curved is not None and not flat, part.step == "quick"
+    members = replace(part, step="members", hurry=1)
+    if curved and _worth_members(part):
+        yield members
+    if part.step == "smooth" or curved:
+        yield replace(part, step="smooth", hurry=(LONGER if quick else 1) if curved else 0, cut=curved and not quick)
+    if part.step == "tessellated":
+        yield part
+    if chosen or part.step == "faceted":
+        faceted = replace(part, step="faceted")
+        if part.tolerance:
+            yield from _as_asked(faceted)
+        else:
+            yield faceted
+    if chosen:
+        yield from _last(faceted, members if curved and not quick else None, quick)
+
+
+def _worth_members(part: Part) -> bool:
+    """Whether a part is tried by members unasked: the stripes of its sheet are known, and for `quick` it is open.
+
+    A smooth file is there in half of the time, and CAD programs fail to cut it: of 24 half-spaces one was left valid.
+    """
+    curved = _curved(part)
+    if curved is None or curved.striped is None:
+        return False
+    return part.step == "auto" or bool(Surface(curved.V, curved.F).edges.boundary.any())
+
+
+def _striped(part: Part) -> bool:
+    """Whether the stripes of a part's sheet are known."""
+    curved = _curved(part)
+    return curved is not None and curved.striped is not None
+
+
+def _curved(part: Part) -> Curved | None:
+    """The sheet of a part; None where there is none that smooth STEP can take: the smooth way says why."""
+    try:
+        return part.curved() if part.curved else None
+    except ExportError:
+        return None
+
+
+def _last(part: Part, members: Part | None, quick: bool) -> Iterator[Part | BudgetError]:
+    """What is left for a faceted part that was refused.
+
+    members : the same by members, where ways that take long are tried too.
+    quick   : whether nothing more is tried where the first simplification is far over the budget.
+    """
+    far = False
+    if not part.tolerance:
+        for simple in _simpler(part, usual_tolerance(part)):
+            far = isinstance(simple, BudgetError) and simple.faces > FAR * part.step_faces
+            yield simple
+    if members:
+        if has_too_many(members):
+            yield replace(members, hurry=MANY)
+        yield replace(part, step="smooth", cut=True)
+    if not part.tolerance and not (quick and far):
+        yield from _simpler(part, FURTHER * usual_tolerance(part))
+
+
+def _as_asked(part: Part) -> Iterator[Part | BudgetError]:
+    """The part simplified within its tolerance, or as it is if that does not help."""
+    try:
+        yield simpler(part, part.tolerance)
+    except BudgetError as error:
+        yield error
+    except ExportError as error:
+        yield replace(part, note=f"not simplified, since {error}")
+
+
+def _simpler(part: Part, tolerance: float) -> Iterator[Part | BudgetError]:
+    """The part simplified within a tolerance, where that helps; its refusal where it does not help enough."""
+    try:
+        yield simpler(part, tolerance)
+    except BudgetError as error:
+        yield error
+    except ExportError:
+        return
+
+
+def simpler(part: Part, tolerance: float) -> Part:
+    """The part simplified within a tolerance, in millimetres; raises ExportError where it cannot be, or helps little,
+    and BudgetError where it does not help enough."""
+    return prepare(simplified_part(replace(part, tolerance=tolerance), tolerance))
+
+
+def default_tolerance(part: Part) -> float:
+    """Millimetres; 0 for a solid that is neither flat nor folded, which will be told why when it is encoded, and for
+    one whose folds are no creases, where nobody asked for `planar`."""
+    try:
+        return OUTLINE * outlines_of(part).thickness
+    except ExportError:
+        folded = folded_sheet(part) if _may_be_planar(part) else None
+        return OUTLINE * folded.thickness if folded else 0.0
+
+
+def _may_be_planar(part: Part) -> bool:
+    """Whether nothing says yet that a solid is the mesh of a curved sheet: flat facets, and no creases between them.
+
+    Asked before its folds are mitred and its outlines are found, which takes seconds where each facet is one triangle.
+    """
+    flat = flat_facets(part)
+    return flat is None or flat.creased or part.step == "planar"
+
+
+def route_sentence(part: Part, refused: Sequence[ExportError]) -> str:
+    """How the file was made, and why not in the ways that were refused before."""
+    if part.step == "planar":
+        again = f" (a larger tolerance was refused: {refused[-1]})" if refused else ""
+        folded = folded_sheet(part)
+        flat = f", {folded.count} flat facets mitred at their folds" if folded else ""
+        return f"STEP is planar{flat}, its outline within {part.tolerance:.3g} mm of the mesh{again}"
+    if part.step == "tessellated":
+        return f"STEP is tessellated: {entities.WARNING}"
+    if part.step == "members":
+        return f"STEP is by members, {member_file(part).told}{_slow(refused) if part.hurry > 1 else ''}"
+    if part.step == "smooth":
+        slow = "" if part.hurry else _slow(refused)
+        return f"STEP is smooth, {smooth_file(part).told}{slow}{_not_by_members(refused)}; {_cut_told(part, refused)}"
+    why = "; ".join(reasons(refused))
+    note = f", {part.note}" if part.note else ""
+    return f"STEP is faceted{note}" + (f": {why}" if why else "")
+
+
+def _slow(refused: Sequence[ExportError]) -> str:
+    """Why a way that takes long was taken: what is quicker was over the budget."""
+    over = " and ".join(reasons([one for one in refused if isinstance(one, BudgetError)]))
+    return f"; made however long it took, since {over}" if over else ""
+
+
+def _cut_told(part: Part, refused: Sequence[ExportError]) -> str:
+    """What CAD programs will do with a smooth file, and which way is for those who cut it there."""
+    use = smooth_use(part)
+    if use.tried and not use.fault:
+        return "a half-space cut valid"
+    said = f"cutting it in CAD fails ({use.fault})" if use.fault else "cutting it in CAD may fail"
+    return f"{said}: {way_to_cut(part, refused)} to cut it there"
+
+
+def way_to_cut(part: Part, refused: Sequence[ExportError]) -> str:
+    """What to ask for instead of a smooth file, where some ways were refused: members, unless these cannot be made."""
+    by_members = [one for one in refused if _ladder_by_members(one)]
+    over = [one for one in by_members if isinstance(one, BudgetError)]
+    if over:
+        key = "step_faces" if over[-1].by_faces else "step_mb"
+        return f"raise {key} and write step = 'members'"
+    vain = any(isinstance(one, NotByMembersError) and not one.if_asked for one in by_members)
+    return "write step = 'faceted'" if vain or not _striped(part) else "write step = 'members'"
+
+
+def _not_by_members(refused: Sequence[ExportError]) -> str:
+    """Why the way before was refused, where it was that by members."""
+    why = [one.short if isinstance(one, BudgetError) else str(one) for one in refused if _ladder_by_members(one)]
+    return f"; not by members, since {why[-1].removeprefix('by members ')}" if why else ""
+
+
+def _ladder_by_members(error: ExportError) -> bool:
+    return isinstance(error, NotByMembersError) or (isinstance(error, BudgetError) and error.way == "members")
+
+
+def reasons(refused: Sequence[ExportError]) -> list[str]:
+    """Why ways were refused, each once; that a curved sheet is not flat is said only if there is nothing else."""
+    others = [one for one in refused if not isinstance(one, NotFlatError)] or refused
+    return list(dict.fromkeys(one.short if isinstance(one, BudgetError) else _told(one, str(one)) for one in others))
+
+
+def _told(error: ExportError, why: str) -> str:
+    """Why a way was refused, and what to ask for where that helps."""
+    return f"{why}: ask for step = 'members'" if isinstance(error, NotByMembersError) and error.if_asked else why
+
+
+def refusal(refused: Sequence[ExportError]) -> ExportError:
+    """What to raise when every way was refused: what each would cost, where it is the budget that forbids it."""
+    over = [one for one in refused if isinstance(one, BudgetError)]
+    if not over:
+        return refused[-1]
+    others = [one for one in refused if not isinstance(one, (BudgetError, NotFlatError))]
+    last = {_ladder_by_members(one): _told(one, str(one).split("; ")[0]) for one in others}
+    told = [f"by members, {why}" if members and "by members" not in why else why for members, why in last.items()]
+    tried = f" (tried too: {'; '.join(told)})" if told else ""
+    return ExportError(f"{none_within(over) if len({one.way for one in over}) > 1 else over[-1]}{tried}")
+
+
+@dataclass(frozen=True)
+class Estimate:
+    """One way to write the file.
+
+    way           : planar, members, smooth, faceted, simplified (faceted after it), tessellated ...
+    faces         : of the file; triangles for tessellated. 0 where the way cannot be taken.
+    size, memory  : bytes.
+    write_seconds : until it is written and read back.
+    open_seconds  : for the program that opens it.
+    note          : how far it is off, and what else one should know.
+    refused       : why this way cannot be taken; "" if it can.
+    chosen        : whether `write` would take it.
+    """
+
+    way: str
+    faces: int = 0
+    size: float = 0.0
+    memory: float = 0.0
+    write_seconds: float = 0.0
+    open_seconds: float = 0.0
+    note: str = ""
+    refused: str = ""
+    chosen: bool = False
+
+
+def estimates(part: Part) -> tuple[Estimate, ...]:
+    """What each way would cost for a prepared part, the best way first, and the one that would be taken.
+
+    Nothing is written, and nothing is checked by OCCT: a way that is chosen here may still be refused for its result.
+    """
+    found, taken = dict[str, Estimate](), ""
+    for attempt in attempts(part):
+        one = _refusal(attempt) if isinstance(attempt, BudgetError) else _estimate(attempt)
+        found[one.way] = one
+        if not one.refused:
+            taken = one.way
+            break
+    for way in WAYS:
+        if way not in found and (way not in ("smooth", "members") or part.curved is not None):
+            found[way] = _other(part, way)
+    return tuple(replace(found[way], chosen=way == taken) for way in WAYS if way in found)
+
+
+def _refusal(error: BudgetError) -> Estimate:
+    return _costs(error.part, error.way, error.faces, error.size, refused=f"{error.much}, {error.limit}")
+
+
+def _estimate(part: Part) -> Estimate:
+    """Of an attempt; refused where it cannot be made, or is over the budget."""
+    way = way_of(part)
+    try:
+        faces, size, note = SHAPES[part.step](part)
+        if part.step != "tessellated":
+            within(part, faces, size)
+    except BudgetError as error:
+        return _refusal(error)
+    except ExportError as error:
+        return Estimate(way, refused=str(error))
+    return _costs(part, way, faces, size, note)
+
+
+def _costs(part: Part, way: str, faces: int, size: float, note: str = "", refused: str = "") -> Estimate:
+    cost = COSTS[way]
+    seconds = writing(part, way, faces) - (START if way == "tessellated" else 0.0)
+    times = (seconds, cost.open * faces)
+    return Estimate(way, faces, size, cost.memory * faces, *times, note, refused)
+
+
+def _other(part: Part, way: str) -> Estimate:
+    """Of a way that `attempts` does not come to: what it would cost if it were asked for."""
+    if way == "planar":
+        planar = replace(part, step=way)
+        return _estimate(replace(planar, tolerance=part.tolerance or default_tolerance(planar)))
+    if way != "simplified":
+        return _estimate(replace(part, step=way))
+    try:
+        return _estimate(simpler(replace(part, step="faceted"), part.tolerance or usual_tolerance(part)))
+    except BudgetError as error:
+        return _refusal(error)
+    except ExportError as error:
+        return Estimate(way, refused=str(error))
+
+
+def _planar(part: Part) -> tuple[int, float, str]:
+    file = planar_file(part)
+    return file.faces, float(sum(map(len, file.texts))), f"its outline within {file.deviation:.2g} mm of the mesh"
+
+
+def _estimate_by_members(part: Part) -> tuple[int, float, str]:
+    draft = member_draft(part, member_plan(part))
+    return draft.faces, len(draft.text), ""
+
+
+def _smooth(part: Part) -> tuple[int, float, str]:
+    if default := default_tolerance(part):
+        raise ExportError(f"a flat sheet is planar, within {default:.2g} mm")
+    return *first_draft(
+        part
+    ), "not checked yet: pieces that OCCT refuses are made again, which may add a third, or faceted"
+
+
+def _faceted(part: Part) -> tuple[int, float, str]:
+    shape = polyhedron(part.V, part.F, solids_of(part)[0])
+    return len(shape.normals), faceted_bytes(shape), part.note or "no deviation"
+
+
+def _tessellated(part: Part) -> tuple[int, float, str]:
+    note = f"no deviation; only on request: {entities.WARNING}"
+    return len(part.F), entities.expected_bytes(part), note
+
+
+SHAPES: dict[str, Callable[[Part], tuple[int, float, str]]] = {
+    "planar": _planar,
+    "members": _estimate_by_members,
+    "smooth": _smooth,
+    "faceted": _faceted,
+    "tessellated": _tessellated,
+}
+"""For each `Part.step`: faces, bytes and a note; ExportError where the way cannot be taken."""
+
+WAYS = ("planar", "members", "smooth", "faceted", "simplified", "tessellated")

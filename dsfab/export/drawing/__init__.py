@@ -1,0 +1,1 @@
+"""Drawings: DXF for CAD, SVG sheets, and flat drawings for cutters."""

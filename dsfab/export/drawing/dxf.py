@@ -1,0 +1,238 @@
+"""DXF (R2010): edges and centre lines in place, with plan and elevations, or each member as a named group."""
+
+import io
+from collections import defaultdict
+from collections.abc import Iterator
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dsfab import __version__
+from dsfab.core.arrays import Floats
+from dsfab.core.errors import ExportError
+from dsfab.core.limits import READ_BACK
+from dsfab.export.curves import Curve, chains, check_curves, curves_along, joined, sampled, within
+from dsfab.export.drawing.views import DrawingView, views
+from dsfab.export.part import MemberShape, Part
+from dsfab.export.readback import ReadBack, differs, with_lines
+from dsfab.export.writing import one_line
+from dsfab.surface import StructureLine, polyline_length, simplified_line
+
+APPLICATION = "DSFAB"
+GAP = 0.15
+"""Between the sheet and its views, as a share of the sheet's longest side."""
+COLOURS = {"major": 5, "minor": 1, "keep": 3, "rim": 4, "boundary": 7}
+"""Of the AutoCAD palette: blue, red, green, cyan, and black on white paper."""
+WEIGHTS = {"boundary": 50, "edge": 25, "centre": 13}
+"""Hundredths of a millimetre."""
+
+
+def prepare(part: Part) -> Part:
+    """The part as it is; raises ExportError if it has no lines."""
+    return with_lines(part, ".dxf")
+
+
+def encode(part: Part) -> Iterator[bytes]:
+    """The drawing as text; no date and no random identifier in it."""
+    with same_bytes():
+        document = new_document(part)
+        space = document.modelspace()
+        flat = bool((part.V[:, 2] == part.V[0, 2]).all())
+        for line, chain in zip(part.details.lines, chains(part), strict=True):
+            for entity in drawn_curves(space, chain, flat, _layer(document, line)):
+                entity.set_xdata(APPLICATION, [(1000, line.id), (1040, line.length)])
+        if not flat:
+            _beside(document, part)
+        data = dxf_bytes(document)
+    yield data
+
+
+def new_document(part: Part) -> Any:
+    """An empty drawing of ezdxf in millimetres, for things as large as a part."""
+    import ezdxf
+
+    document = ezdxf.new("R2010", setup=["linetypes"])
+    document.header["$INSUNITS"], document.header["$MEASUREMENT"] = 4, 1
+    document.header["$LWDISPLAY"] = 1
+    document.header["$LTSCALE"] = float(np.ptp(part.box, axis=0).max()) / 1000
+    document.header.custom_vars.append("program", f"dsfab {__version__}")
+    document.header.custom_vars.append("unit", "millimetre")
+    document.header.custom_vars.append("curves within", f"{within(part):.2g} mm")
+    document.appids.add(APPLICATION)
+    return document
+
+
+def dxf_bytes(document: Any) -> bytes:
+    """A document of ezdxf as a file, the same bytes in each process."""
+    document.classes.add_required_classes(document.dxfversion)
+    document.classes.classes = dict(sorted(document.classes.classes.items()))  # a set has them in any order
+    text = io.StringIO()
+    document.write(text)
+    return text.getvalue().encode(document.output_encoding, errors="dxfreplace")
+
+
+def _beside(document: Any, part: Part) -> None:
+    """The views in a row to the right of the sheet, each with its title below."""
+    gap = GAP * float(np.ptp(part.box, axis=0).max())
+    at = np.array([part.box[1, 0] + 3 * gap, part.box[0, 1]])
+    for view in views(part):
+        _placed(document, view, at - view.low, gap / 5, part.details.tolerance, one_line(part.name))
+        at = at + [view.extent[0] + 2 * gap, 0.0]
+
+
+def drawn_curves(space: Any, chain: list[Curve], flat: bool, layer: str) -> Iterator[Any]:
+    """What curves that follow each other are drawn with: splines, and their straight runs."""
+    for run in joined(chain):
+        if isinstance(run, Curve):
+            poles, knots = run.poles.tolist(), run.knots.tolist()
+            yield space.add_open_spline(poles, run.degree, knots, dxfattribs={"layer": layer})
+        else:
+            yield drawn_polyline(space, run, flat, layer)
+
+
+def _placed(document: Any, view: DrawingView, shift: Floats, height: float, tolerance: float, name: str) -> None:
+    space, prefix = document.modelspace(), view.title.split()[0].upper() + "-"
+    for line, run in view.runs:
+        run = simplified_line(run, tolerance)
+        flat = np.c_[run + shift, np.zeros(len(run))]
+        drawn_polyline(space, flat, True, _layer(document, line, prefix))
+    if prefix + "TEXT" not in document.layers:
+        document.layers.add(prefix + "TEXT")
+    text = space.add_text(f"{name}: {view.title.lower()}", height=height, dxfattribs={"layer": prefix + "TEXT"})
+    text.set_placement(tuple(view.low + shift - [0.0, 2.5 * height]))
+
+
+def drawn_polyline(space: Any, points: Floats, flat: bool, layer: str) -> Any:
+    closed = len(points) > 2 and bool((points[0] == points[-1]).all())
+    points = points[:-1] if closed else points
+    if not flat:
+        return space.add_polyline3d(points.tolist(), close=closed, dxfattribs={"layer": layer})
+    attributes = {"layer": layer, "elevation": float(points[0, 2])}
+    return space.add_lwpolyline(points[:, :2].tolist(), close=closed, dxfattribs=attributes)
+
+
+def _layer(document: Any, line: StructureLine, prefix: str = "") -> str:
+    """The layer of a line, made when it is first asked for."""
+    name = prefix + line.layer.upper()
+    if name not in document.layers:
+        weight = WEIGHTS.get(line.family, WEIGHTS[line.kind])
+        style = "CENTER" if line.kind == "centre" else "CONTINUOUS"
+        document.layers.add(name, color=COLOURS.get(line.family, 7), linetype=style, lineweight=weight)
+    return name
+
+
+@contextmanager
+def same_bytes() -> Iterator[None]:
+    """ezdxf writes dates and random identifiers unless told not to."""
+    import ezdxf
+
+    before = ezdxf.options.write_fixed_meta_data_for_testing
+    ezdxf.options.write_fixed_meta_data_for_testing = True
+    try:
+        yield
+    finally:
+        ezdxf.options.write_fixed_meta_data_for_testing = before
+
+
+def check(part: Part, path: Path) -> ReadBack:
+    """Read back by ezdxf with its auditor: no error, millimetres, every line in place."""
+    import ezdxf
+
+    document = ezdxf.readfile(path)
+    errors = document.audit().errors
+    if errors or document.header["$INSUNITS"] != 4:
+        raise ExportError(f"the DXF file of {part.name!r} has {len(errors)} errors; write .svg or .csv instead")
+    found = defaultdict[str, list[Floats]](list)
+    for entity in document.modelspace():
+        if entity.has_xdata(APPLICATION):
+            found[entity.get_xdata(APPLICATION)[0].value].append(points_along(entity))
+    return check_curves(part, found)
+
+
+def points_along(entity: Any) -> Floats:
+    """(k, 3) points along a spline or a polyline of either kind, its first one again at the end if it is closed."""
+    if entity.dxftype() == "SPLINE":
+        curve = entity.construction_tool()
+        return np.array([tuple(point) for point in curve.points(sampled(np.array(entity.knots)))])
+    if entity.dxftype() == "LWPOLYLINE":
+        flat = np.array([point[:2] for point in entity.get_points()])
+        points = np.c_[flat, np.full(len(flat), entity.dxf.elevation)]
+    else:
+        points = np.array([tuple(vertex.dxf.location) for vertex in entity.vertices])
+    return np.concatenate([points, points[:1]]) if entity.is_closed else points
+
+
+LETTER = 0.008
+"""Height of names, as a share of the longest side of the structure."""
+
+
+def encode_members(part: Part) -> Iterator[bytes]:
+    """The drawing as text; no date and no random identifier in it."""
+    with same_bytes():
+        document = new_document(part)
+        space = document.modelspace()
+        height = LETTER * float(np.ptp(part.box, axis=0).max())
+        for shape in part.details.shapes:
+            made = list(_member(document, shape, within(part), height))
+            for entity in made:
+                entity.set_xdata(APPLICATION, [(1000, shape.id)])
+            document.groups.new(shape.id, description=f"member {shape.id}").set_data(made)
+        for node in part.details.records["nodes"]:
+            point = space.add_point(node["point"], dxfattribs={"layer": _members_layer(document, "", "NODES")})
+            point.set_xdata(APPLICATION, [(1000, node["id"])])
+        data = dxf_bytes(document)
+    yield data
+
+
+def _member(document: Any, shape: MemberShape, tolerance: float, height: float) -> Iterator[Any]:
+    """The entities of a member."""
+    space = document.modelspace()
+    for line in shape.edges:
+        layer = _members_layer(document, shape.layer, "EDGES")
+        yield drawn_polyline(space, simplified_line(line, tolerance), False, layer)
+    place = shape.edges[0].mean(axis=0)
+    if len(shape.axis):
+        yield from drawn_curves(
+            space, curves_along(shape.axis, tolerance), False, _members_layer(document, shape.layer, "AXES")
+        )
+        place = shape.axis[len(shape.axis) // 2]
+    text = space.add_text(shape.id, height=height, dxfattribs={"layer": _members_layer(document, shape.layer, "NAMES")})
+    text.set_placement(tuple(place.tolist()))
+    yield text
+
+
+def _members_layer(document: Any, family: str, what: str) -> str:
+    name = f"{family.upper()}-{what}" if family else what
+    if name not in document.layers:
+        style = "CENTER" if what == "AXES" else "CONTINUOUS"
+        document.layers.add(name, color=COLOURS.get(family, 8), linetype=style)
+    return name
+
+
+def check_members(part: Part, path: Path) -> ReadBack:
+    """Read back by ezdxf with its auditor: no error, millimetres, a group for each member with its axis and edges."""
+    import ezdxf
+
+    document = ezdxf.readfile(path)
+    errors = document.audit().errors
+    if errors or document.header["$INSUNITS"] != 4:
+        raise ExportError(f"the DXF file of {part.name!r} has {len(errors)} errors; write .members.json instead")
+    groups, shapes = {name: list(group) for name, group in document.groups}, part.details.shapes
+    if sorted(groups) != sorted(shape.id for shape in shapes):
+        raise differs(part, "members", len(shapes), len(groups))
+    total = wanted = 0.0
+    for shape in shapes:
+        lines = defaultdict[bool, list[Floats]](list)
+        for entity in groups[shape.id]:
+            if entity.dxftype() != "TEXT":
+                lines[entity.dxf.layer.endswith("AXES")].append(points_along(entity))
+        found = sum(map(polyline_length, (*lines[True], *lines[False])))
+        there = polyline_length(shape.axis) + sum(map(polyline_length, shape.edges))
+        if not abs(found - there) <= 10 * READ_BACK * there:
+            raise ExportError(
+                f"the lines of {shape.id} in {part.name!r} read back changed; write .members.json instead"
+            )
+        total, wanted = total + found, wanted + there
+    return ReadBack(len(shapes), "members", total / wanted - 1, "length")

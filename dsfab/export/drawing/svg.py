@@ -1,0 +1,159 @@
+"""SVG: a drawing on an A3 sheet, plan and elevations to a stated scale, with dimensions, scale bar and title block.
+
+The sheet's user unit is a millimetre of paper; the file says the scale and the unit of the dimensions. Groups are
+layers for Inkscape. Line weights follow ISO 128: outlines 0.5 mm, edges 0.25 mm, centre lines 0.13 mm and dash-dotted.
+"""
+
+import xml.etree.ElementTree as ElementTree
+from collections.abc import Iterator
+from pathlib import Path
+from xml.sax.saxutils import escape, quoteattr
+
+import numpy as np
+
+from dsfab import __version__
+from dsfab.core.arrays import Floats
+from dsfab.core.errors import ExportError
+from dsfab.export.drawing.views import PAPER, PAPER_MARGIN, Placed, arranged
+from dsfab.export.part import Part
+from dsfab.export.readback import ReadBack, differs, with_lines
+from dsfab.export.writing import one_line
+
+TITLE = (185.0, 34.0)
+"""Width and height of the title block, millimetres of paper."""
+STYLE = """
+text { font-family: "Helvetica Neue", Helvetica, Arial, "Liberation Sans", sans-serif; fill: #000;
+  stroke: none }
+svg { fill: none; stroke: #000; stroke-linecap: round; stroke-linejoin: round }
+.fill { fill: #e4e2dd; stroke: none }
+.boundary { stroke-width: 0.5 } .edges { stroke-width: 0.25 }
+.centre { stroke-width: 0.13; stroke-dasharray: 4 0.8 0.5 0.8; stroke-linecap: butt }
+.centre-major { stroke: #1f4e9c } .centre-minor { stroke: #b3261e }
+.frame { stroke-width: 0.5 } .thin { stroke-width: 0.13 } .dark { fill: #000; stroke-width: 0.13 }
+"""
+
+
+def prepare(part: Part) -> Part:
+    """The part as it is; raises ExportError if it has no lines."""
+    return with_lines(part, ".svg")
+
+
+def encode(part: Part) -> Iterator[bytes]:
+    """The drawing, view by view."""
+    return (text.encode() for text in _texts(part))
+
+
+def _texts(part: Part) -> Iterator[str]:
+    scale, placed = arranged(part, TITLE)
+    name = one_line(part.name)
+    yield (
+        '<?xml version="1.0" encoding="UTF-8"?>\n<svg xmlns="http://www.w3.org/2000/svg" '
+        'xmlns:inkscape="http://www.inkscape.org/namespaces/inkscape" '
+        f'width="{PAPER[0]:g}mm" height="{PAPER[1]:g}mm" viewBox="0 0 {PAPER[0]:g} {PAPER[1]:g}">\n'
+        f"<title>{escape(name)}</title>\n<desc>Scale {scale_name(scale)}; one user unit is 1 mm of paper; dimensions "
+        f"in millimetres; lines within {part.details.tolerance:.3g} mm; dsfab {__version__}</desc>\n"
+        f"<style>{STYLE}</style>\n"
+        f'<rect x="0" y="0" width="{PAPER[0]:g}" height="{PAPER[1]:g}" style="fill: #fff; stroke: none"/>\n'
+        f'<rect class="frame" x="{PAPER_MARGIN:g}" y="{PAPER_MARGIN:g}" width="{PAPER[0] - 2 * PAPER_MARGIN:g}" '
+        f'height="{PAPER[1] - 2 * PAPER_MARGIN:g}"/>\n'
+    )
+    for one in placed:
+        yield from _view(one, scale)
+    yield from _title_block(part, name, scale)
+    yield "</svg>\n"
+
+
+def scale_name(scale: float) -> str:
+    """'1:20', or '5:1' for what is drawn larger than it is."""
+    return f"1:{scale:g}" if scale >= 1 else f"{1 / scale:g}:1"
+
+
+def _view(one: Placed, scale: float) -> Iterator[str]:
+    view = one.view
+    yield f'<g inkscape:groupmode="layer" inkscape:label={quoteattr(view.title)} data-scale="{scale:g}">\n'
+    if view.loops:
+        shape = " ".join(_path(one.on_paper(loop)) + "Z" for loop in view.loops)
+        yield f'<path class="fill" fill-rule="evenodd" d="{shape}"/>\n'
+    order = {"centre": 0, "edges": 1, "boundary": 2}  # the heavier line is drawn over the lighter one
+    for layer in sorted({line.layer for line, _ in view.runs}, key=lambda layer: (order[layer.split("-")[0]], layer)):
+        group = layer.split("-")[0]
+        yield f'<g class="{group} {layer}" inkscape:groupmode="layer" inkscape:label="{layer}">\n'
+        for line, run in view.runs:
+            if line.layer == layer:
+                yield f'<path data-id="{line.id}" d="{_path(one.on_paper(run))}"/>\n'
+        yield "</g>\n"
+    yield from _dimensions(one, scale)
+    x, y = one.corner
+    yield f'<text x="{x:.2f}" y="{y + one.size[1] + 16:.2f}" font-size="4">{view.title}'
+    yield f'<tspan font-size="3" dx="3">{scale_name(scale)}</tspan></text>\n</g>\n'
+
+
+def _path(points: Floats) -> str:
+    return "M" + " ".join(f"{x:.3f},{y:.3f}" for x, y in (points + 0.0).tolist())
+
+
+def _dimensions(one: Placed, scale: float) -> Iterator[str]:
+    """Overall width below and height to the left, in millimetres, with ticks."""
+    (x, y), (w, h) = one.corner, one.size
+    wide, high = (f"{value:,.0f}".replace(",", " ") if value >= 100 else f"{value:.3g}" for value in one.view.extent)
+    below, left = y + h + 7, x - 7
+    yield '<g class="thin" font-size="2.8">'
+    yield _line(x - 2, below, x + w + 2, below) + _line(left, y - 2, left, y + h + 2)
+    for tx, ty in ((x, below), (x + w, below), (left, y), (left, y + h)):
+        yield _line(tx - 1, ty + 1, tx + 1, ty - 1)
+    yield _text(x + w / 2, below - 1, 2.8, wide, 'text-anchor="middle"')
+    turned = f'transform="rotate(-90 {left - 1:.2f} {y + h / 2:.2f})" text-anchor="middle"'
+    yield _text(left - 1, y + h / 2, 2.8, high, turned) + "</g>\n"
+
+
+def _line(x1: float, y1: float, x2: float, y2: float) -> str:
+    return f'<line x1="{x1:.2f}" y1="{y1:.2f}" x2="{x2:.2f}" y2="{y2:.2f}"/>'
+
+
+def _text(x: float, y: float, size: float, text: str, more: str = "") -> str:
+    return f'<text x="{x:.2f}" y="{y:.2f}" font-size="{size:g}" {more}>{escape(one_line(text))}</text>'
+
+
+def _box(x: float, y: float, wide: float, high: float, kind: str) -> str:
+    return f'<rect class="{kind}" x="{x:.3f}" y="{y:.3f}" width="{wide:.3f}" height="{high:.3f}"/>'
+
+
+def _title_block(part: Part, name: str, scale: float) -> Iterator[str]:
+    """Bottom right: name, facts, scale with its bar, unit, program."""
+    x, y = PAPER[0] - PAPER_MARGIN - TITLE[0], PAPER[1] - PAPER_MARGIN - TITLE[1]
+    yield '<g inkscape:groupmode="layer" inkscape:label="title block">\n'
+    yield _box(x, y, *TITLE, "frame") + f'<g class="thin">{_line(x + 105, y, x + 105, y + TITLE[1])}</g>\n'
+    yield _text(x + 4, y + 8, 5, name, 'font-weight="bold"')
+    for i, fact in enumerate(part.details.facts[:5]):
+        yield _text(x + 4, y + 14 + 4.4 * i, 3, fact)
+    yield _text(x + 109, y + 8, 5, f"Scale {scale_name(scale)}", 'font-weight="bold"')
+    yield from _scale_bar(x + 109, y + 13, scale)
+    yield _text(x + 109, y + 26, 2.4, "Dimensions in millimetres. Paper A3. Middle surface.")
+    yield _text(x + 109, y + 30.5, 2.4, f"Drawn by dsfab {__version__}") + "\n</g>\n"
+
+
+def _scale_bar(x: float, y: float, scale: float) -> Iterator[str]:
+    """Five fields of a round length, 50 mm of paper or a little less."""
+    rough = 10 * scale
+    power = 10.0 ** np.floor(np.log10(rough))
+    field = float(max(k for k in (power, 2 * power, 5 * power) if k <= rough * (1 + 1e-9)))
+    unit, per = ("m", 1000.0) if field >= 200 else ("mm", 1.0)
+    for i in range(5):
+        yield _box(x + i * field / scale, y, field / scale, 2, "thin" if i % 2 else "dark")
+    for i in range(6):
+        yield _text(x + i * field / scale, y + 5.5, 2.4, f"{i * field / per:g}", 'text-anchor="middle"')
+    yield _text(x + 5 * field / scale + 5, y + 5.5, 2.4, unit) + "\n"
+
+
+def check(part: Part, path: Path) -> ReadBack:
+    """Read back as XML: every line is drawn where the views see it, and the paper has its size in millimetres."""
+    root = ElementTree.parse(path).getroot()
+    drawn = [element for element in root.iter() if element.get("data-id")]
+    expected = sum(len(one.view.runs) for one in arranged(part, TITLE)[1])
+    if len(drawn) != expected:
+        raise differs(part, "lines", expected, len(drawn))
+    if root.get("width") != f"{PAPER[0]:g}mm":
+        raise ExportError(
+            f"the drawing of {part.name!r} reads back without its size in millimetres; write .dxf instead"
+        )
+    return ReadBack(len(drawn), "lines")

@@ -1,0 +1,221 @@
+"""Plan and elevations of a sheet with hidden lines removed, and their scale and places on paper."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import pairwise
+
+import numpy as np
+
+from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.export.part import Part
+from dsfab.surface import StructureLine, simplified_line
+from dsfab.surface.mesh import Surface
+
+CELLS = 800
+"""Cells of the depth picture along its longer side."""
+MARGIN = 0.01
+"""Share of the part's size by which something must lie in front of a point to hide it."""
+THIN = 1e-6
+"""A view that is narrower than this share of the part's size is a line and is not drawn."""
+
+AXES = {
+    "Plan": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
+    "Front elevation": ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)),
+    "Right elevation": ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)),
+}
+"""By title, what points to the right, upwards, and to the eye: from above, from -y, from +x."""
+
+
+@dataclass(frozen=True, eq=False)
+class DrawingView:
+    """One drawing: `runs` are visible stretches of lines, (k, 2) millimetres; `loops` the outline of a region to fill,
+    even-odd, empty where the sheet covers itself."""
+
+    title: str
+    runs: tuple[tuple[StructureLine, Floats], ...]
+    loops: tuple[Floats, ...]
+    low: Floats
+    high: Floats
+
+    @cached_property
+    def extent(self) -> Floats:
+        """(2,) width and height, millimetres."""
+        return self.high - self.low
+
+
+def views(part: Part) -> list[DrawingView]:
+    """Plan, front and right elevation of a sheet with its lines; without those in which it is seen edge-on."""
+    size = float(np.linalg.norm(np.ptp(part.box, axis=0)))
+    sheet = Surface(part.V, part.F)
+    found = []
+    for title, axes in AXES.items():
+        right, up, eye = np.array(axes)
+        X = part.V @ np.stack([right, up], axis=1)
+        used = X[part.F.ravel()]
+        low, high = used.min(axis=0), used.max(axis=0)
+        if (high - low).min() > THIN * size:
+            found.append(_view(title, sheet, part.details.lines, np.stack([right, up, eye]), low, high, size))
+    return found
+
+
+def _view(
+    title: str, sheet: Surface, lines: tuple[StructureLine, ...], axes: Floats, low: Floats, high: Floats, size: float
+) -> DrawingView:
+    facing = sheet.normals @ axes[2]
+    if (facing > 0).all() or (facing < 0).all():  # one layer, all of it seen
+        loops = tuple(sheet.V[loop] @ axes[:2].T for loop in sheet.loops)
+        return DrawingView(title, tuple((line, line.points @ axes[:2].T) for line in lines), loops, low, high)
+    cell = float((high - low).max()) / CELLS
+    depth = _Depth.of(sheet.V @ axes.T, sheet.F, low, high, cell)
+    runs = []
+    for line in lines:
+        points = _dense(line.points, 2 * cell) @ axes.T
+        seen = ~depth.hides(points, MARGIN * size)
+        runs += [(line, simplified_line(run, cell / 4)) for run in _stretches(points[:, :2], seen)]
+    return DrawingView(title, tuple(runs), (), low, high)
+
+
+@dataclass(frozen=True, eq=False)
+class _Depth:
+    """The depth picture: (w, h) largest third coordinate in each cell, -inf where nothing is."""
+
+    low: Floats
+    cell: float
+    depth: Floats
+
+    @classmethod
+    def of(cls, X: Floats, F: Ints, low: Floats, high: Floats, cell: float) -> "_Depth":
+        """Every triangle is sampled on a grid of its own, no coarser than 0.7 cells."""
+        shape = np.ceil((high - low) / cell).astype(np.int64) + 3
+        depth = np.full(int(shape.prod()), -np.inf)
+        corners = X[F]
+        sides = np.linalg.norm(np.roll(corners, -1, axis=1)[..., :2] - corners[..., :2], axis=2).max(axis=1)
+        steps = np.ceil(1.25 ** np.ceil(np.log(np.maximum(sides / (0.7 * cell), 1)) / np.log(1.25))).astype(np.int64)
+        for count in np.unique(steps):
+            i, j = np.meshgrid(np.arange(count + 1), np.arange(count + 1), indexing="ij")
+            inside = i + j <= count
+            a, b = i[inside] / count, j[inside] / count
+            weights = np.stack([1 - a - b, a, b], axis=1)
+            group = corners[steps == count]
+            for part in np.array_split(group, max(1, len(group) * len(a) // 1_000_000)):
+                points = (weights @ part).reshape(-1, 3)
+                at = ((points[:, :2] - low) / cell).astype(np.int64) + 1
+                np.maximum.at(depth, at[:, 0] * shape[1] + at[:, 1], points[:, 2])
+        return cls(low, cell, depth.reshape(shape))
+
+    def hides(self, points: Floats, margin: float) -> Bools:
+        """(k,) whether all nine cells around a point (k, 3) lie in front of it by the margin."""
+        at = np.clip(((points[:, :2] - self.low) / self.cell).astype(np.int64) + 1, 1, np.array(self.depth.shape) - 2)
+        nearest = np.full(len(points), np.inf)
+        for i in (-1, 0, 1):
+            for j in (-1, 0, 1):
+                nearest = np.minimum(nearest, self.depth[at[:, 0] + i, at[:, 1] + j])
+        return np.asarray(nearest > points[:, 2] + margin)
+
+
+def _dense(points: Floats, step: float) -> Floats:
+    """The polyline (k, 3) with points on it no farther apart than `step`."""
+    lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
+    counts = np.maximum(np.ceil(lengths / step).astype(np.int64), 1)
+    segment = np.repeat(np.arange(len(counts)), counts)
+    t = (np.arange(len(segment)) - (np.cumsum(counts) - counts)[segment]) / counts[segment]
+    inner = points[segment] + t[:, None] * (points[segment + 1] - points[segment])
+    return np.concatenate([inner, points[-1:]])
+
+
+def _stretches(points: Floats, seen: Bools) -> list[Floats]:
+    """The runs of at least two seen points."""
+    at = np.concatenate([[-1], np.flatnonzero(~seen), [len(seen)]])
+    return [points[a + 1 : b] for a, b in pairwise(at) if b - a > 2]
+
+
+PAPER = (420.0, 297.0)
+"""A3, millimetres."""
+PAPER_MARGIN = 10.0
+"""From the edge of the paper to the frame, millimetres."""
+ROOM = (24.0, 10.0, 12.0, 24.0)
+"""Paper left free around each view for its dimensions and its title: left, top, right, bottom; millimetres."""
+MOST = 30.0
+"""Free paper between views that stand in rows below each other, millimetres."""
+STEPS = (1.0, 2.0, 2.5, 5.0)
+"""Usual scales are these times a power of ten."""
+
+
+@dataclass(frozen=True, eq=False)
+class Placed:
+    """A view on paper: its upper left corner and its size, millimetres from the paper's upper left corner."""
+
+    view: DrawingView
+    corner: tuple[float, float]
+    scale: float
+
+    @property
+    def size(self) -> Floats:
+        """(2,) width and height on paper, millimetres."""
+        return np.asarray(self.view.extent / self.scale)
+
+    def on_paper(self, points: Floats) -> Floats:
+        """Points (k, 2) of the view, in millimetres of paper, y downwards."""
+        x, y = ((points - self.view.low) / self.scale).T
+        return np.stack([self.corner[0] + x, self.corner[1] + self.size[1] - y], axis=1)
+
+
+def arranged(part: Part, title: tuple[float, float]) -> tuple[float, list[Placed]]:
+    """The scale (millimetres per millimetre of paper) and the views in rows, as large as they fit.
+
+    title : width and height of the block that stays free in the lower right corner, millimetres.
+    """
+    by_name = {view.title.split()[0]: view for view in views(part)}
+    rows = (("Plan", "Front", "Right"),), (("Front", "Right"), ("Plan",)), (("Plan",), ("Front",), ("Right",))
+    choices = [[[by_name[k] for k in row if k in by_name] for row in layout] for layout in rows]
+    scale, chosen = min(((_scale(c, title), i) for i, c in enumerate(choices)), key=lambda one: one)
+    return scale, _placed([row for row in choices[chosen] if row], scale, title)
+
+
+def _scale(rows: list[list[DrawingView]], title: tuple[float, float]) -> float:
+    """The first of the usual scales at which the rows fit above the title block, or beside it in the last row."""
+    extents = np.concatenate([view.extent for row in rows for view in row])
+    power = 10.0 ** np.floor(np.log10(extents.max() / max(PAPER)) - 1)
+    while True:
+        for step in STEPS:
+            if _fits(rows, float(f"{step * power:.6g}"), title):
+                return float(f"{step * power:.6g}")
+        power *= 10
+
+
+def _fits(rows: list[list[DrawingView]], scale: float, title: tuple[float, float]) -> bool:
+    wide, high = PAPER[0] - 2 * PAPER_MARGIN, PAPER[1] - 2 * PAPER_MARGIN
+    sizes = [_row_size(row, scale) for row in rows if row]
+    if any(width > wide for width, _ in sizes):
+        return False
+    beside = sizes[-1][0] <= wide - title[0]
+    return sum(height for _, height in sizes) <= (high if beside else high - title[1])
+
+
+def _row_size(row: list[DrawingView], scale: float) -> tuple[float, float]:
+    width = sum(float(view.extent[0]) / scale + ROOM[0] + ROOM[2] for view in row)
+    return width, max(float(view.extent[1]) / scale for view in row) + ROOM[1] + ROOM[3]
+
+
+def _placed(rows: list[list[DrawingView]], scale: float, title: tuple[float, float]) -> list[Placed]:
+    """Rows from the top, the free height shared out between them; views of a row stand on one line."""
+    sizes = [_row_size(row, scale) for row in rows]
+    total = sum(height for _, height in sizes)
+    beside = sizes[-1][0] <= PAPER[0] - 2 * PAPER_MARGIN - title[0]
+    gap = max(
+        (PAPER[1] - 2 * PAPER_MARGIN - (0 if beside and len(rows) > 1 else title[1]) - total) / (len(rows) + 1), 0.0
+    )
+    free = min(
+        (PAPER[0] - 2 * PAPER_MARGIN - width) / (len(row) + 1) for row, (width, _) in zip(rows, sizes, strict=True)
+    )
+    space = max(free if len(rows) == 1 else min(free, MOST), 0.0)  # the same in all rows: views stand below each other
+    found, y = list[Placed](), PAPER_MARGIN
+    for row, (_, height) in zip(rows, sizes, strict=True):
+        y, x = y + gap, PAPER_MARGIN
+        for view in row:
+            w, h = (view.extent / scale).tolist()
+            x += space
+            found.append(Placed(view, (x + ROOM[0], y + height - ROOM[3] - h), scale))
+            x += w + ROOM[0] + ROOM[2]
+        y += height
+    return found

@@ -1,0 +1,159 @@
+"""GLB, the binary form of glTF 2.0, for viewers: a mesh, or a node for each member; metres, y upwards."""
+
+import json
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dsfab import __version__
+from dsfab.core.arrays import Floats
+from dsfab.core.units import MM_PER_M
+from dsfab.export.part import Part, in_single_precision
+from dsfab.export.readback import (
+    ReadBack,
+    check_mesh,
+    check_shapes,
+    layer_colour,
+    member_entries,
+    member_facts,
+    read_with_trimesh,
+)
+from dsfab.export.writing import one_line
+
+FLOAT, UINT, VERTICES, INDICES = 5126, 5125, 34962, 34963
+"""Numbers that the standard gives to kinds of arrays."""
+
+
+def prepare(part: Part) -> Part:
+    """The part in single precision."""
+    return in_single_precision(part)
+
+
+def encode(part: Part) -> Iterator[bytes]:
+    """Header of 12 bytes, a chunk of JSON that describes the buffer, then the buffer: vertices and faces."""
+    points = upright(part.V / MM_PER_M).astype("<f4")
+    yield from chunked(_scene(part, points), points.tobytes() + part.F.astype("<u4").tobytes())
+
+
+def chunked(scene: dict[str, Any], buffer: bytes) -> Iterator[bytes]:
+    """The file of a scene and of its buffer, whose length is a multiple of four."""
+    text = json.dumps(scene, separators=(",", ":")).encode()
+    text += b" " * (-len(text) % 4)
+    yield b"glTF" + np.array([2, 28 + len(text) + len(buffer)], dtype="<u4").tobytes()
+    yield len(text).to_bytes(4, "little") + b"JSON" + text
+    yield len(buffer).to_bytes(4, "little") + b"BIN\0" + buffer
+
+
+def check(part: Part, path: Path) -> ReadBack:
+    """Read back with trimesh, and back to millimetres."""
+    V, F = read_with_trimesh(path)
+    return check_mesh(part, millimetres(V), F)
+
+
+def millimetres(V: Floats) -> Floats:
+    """(n, 3) of a file's vertices (n, 3): z upwards again."""
+    return V[:, [0, 2, 1]] * [1, -1, 1] * MM_PER_M
+
+
+def upright(V: Floats) -> Floats:
+    """From z upwards to y upwards: a quarter turn about x."""
+    return V[:, [0, 2, 1]] * [1, 1, -1]
+
+
+def _scene(part: Part, points: np.ndarray[Any, np.dtype[np.float32]]) -> dict[str, Any]:
+    """The JSON: one node, one mesh, two views of one buffer. Without normals, viewers must shade flat."""
+    count, size, name = 3 * len(part.F), points.nbytes, one_line(part.name)
+    low, high = (f(points, axis=0).astype(float).tolist() for f in (np.min, np.max))
+    return {
+        "asset": {"version": "2.0", "generator": f"dsfab {__version__}", "extras": {"unit": "metre"}},
+        "scene": 0,
+        "scenes": [{"nodes": [0]}],
+        "nodes": [{"mesh": 0, "name": name}],
+        "meshes": [
+            {"name": name, "primitives": [{"attributes": {"POSITION": 0}, "indices": 1, "material": 0, "mode": 4}]}
+        ],
+        "materials": [
+            {"doubleSided": not part.is_solid, "pbrMetallicRoughness": {"metallicFactor": 0.0, "roughnessFactor": 0.8}}
+        ],
+        "accessors": [
+            {"bufferView": 0, "componentType": FLOAT, "count": len(points), "type": "VEC3", "min": low, "max": high},
+            {"bufferView": 1, "componentType": UINT, "count": count, "type": "SCALAR"},
+        ],
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": 0, "byteLength": size, "target": VERTICES},
+            {"buffer": 0, "byteOffset": size, "byteLength": 4 * count, "target": INDICES},
+        ],
+        "buffers": [{"byteLength": size + 4 * count}],
+    }
+
+
+def encode_members(part: Part) -> Iterator[bytes]:
+    """Vertices and faces of all members in one buffer, two views of it for each."""
+    arrays = list[np.ndarray[Any, Any]]()
+    for shape in part.details.shapes:
+        arrays += [upright(shape.V / MM_PER_M).astype("<f4"), shape.F.astype("<u4")]
+    yield from chunked(_members_scene(part, arrays), b"".join(array.tobytes() for array in arrays))
+
+
+def check_members(part: Part, path: Path) -> ReadBack:
+    """Read back with trimesh, as a scene."""
+    import trimesh
+
+    scene, found = trimesh.load_scene(path, process=False), {}
+    for shape in part.details.shapes:
+        if shape.id in scene.graph.nodes:
+            _, name = scene.graph[shape.id]
+            mesh = scene.geometry[name]
+            found[shape.id] = millimetres(np.asarray(mesh.vertices, dtype=np.float64)), np.asarray(mesh.faces)
+    return check_shapes(part, found)
+
+
+def _members_scene(part: Part, arrays: list[np.ndarray[Any, Any]]) -> dict[str, Any]:
+    """The JSON. Without normals, viewers must shade flat."""
+    shapes, entries = part.details.shapes, member_entries(part)
+    layers = list(dict.fromkeys(shape.layer for shape in shapes))
+    count = len(shapes)
+    nodes: list[dict[str, Any]] = [
+        {"mesh": k, "name": shape.id, "extras": member_facts(entries[shape.id])} for k, shape in enumerate(shapes)
+    ]
+    for layer in layers:
+        nodes.append({"name": layer, "children": [k for k, shape in enumerate(shapes) if shape.layer == layer]})
+    nodes.append({"name": one_line(part.name), "children": list(range(count, count + len(layers)))})
+    size = [array.nbytes for array in arrays]
+    start = np.concatenate([[0], np.cumsum(size)]).tolist()
+    return {
+        "asset": {"version": "2.0", "generator": f"dsfab {__version__}", "extras": {"unit": "metre"}},
+        "scene": 0,
+        "scenes": [{"nodes": [len(nodes) - 1]}],
+        "nodes": nodes,
+        "meshes": [_mesh(shape.id, k, layers.index(shape.layer)) for k, shape in enumerate(shapes)],
+        "materials": [_material(layer) for layer in layers],
+        "accessors": [_accessor(k, array) for k, array in enumerate(arrays)],
+        "bufferViews": [
+            {"buffer": 0, "byteOffset": start[k], "byteLength": size[k], "target": (VERTICES, INDICES)[k % 2]}
+            for k in range(len(arrays))
+        ],
+        "buffers": [{"byteLength": start[-1]}],
+    }
+
+
+def _mesh(name: str, k: int, material: int) -> dict[str, Any]:
+    primitive = {"attributes": {"POSITION": 2 * k}, "indices": 2 * k + 1, "material": material, "mode": 4}
+    return {"name": name, "primitives": [primitive]}
+
+
+def _material(layer: str) -> dict[str, Any]:
+    linear = [round((x / 255) ** 2.2, 4) for x in layer_colour(layer)]
+    return {
+        "name": layer,
+        "pbrMetallicRoughness": {"baseColorFactor": [*linear, 1.0], "metallicFactor": 0.0, "roughnessFactor": 0.8},
+    }
+
+
+def _accessor(k: int, array: np.ndarray[Any, Any]) -> dict[str, Any]:
+    if k % 2:
+        return {"bufferView": k, "componentType": UINT, "count": array.size, "type": "SCALAR"}
+    low, high = (f(array, axis=0).astype(float).tolist() for f in (np.min, np.max))
+    return {"bufferView": k, "componentType": FLOAT, "count": len(array), "type": "VEC3", "min": low, "max": high}

@@ -1,0 +1,162 @@
+"""Soundness of a triangle mesh: closed, manifold, facing outward, not self-intersecting; its shells and voids."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dsfab.core.arrays import Floats, Ints, lock
+from dsfab.core.errors import ExportError
+from dsfab.export.part import Part
+from dsfab.surface import signed_volume, signed_volumes, total_area
+from dsfab.surface.topology import duplicate_faces, edge_table, misoriented_edges, pieces, pinches
+from dsfab.thickening.self_intersection import intersecting_pairs
+
+
+def solids_of(part: Part) -> tuple[Ints, list[list[int]]]:
+    """The shell (m,) of each triangle, and the shells of each solid: the outer one first, then its voids.
+
+    Shells with positive volume are outer; a void (its triangles face inwards) belongs to the smallest outer shell
+    around it. Raises ExportError for a void around which there is none.
+    """
+    count, shell = pieces(part.F, edge_table(part.F))
+    volumes = [signed_volume(part.V, part.F[shell == i]) for i in range(count)]
+    outer = sorted((i for i in range(count) if volumes[i] > 0), key=lambda i: volumes[i])
+    voids: dict[int, list[int]] = {i: [] for i in outer}
+    for i in range(count):
+        if volumes[i] > 0:
+            continue
+        point = part.V[part.F[(shell == i).argmax(), 0]]
+        around = (o for o in outer if volumes[o] > -volumes[i] and winding(point, part.V, part.F[shell == o]) > 0.5)
+        owner = next(around, None)
+        if owner is None:
+            raise ExportError(f"piece {i} of the solid {part.name!r} is inside out; turn its faces")
+        voids[owner].append(i)
+    return shell, [[i, *voids[i]] for i in sorted(outer)]
+
+
+def winding(point: Floats, V: Floats, F: Ints) -> float:
+    """How often the closed mesh V (n, 3), F (m, 3) goes around a point (3,): 1 inside, 0 outside [van Oosterom,
+    Strackee 1983]."""
+    a, b, c = (V[F[:, i]] - point for i in range(3))
+    la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
+    dot = [np.einsum("mi,mi->m", x, y) for x, y in ((a, b), (b, c), (c, a))]
+    half = np.arctan2(np.einsum("mi,mi->m", a, np.cross(b, c)), la * lb * lc + dot[0] * lc + dot[1] * la + dot[2] * lb)
+    return float(half.sum() / (2 * np.pi))
+
+
+FAULTS = {
+    "open": "{} edges have one triangle only: there is a hole in the skin",
+    "crowded": "{} edges have more than two triangles: parts touch along a line",
+    "turned": "{} edges have triangles that face opposite sides: some faces are flipped",
+    "repeated": "{} triangles repeat an earlier one",
+    "crossing": "{} pairs of triangles cross: parts of the solid run through each other",
+    "inside_out": "{} closed surfaces face inward: their faces are flipped",
+}
+"""What each kind of fault is: what it means for the one who has to mend it."""
+
+
+@dataclass(frozen=True)
+class Fault:
+    """What keeps a mesh from being a solid: how many of what, and a place of the first one, metres."""
+
+    kind: str
+    count: int
+    place: tuple[float, float, float]
+
+    @property
+    def told(self) -> str:
+        """What it is and what that means."""
+        return FAULTS[self.kind].format(self.count)
+
+
+@dataclass(frozen=True, eq=False)
+class Soundness:
+    """Whether a mesh is a solid, and what it measures.
+
+    faults    : none for a sound one. Kinds: `open` edges with one triangle, `crowded` edges with more than two,
+                `turned` edges whose two triangles face opposite sides, `repeated` triangles, `inside_out` shells,
+                `crossing` pairs of triangles.
+    pinches   : points in which nothing but corners meet; told, and no fault: the two parts are sound.
+    tested    : whether crossings were looked for, which takes an oriented manifold.
+    shells    : closed surfaces; a hollow body has two.    pieces : connected bodies of material.
+    crossings : (k, 2) triangles that cross, of those that were looked at last.
+    volume    : m3, of triangles as they are oriented; not to be trusted unless closed.     area : m2.
+    """
+
+    faults: tuple[Fault, ...]
+    pinches: int
+    tested: bool
+    shells: int
+    pieces: int
+    volume: float
+    area: float
+    box: Floats
+    crossings: Ints
+
+    def __post_init__(self) -> None:
+        lock(self, "box", np.float64, (2, 3))
+        lock(self, "crossings", np.int64, (None, 2))
+
+    @property
+    def watertight(self) -> bool:
+        """Closed, two triangles on each edge that agree about the outside."""
+        return not any(fault.kind in ("open", "crowded", "turned", "repeated") for fault in self.faults)
+
+    @property
+    def sound(self) -> bool:
+        """No faults at all."""
+        return not self.faults
+
+
+def soundness(V: Floats, F: Ints) -> Soundness:
+    """Judge a mesh.
+
+    V : (n, 3) metres, no two at one place.     F : (m, 3) seen from outside.
+    """
+    edges = edge_table(F)
+    middles = V[edges.ends].mean(axis=1)
+    crowded = np.flatnonzero(edges.count > 2)
+    faults = [
+        fault_at("open", middles[edges.boundary]),
+        fault_at("crowded", middles[crowded]),
+        fault_at("turned", middles[misoriented_edges(F, edges)]),
+        fault_at("repeated", V[F[duplicate_faces(F)]].mean(axis=1)),
+    ]
+    manifold = not any(faults)
+    count, label = pieces(F, edges)
+    volumes = signed_volumes(V, F, label, count)
+    pairs = intersecting_pairs(V, F) if manifold else np.zeros((0, 2), dtype=np.int64)
+    faults.append(fault_at("crossing", V[F[pairs[:, 0]]].mean(axis=1)))
+    bodies, inverted = _bodies(V, F, label, volumes) if manifold else (count, np.zeros(0, dtype=np.int64))
+    faults.append(fault_at("inside_out", np.array([V[F[label == k][0, 0]] for k in inverted]).reshape(-1, 3)))
+    return Soundness(
+        tuple(fault for fault in faults if fault),
+        len(pinches(F, edges, len(V))) if manifold else 0,
+        manifold,
+        count,
+        bodies,
+        float(volumes.sum()),
+        total_area(V, F),
+        np.stack([V.min(axis=0), V.max(axis=0)]),
+        pairs,
+    )
+
+
+def fault_at(kind: str, places: Floats) -> Fault | None:
+    """As many as there are places (k, 3), metres; None for none."""
+    if not len(places):
+        return None
+    x, y, z = places[0].tolist()
+    return Fault(kind, len(places), (x, y, z))
+
+
+def _bodies(V: Floats, F: Ints, label: Ints, volumes: Floats) -> tuple[int, Ints]:
+    """Number of outer shells, and the shells that face inward without one around them."""
+    outer = np.flatnonzero(volumes > 0)
+    homeless = []
+    for k in np.flatnonzero(volumes <= 0):
+        point = V[F[label == k][0, 0]]
+        around = (o for o in outer if volumes[o] > -volumes[k] and winding(point, V, F[label == o]) > 0.5)
+        if next(around, None) is None:
+            homeless.append(int(k))
+    return len(outer), np.array(homeless, dtype=np.int64)

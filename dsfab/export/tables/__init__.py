@@ -1,0 +1,1 @@
+"""Tables and records: lines, members and forces as CSV, JSON and workbooks."""

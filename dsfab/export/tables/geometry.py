@@ -1,0 +1,190 @@
+"""Lines, members and nodes of a design as CSV and JSON, for spreadsheets and scripts; millimetres."""
+
+import csv
+import io
+import json
+from collections.abc import Iterator, Mapping
+from itertools import groupby
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dsfab import __version__
+from dsfab.core.errors import ExportError
+from dsfab.export.part import Part
+from dsfab.export.readback import ReadBack, check_lines, differs, with_lines
+
+HEAD = ("id", "kind", "family", "number", "part", "closed", "length_mm", "point", "x_mm", "y_mm", "z_mm")
+
+
+def prepare_csv(part: Part) -> Part:
+    """The part as it is; raises ExportError if it has no lines."""
+    return with_lines(part, ".csv")
+
+
+def encode_csv(part: Part) -> Iterator[bytes]:
+    """A row per point; coordinates to 1e-6 mm. Points count from 1; a closed line ends with its first point."""
+    yield (",".join(HEAD) + "\r\n").encode()
+    for line in part.details.lines:
+        text = io.StringIO()
+        label = (line.id, line.kind, line.family, line.number, line.part, int(line.closed), f"{line.length:.6f}")
+        csv.writer(text).writerows(
+            (*label, i, *(f"{value + 0.0:.6f}" for value in point)) for i, point in enumerate(line.points.tolist(), 1)
+        )
+        yield text.getvalue().encode()
+
+
+def check_csv(part: Part, path: Path) -> ReadBack:
+    """Read back row by row."""
+    with open(path, encoding="utf-8", newline="") as file:
+        table = list(csv.DictReader(file))
+    found = [
+        np.array([[float(row[axis]) for axis in HEAD[-3:]] for row in group])
+        for _, group in groupby(table, key=lambda row: row["id"])
+    ]
+    return check_lines(part, found)
+
+
+def prepare_json(part: Part) -> Part:
+    """The part as it is; raises ExportError if it has no lines."""
+    return with_lines(part, ".json")
+
+
+def encode_json(part: Part) -> Iterator[bytes]:
+    """One object; a line of text per line, coordinates to 1e-6 mm."""
+    head = {
+        "name": part.name,
+        "program": f"dsfab {__version__}",
+        "unit": "millimetre",
+        "tolerance": round(part.details.tolerance, 6),
+    }
+    yield (json.dumps(head, ensure_ascii=False)[:-1] + ', "lines": [\n').encode()
+    last = len(part.details.lines) - 1
+    for i, line in enumerate(part.details.lines):
+        entry = {"id": line.id, "kind": line.kind, "family": line.family, "number": line.number, "part": line.part}
+        entry |= {"closed": line.closed, "length": round(line.length, 6), "points": line.points.round(6).tolist()}
+        yield (json.dumps(entry) + ("\n" if i == last else ",\n")).encode()
+    yield b"]}\n"
+
+
+def check_json(part: Part, path: Path) -> ReadBack:
+    """Read back as a whole."""
+    lines = json.loads(path.read_text(encoding="utf-8"))["lines"]
+    return check_lines(part, [np.array(line["points"], dtype=np.float64) for line in lines])
+
+
+def prepare_members(part: Part) -> Part:
+    """The part as it is; raises ExportError if it comes without members."""
+    if not part.details.records.get("members"):
+        raise ExportError(f"{part.name!r} has no members to write; only a design knows them: use design.write(...)")
+    return part
+
+
+def encode_members_json(part: Part) -> Iterator[bytes]:
+    """One object; a line of text for each member and for each node."""
+    records = part.details.records
+    head = {"name": part.name, "program": f"dsfab {__version__}", "unit": "millimetre", "curvature": "1/m"}
+    yield (json.dumps(head | {"notes": records["notes"]}, ensure_ascii=False)[:-1]).encode()
+    for key in ("members", "nodes"):
+        yield f', "{key}": [\n'.encode()
+        for i, entry in enumerate(records[key]):
+            yield ((",\n" if i else "") + json.dumps(entry)).encode()
+        yield b"\n]"
+    yield b"}\n"
+
+
+def check_members_json(part: Part, path: Path) -> ReadBack:
+    """Read back as a whole."""
+    found = json.loads(path.read_text(encoding="utf-8"))
+    for key in ("members", "nodes"):
+        check_records(part, key, [entry["id"] for entry in found[key]])
+    return length_error(part, sum(entry["length"] for entry in found["members"]))
+
+
+def check_records(part: Part, key: str, names: list[str]) -> None:
+    """Raise ExportError unless these are the names of the part's members, or nodes."""
+    wanted = [entry["id"] for entry in part.details.records[key]]
+    if names != wanted:
+        raise differs(part, key, len(wanted), len(names))
+
+
+def length_error(part: Part, found: float) -> ReadBack:
+    """What was found of the members, whose lengths add up to `found` millimetres."""
+    members = part.details.records["members"]
+    wanted = sum(entry["length"] for entry in members)
+    return ReadBack(len(members), "members", found / wanted - 1 if wanted else float("nan"), "length")
+
+
+def encode_members(part: Part) -> Iterator[bytes]:
+    """A row per member: lengths in millimetres, curvatures in 1/m; empty where there is no axis."""
+    yield from _table([_member_row(entry) for entry in part.details.records["members"]])
+
+
+def encode_nodes(part: Part) -> Iterator[bytes]:
+    """A row per node: lengths in millimetres, angles in degrees."""
+    yield from _table([_node_row(entry) for entry in part.details.records["nodes"]], list(_node_row(_NO_NODE)))
+
+
+def check_members(part: Part, path: Path) -> ReadBack:
+    """Read back row by row."""
+    rows = _rows(path)
+    check_records(part, "members", [row["id"] for row in rows])
+    return length_error(part, sum(float(row["length_mm"]) for row in rows))
+
+
+def check_nodes(part: Part, path: Path) -> ReadBack:
+    """Read back row by row."""
+    rows = _rows(path)
+    check_records(part, "nodes", [row["id"] for row in rows])
+    return ReadBack(len(rows), "nodes")
+
+
+_NO_NODE = {"id": "", "kind": "", "members": ["", ""], "at": [0, 0], "angle": 0, "area": 0, "point": [0, 0, 0]}
+_NO_NODE |= {"normal": [0, 0, 0]}
+
+
+def _member_row(entry: Mapping[str, Any]) -> dict[str, Any]:
+    axis, nowhere = entry["axis"], (None, None, None)
+    ends = entry["ends"] or ["", ""]
+    first, last = (axis["points"][0], axis["points"][-1]) if axis else (nowhere, nowhere)
+    largest = {f"largest_{name}_1_per_m": max(map(abs, axis[name])) if axis else None for name in ("kg", "kn", "tg")}
+    return {
+        **{key: entry[key] for key in ("id", "kind", "family", "stripe", "part")},
+        "closed": int(entry["closed"]),
+        "length_mm": entry["length"],
+        **{f"{key}_width_mm": entry["width"][key] for key in ("median", "least", "greatest")},
+        "area_mm2": entry["area"],
+        "own_area_mm2": entry["own_area"],
+        "nodes": len(entry["nodes"]),
+        **{f"{end}": what for end, what in zip(("start", "end"), ends, strict=True)},
+        **{f"start_{axis_name}_mm": x for axis_name, x in zip("xyz", first, strict=True)},
+        **{f"end_{axis_name}_mm": x for axis_name, x in zip("xyz", last, strict=True)},
+        **largest,
+    }
+
+
+def _node_row(entry: Mapping[str, Any]) -> dict[str, Any]:
+    return {
+        "id": entry["id"],
+        "kind": entry["kind"],
+        **{f"member_{k}": name for k, name in zip("ab", entry["members"], strict=True)},
+        **{f"along_{k}_mm": s for k, s in zip("ab", entry["at"], strict=True)},
+        "angle_deg": entry["angle"],
+        "area_mm2": entry["area"],
+        **{f"{axis}_mm": x for axis, x in zip("xyz", entry["point"], strict=True)},
+        **{f"normal_{axis}": x for axis, x in zip("xyz", entry["normal"], strict=True)},
+    }
+
+
+def _table(rows: list[dict[str, Any]], head: list[str] | None = None) -> Iterator[bytes]:
+    text = io.StringIO()
+    writer = csv.DictWriter(text, head or list(rows[0]))
+    writer.writeheader()
+    writer.writerows(rows)
+    yield text.getvalue().encode()
+
+
+def _rows(path: Path) -> list[dict[str, str]]:
+    with open(path, encoding="utf-8", newline="") as file:
+        return list(csv.DictReader(file))

@@ -1,0 +1,277 @@
+"""Bays of members with rectangular sections and forces, checks with name and clause, and their utilisation."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+from functools import cached_property
+from types import MappingProxyType
+from typing import NamedTuple
+
+import numpy as np
+
+from dsfab.core.arrays import Floats, Ints, lock, locked
+from dsfab.members import MemberGraph
+from dsfab.members.frame import STATIONS, MemberForces, torsion_constant
+
+
+@dataclass(frozen=True, eq=False)
+class MemberBays:
+    """b bays of members, each with five stations; lengths in metres.
+
+    member, name : (b,) of the member, and "N012 N013" of its nodes.
+    s         : (b, 5) along the axis of the member.    width : (b, 5) of the section.    thickness : of all.
+    length    : (b,) from node to node, along the axis.
+    curvature : (b, 5) of the axis with the surface, 1/m.
+    forces    : by case and combination, (b, 5, 6) N, Vy, Vz, N; Mt, My, Mz, Nm, see `dsfab.members.frame.MemberForces`.
+
+          z, normal      width along y, thickness along z:
+          |  y           My bends the member with the surface (W = width thickness^2 / 6),
+        o-+-/----o       Mz within it (W = thickness width^2 / 6)
+    """
+
+    member: tuple[str, ...]
+    name: tuple[str, ...]
+    s: Floats
+    width: Floats
+    thickness: float
+    length: Floats
+    curvature: Floats
+    forces: Mapping[str, Floats]
+
+    def __post_init__(self) -> None:
+        b = len(self.member)
+        for name in ("s", "width", "curvature"):
+            lock(self, name, np.float64, (b, None))
+        lock(self, "length", np.float64, (b,))
+        forces = {case: locked(rows, np.float64, (*self.s.shape, 6)) for case, rows in self.forces.items()}
+        object.__setattr__(self, "forces", MappingProxyType(forces))
+
+    @classmethod
+    def of(cls, graph: MemberGraph, forces: Mapping[str, MemberForces], thickness: float) -> "MemberBays":
+        """The bays of members whose forces are known; thickness in metres."""
+        rows = [_member_bays(graph, one) for one in forces.values()]
+        names = list(dict.fromkeys(case for one in forces.values() for case in one.forces))
+        if not rows:
+            none = np.zeros((0, STATIONS))
+            return cls((), (), none, none, thickness, np.zeros(0), none, {})
+        member = tuple(name for row in rows for name in row[0])
+        bay = tuple(name for row in rows for name in row[1])
+        length, s, width, curvature = (np.concatenate([row[2][k] for row in rows]) for k in range(4))
+        by_case = {
+            case: np.concatenate([one.forces[case].reshape(-1, STATIONS, 6) for one in forces.values()])
+            for case in names
+        }
+        return cls(member, bay, s, width, thickness, length, curvature, by_case)
+
+    def some(self, cases: list[str]) -> "MemberBays":
+        """The same with the forces of some cases only."""
+        return replace(self, forces={case: self.forces[case] for case in cases})
+
+
+def _member_bays(
+    graph: MemberGraph, one: MemberForces
+) -> tuple[tuple[str, ...], tuple[str, ...], tuple[Floats, Floats, Floats, Floats]]:
+    """Of one member: its name and those of its b bays; their lengths (b,), and s, width and curvature (b, 5) each."""
+    axis, nodes = graph.by_id[one.member].axis, graph.along[one.member]
+    assert axis is not None
+    lengths = graph.bays(one.member).tolist()
+    known = {f"{nodes[k].id} {nodes[(k + 1) % len(nodes)].id}": length for k, length in enumerate(lengths)}
+    names = one.bay[::STATIONS]
+    s = one.s.reshape(-1, STATIONS)
+    kn = np.interp(s % axis.length if axis.closed else s, axis.s, axis.kn)
+    numbers = np.array([known[name] for name in names]), s, one.width.reshape(-1, STATIONS), kn
+    return (one.member,) * len(names), names, numbers
+
+
+class CodeCheck(NamedTuple):
+    """What is checked, in words, and the clause and formula that say how."""
+
+    name: str
+    clause: str
+
+    def __str__(self) -> str:
+        return f"{self.name}, {self.clause}"
+
+
+Found = dict[CodeCheck, Floats]
+"""By check, (b, 5) at the stations of each bay, or (b, 1) of the bay as a whole: 1 is what it can bear."""
+
+
+@dataclass(frozen=True, eq=False)
+class Utilisation:
+    """What bays bear over what they can bear: 1 is full.
+
+    bays     : b of them.    checks : c of them.    standard : that they are from, or why there is none.
+    values   : by case or combination that is judged, (b, c), the largest along each bay.
+    station  : by the same, (b, c) the station in 0 to 4 where it is; 0 where it is of the bay as a whole.
+    assumed  : sentences: what was taken for granted.    unchecked : what nobody looked at.
+    combined : whether cases are combinations with partial factors.
+    """
+
+    bays: MemberBays
+    checks: tuple[CodeCheck, ...]
+    standard: str
+    values: Mapping[str, Floats]
+    station: Mapping[str, Ints]
+    assumed: tuple[str, ...]
+    unchecked: tuple[str, ...]
+    combined: bool = True
+
+    def __post_init__(self) -> None:
+        shape = (len(self.bays.member), len(self.checks))
+        for name, kind in (("values", np.float64), ("station", np.int64)):
+            rows = {case: locked(one, kind, shape) for case, one in getattr(self, name).items()}
+            object.__setattr__(self, name, MappingProxyType(rows))
+
+    @cached_property
+    def cases(self) -> tuple[str, ...]:
+        """The cases and combinations that were judged."""
+        return tuple(self.values)
+
+    @cached_property
+    def _all(self) -> Floats:
+        """(b, k, c) by case."""
+        return np.stack([self.values[case] for case in self.cases], axis=1)
+
+    @cached_property
+    def worst(self) -> Floats:
+        """(b, c) the largest of all cases."""
+        return np.asarray(self._all.max(axis=1))
+
+    @cached_property
+    def largest(self) -> Floats:
+        """(b,) of all checks and cases."""
+        return np.asarray(self.worst.max(axis=1))
+
+    def governing(self, bay: int) -> tuple[CodeCheck, str, int]:
+        """The check, the case and the station (0 to 4) that decide over a bay."""
+        k, c = np.unravel_index(int(self._all[bay].argmax()), self._all[bay].shape)
+        case = self.cases[int(k)]
+        return self.checks[int(c)], case, int(self.station[case][bay, int(c)])
+
+    @cached_property
+    def order(self) -> Ints:
+        """(b,) numbers of the bays, the one that bears most of what it can first."""
+        return np.argsort(-self.largest, kind="stable")
+
+    @cached_property
+    def by_member(self) -> dict[str, float]:
+        """The largest of each member, by name."""
+        found: dict[str, float] = {}
+        for name, value in zip(self.bays.member, self.largest.tolist(), strict=True):
+            found[name] = max(found.get(name, 0.0), value)
+        return found
+
+    def worst_bays(self, count: int) -> list[int]:
+        """Of the members that bear most of what they can, the worst bay of each, worst first."""
+        seen: dict[str, int] = {}
+        for bay in self.order.tolist():
+            seen.setdefault(self.bays.member[bay], bay)
+        return list(seen.values())[:count]
+
+    @property
+    def told(self) -> str:
+        """A sentence: the worst of all."""
+        bay = int(self.order[0])
+        check, case, _ = self.governing(bay)
+        over = [name for name, value in self.by_member.items() if value > 1]
+        under = f" under {case}" if len(self.cases) > 1 else ""
+        count = f"{len(over)} of {len(self.by_member)} members are over 100 %" if over else "no member is over 100 %"
+        return f"{self.bays.member[bay]} bears most, {self.largest[bay]:.0%} ({check}){under}; {count}"
+
+
+@dataclass(frozen=True, eq=False)
+class Rectangle:
+    """Sections as wide as `width` along y and as thick as `thickness` along z, metres: (b, k) both, k along b bays."""
+
+    width: Floats
+    thickness: Floats
+
+    @cached_property
+    def area(self) -> Floats:
+        """(b, k) m2."""
+        return np.asarray(self.width * self.thickness)
+
+    @cached_property
+    def Wy(self) -> Floats:  # noqa: N802 - its name in the field
+        """(b, k) elastic modulus for My, m3."""
+        return np.asarray(self.width * self.thickness**2 / 6)
+
+    @cached_property
+    def Wz(self) -> Floats:  # noqa: N802
+        """(b, k) elastic modulus for Mz, m3."""
+        return np.asarray(self.thickness * self.width**2 / 6)
+
+    @cached_property
+    def iy(self) -> Floats:
+        """(b, k) radius of gyration of what bends with the surface, metres."""
+        return np.asarray(self.thickness / np.sqrt(12))
+
+    @cached_property
+    def iz(self) -> Floats:
+        """(b, k) radius of gyration of what bends in the surface, metres."""
+        return np.asarray(self.width / np.sqrt(12))
+
+    @cached_property
+    def lying(self) -> Floats:
+        """(b, k) 1 where the strong axis is z: where the section is wider than thick; else 0."""
+        return np.asarray((self.width >= self.thickness).astype(np.float64))
+
+    @cached_property
+    def weak(self) -> Floats:
+        """(b, k) second moment about the weak axis, m4."""
+        a, t = np.maximum(self.width, self.thickness), np.minimum(self.width, self.thickness)
+        return np.asarray(a * t**3 / 12)
+
+    @cached_property
+    def It(self) -> Floats:  # noqa: N802
+        """(b, k) St. Venant's torsion constant, m4."""
+        return torsion_constant(self.width, self.thickness)
+
+    @cached_property
+    def Wt(self) -> Floats:  # noqa: N802
+        """(b, k) torque over the largest shear stress, m3 [Roark, table 10.1, case 4]."""
+        a = np.maximum(self.width, self.thickness) / 2
+        r = np.minimum(self.width, self.thickness) / 2 / a
+        return np.asarray(8 * a**3 * r**2 / (3 * (1 + 0.6095 * r + 0.8865 * r**2 - 1.8023 * r**3 + 0.91 * r**4)))
+
+    def slimmest(self) -> "Rectangle":
+        """(b, 1) the narrowest within each bay; its ends are at joints, where other members are material too."""
+        inner = slice(1, -1) if self.width.shape[1] > 2 else slice(None)
+        narrow = (side[:, inner].min(axis=1, keepdims=True) for side in (self.width, self.thickness))
+        return Rectangle(*narrow)
+
+    def torsional(self, length: Floats, young: float, shear: float) -> Floats:
+        """(b, k) the moment about the strong axis, Nm, at which a bay of a length in metres buckles sideways, under one
+        that is alike along it [Timoshenko, Gere 1961, 6.1]: pi / L sqrt(E I G It)."""
+        return np.asarray(np.pi / length * np.sqrt(young * self.weak * shear * self.It))
+
+
+def moment_factor(moment: Floats) -> Floats:
+    """(b, 1) C_m of moments (b, 5) along bays [EN 1993-1-1, table B.3, uniform loading; one that varies in a straight
+    line has 0.6 + 0.4 psi]: the end with the larger moment, the other over it, and the middle."""
+    ends = moment[:, [0, -1]]
+    first = np.abs(ends[:, 0]) >= np.abs(ends[:, 1])
+    large, small = np.where(first, ends[:, 0], ends[:, 1]), np.where(first, ends[:, 1], ends[:, 0])
+    middle = moment[:, moment.shape[1] // 2]
+    tiny = np.finfo(float).tiny
+    psi = np.divide(small, large, out=np.zeros_like(large), where=np.abs(large) > tiny)
+    span = np.abs(middle) > np.abs(large)
+    alpha_s = np.divide(middle, large, out=np.ones_like(large), where=~span & (np.abs(large) > tiny))
+    alpha_h = np.divide(large, middle, out=np.zeros_like(large), where=span)
+    hogging = np.where(psi < 0, 0.1 * (1 - psi), 0.1) - 0.8 * alpha_s
+    by_ends = np.maximum(np.where(alpha_s >= 0, 0.2 + 0.8 * alpha_s, hogging), 0.4)
+    by_span = 0.95 + 0.05 * alpha_h * np.where((alpha_h < 0) & (psi < 0), 1 + 2 * psi, 1.0)
+    return np.asarray(np.where(span, by_span, by_ends)[:, None])
+
+
+STRESS = CodeCheck("stress over strength", "no standard: sqrt(s^2 + 3 t^2), s = N/A + My/Wy + Mz/Wz")
+
+
+def plain_checks(bays: MemberBays, forces: Floats, strength: float, bent: Floats) -> Found:
+    """The largest von Mises stress of an elastic section over a strength, Pa; bent : (b, 5) Pa, of bending members into
+    shape."""
+    section = Rectangle(bays.width, np.full_like(bays.width, bays.thickness))
+    N, Vy, Vz, Mt, My, Mz = np.abs(np.moveaxis(forces, -1, 0))
+    axial = N / section.area + My / section.Wy + Mz / section.Wz + bent
+    shear = 1.5 * np.hypot(Vy, Vz) / section.area + Mt / section.Wt
+    return {STRESS: np.asarray(np.sqrt(axial**2 + 3 * shear**2) / strength)}

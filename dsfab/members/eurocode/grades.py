@@ -1,0 +1,123 @@
+"""Characteristic strengths of steel and timber grades, and load durations with k_mod (EN 1995-1-1)."""
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from typing import Literal, get_args
+
+MPA = 1e6
+
+
+@dataclass(frozen=True)
+class SteelGrade:
+    """yields : (thickness up to which, metres; yield strength, Pa), thin plates first.    source : of these."""
+
+    name: str
+    yields: tuple[tuple[float, float], ...]
+    source: str
+
+    def fy(self, thickness: float) -> float:
+        """Yield strength of a plate of a thickness in metres, Pa; the last of the table for what is thicker."""
+        return next((value for most, value in self.yields if thickness <= most * (1 + 1e-9)), self.yields[-1][1])
+
+    def covers(self, thickness: float) -> bool:
+        """Whether the table goes so far; metres."""
+        return thickness <= self.yields[-1][0] * (1 + 1e-9)
+
+
+def _steel(name: str, megapascals: tuple[float, ...], product: str) -> SteelGrade:
+    yields = zip(PLATES, (x * MPA for x in megapascals), strict=True)
+    return SteelGrade(name, tuple(yields), f"EN 1993-1-1, table 3.1 up to 80 mm; {product} above")
+
+
+PLATES = (0.04, 0.08, 0.1, 0.15, 0.2)
+"""Metres; thicknesses at which yield strengths step. EN 1993-1-1 has two steps up to 80 mm, EN 10025 goes on."""
+
+STEEL = {
+    grade.name: grade
+    for grade in (
+        _steel("S235", (235, 215, 215, 195, 185), "EN 10025-2, table 6"),
+        _steel("S275", (275, 255, 235, 225, 215), "EN 10025-2, table 6"),
+        _steel("S355", (355, 335, 315, 295, 285), "EN 10025-2, table 6"),
+        _steel("S460", (460, 430, 400, 380, 370), "EN 10025-3, table 4"),
+    )
+}
+"""Structural steel by name; S460 is S460N."""
+
+Product = Literal["solid timber", "glulam", "LVL"]
+
+
+@dataclass(frozen=True)
+class TimberGrade:
+    """Characteristic values along the grain, Pa: bending `fm`, tension `ft`, compression `fc`, shear `fv`, the 5 %
+    quantiles of the moduli `E05` and `G05`.
+
+    fm_flat, fv_flat : of what lies flat and is bent over its thin side; those of LVL differ.
+    size : exponent s of LVL's size effect.
+    """
+
+    name: str
+    product: Product
+    fm: float
+    ft: float
+    fc: float
+    fv: float
+    E05: float
+    G05: float
+    fm_flat: float
+    fv_flat: float
+    size: float
+    source: str
+
+
+def _solid(name: str, fm: float, ft: float, fc: float, fv: float, E05: float, G05: float) -> TimberGrade:
+    source = "EN 338:2016, table 1; G05 = E05 / 16"
+    strengths = fm * MPA, ft * MPA, fc * MPA, fv * MPA
+    return TimberGrade(name, "solid timber", *strengths, E05 * MPA, G05 * MPA, fm * MPA, fv * MPA, 0.0, source)
+
+
+def _glued(name: str, fm: float, ft: float, fc: float, E05: float) -> TimberGrade:
+    strengths = fm * MPA, ft * MPA, fc * MPA, 3.5 * MPA
+    source = "EN 14080:2013, table 5"
+    return TimberGrade(name, "glulam", *strengths, E05 * MPA, 540 * MPA, fm * MPA, 3.5 * MPA, 0.0, source)
+
+
+TIMBER = {
+    grade.name: grade
+    for grade in (
+        _solid("C24", 24, 14.5, 21, 4.0, 7400, 462),
+        _solid("C30", 30, 19, 24, 4.0, 8000, 500),
+        _glued("GL24h", 24, 19.2, 24, 9600),
+        _glued("GL28h", 28, 22.3, 28, 10500),
+        _glued("GL32h", 32, 25.6, 32, 11800),
+        TimberGrade(
+            *("LVL 48 P", "LVL"),
+            *(44 * MPA, 35 * MPA, 29 * MPA, 4.2 * MPA, 11600 * MPA, 400 * MPA, 48 * MPA, 2.3 * MPA, 0.15),
+            "EN 14374, as the makers' bulletin on strength classes of 2019 has it; compression in service class 2",
+        ),
+    )
+}
+"""Timber by name."""
+
+
+Duration = Literal["permanent", "long", "medium", "short", "instantaneous"]
+DURATIONS: tuple[Duration, ...] = get_args(Duration)
+"""From over ten years to moments, as EN 1995-1-1, table 2.1."""
+
+ServiceClass = Literal[1, 2, 3]
+
+K_MOD: dict[ServiceClass, tuple[float, ...]] = {
+    1: (0.6, 0.7, 0.8, 0.9, 1.1),
+    2: (0.6, 0.7, 0.8, 0.9, 1.1),
+    3: (0.5, 0.55, 0.65, 0.7, 0.9),
+}
+"""Of solid timber, glulam and LVL [EN 1995-1-1, table 3.1], by `DURATIONS`."""
+
+
+def k_mod(duration: Duration, service_class: ServiceClass) -> float:
+    """Factor on strengths for the duration of the load and the moisture [EN 1995-1-1, table 3.1]."""
+    return K_MOD[service_class][DURATIONS.index(duration)]
+
+
+def shortest(durations: Iterable[Duration]) -> Duration:
+    """Of loads that act together the shortest counts [EN 1995-1-1, 3.1.3 (2)]."""
+    return max(durations, key=DURATIONS.index)

@@ -1,0 +1,139 @@
+"""`utilisation`: bays of members against the standard of their material, case by case."""
+
+from collections.abc import Callable, Iterator, Mapping
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dsfab.core.arrays import Floats
+from dsfab.core.errors import StaticsError
+from dsfab.core.materials import NO_STRENGTH
+from dsfab.core.messages import length
+from dsfab.members.eurocode import steel, timber
+from dsfab.members.eurocode.checks import Found, MemberBays, Utilisation, plain_checks
+from dsfab.members.eurocode.grades import STEEL, TIMBER, Duration, SteelGrade, TimberGrade, k_mod
+from dsfab.members.eurocode.steel import SteelFactors
+from dsfab.members.eurocode.timber import TimberFactors
+
+UNCHECKED = (
+    "joints: bolts, welds, holes, splices, and what happens within nodes",
+    "stability of the structure as a whole: nodes are taken as held, so that bays buckle one by one",
+    "effects of displacements on forces (second order), and imperfections of the surface",
+    "slip between layers: sections are solid, as thick as the sheet",
+    "plates, discs, fills and stubs without a bay between two nodes",
+    "fire, fatigue, brittle fracture, corrosion; displacements",
+)
+"""What no check here looks at."""
+
+
+@dataclass(frozen=True)
+class Rules:
+    """What members are checked by.
+
+    material  : its name, or ''.    young, shear : moduli, Pa.    strength : Pa, of materials without a standard here.
+    durations : of loads, by case and combination.    steel, timber : factors.    loads : a sentence on what they are.
+    combined  : whether they are combinations with partial factors.
+    """
+
+    material: str
+    young: float
+    shear: float
+    strength: float
+    durations: Mapping[str, Duration] = field(default_factory=dict)
+    steel: SteelFactors = field(default_factory=SteelFactors)
+    timber: TimberFactors = field(default_factory=TimberFactors)
+    loads: str = ""
+    combined: bool = True
+
+
+def utilisation(bays: MemberBays, rules: Rules) -> Utilisation:
+    """What bays bear over what they can bear, for all their cases.
+
+    Raises StaticsError where neither the material nor a strength is known, and where there are no bays.
+    """
+    if not bays.member:
+        raise StaticsError(
+            "no member has a bay between two nodes, so there is none to check; see dsfab export --to csv"
+        )
+    check, standard, assumed = _way(rules, bays.thickness)
+    found = {case: check(bays, case) for case in bays.forces}
+    checks = tuple(next(iter(found.values()), {}))
+    values, station = {}, {}
+    for case, one in found.items():
+        values[case] = np.stack([one[key].max(axis=1) for key in checks], axis=1)
+        station[case] = np.stack([one[key].argmax(axis=1) for key in checks], axis=1)
+    told = (*((rules.loads,) if rules.loads else ()), *assumed)
+    return Utilisation(bays, checks, standard, values, station, told, UNCHECKED, rules.combined)
+
+
+Way = tuple[Callable[[MemberBays, str], Found], str, Iterator[str]]
+
+
+def _way(rules: Rules, thickness: float) -> Way:
+    """The checks of a case, the standard that they are from, and what is assumed."""
+    if (grade := STEEL.get(rules.material)) is not None:
+        return _steel_way(grade, rules, thickness)
+    if (timbers := TIMBER.get(rules.material)) is not None:
+        return _timber_way(timbers, rules)
+    if not rules.strength:
+        raise StaticsError(NO_STRENGTH)
+    what = f"{rules.material} is in none of the standards here" if rules.material else "the preset names no material"
+    bent = _bent(rules)
+    return (
+        lambda bays, case: plain_checks(bays, bays.forces[case], rules.strength, bent(bays)),
+        f"no standard: {what}; stress over the strength of the preset, {rules.strength / 1e6:g} MPa",
+        iter(["The material is alike in all directions, and nothing is looked at that buckles."]),
+    )
+
+
+def _steel_way(grade: SteelGrade, rules: Rules, thickness: float) -> Way:
+    elastic = rules.young, rules.shear
+    return (
+        lambda bays, case: steel.steel_checks(bays, bays.forces[case], grade, elastic, rules.steel),
+        f"{steel.STANDARD}:2005, 6.2 and 6.3; {grade.name}, yield strength {grade.fy(thickness) / 1e6:g} MPa",
+        _steel_words(grade, rules.steel, thickness),
+    )
+
+
+def _steel_words(grade: SteelGrade, factors: SteelFactors, thickness: float) -> Iterator[str]:
+    yield f"Strengths: {grade.source}, plates of {length(thickness)}."
+    if not grade.covers(thickness):
+        most = length(grade.yields[-1][0])
+        yield f"The table ends at {most}: for {length(thickness)} its last strength is taken, which is too high."
+    yield f"Partial factors: gamma_M0 = {factors.gamma_m0:g}, gamma_M1 = {factors.gamma_m1:g} (6.1)."
+    yield (
+        f"Buckling: {factors.buckling_length:g} times the distance of nodes about both axes, curve {factors.curve} "
+        "(table 6.2: solid sections); sideways curve d (table 6.4), under one moment all along."
+    )
+    yield "Sections are plastic (6.2.9), members elastic (6.3.3, annex B: class 3, table B.2), without holes."
+
+
+def _timber_way(grade: TimberGrade, rules: Rules) -> Way:
+    def check(bays: MemberBays, case: str) -> Found:
+        duration = rules.durations.get(case, "medium")
+        return timber.timber_checks(bays, bays.forces[case], grade, rules.young, duration, rules.timber)
+
+    return check, f"{timber.STANDARD}:2004 with A1 and A2, 6.1 to 6.3; {grade.name}", _timber_words(grade, rules)
+
+
+def _timber_words(grade: TimberGrade, rules: Rules) -> Iterator[str]:
+    factors = rules.timber
+    gamma = factors.gamma_m or timber.GAMMA[grade.product]
+    yield f"Strengths: {grade.source}, along the grain; {grade.product}, gamma_M = {gamma:g} (table 2.3)."
+    times = sorted({(k_mod(d, factors.service_class), d) for d in rules.durations.values()})
+    listed = ", ".join(f"{value:g} ({name})" for value, name in times)
+    yield f"k_mod in service class {factors.service_class} by the shortest load of each case: {listed} (table 3.1)."
+    yield f"Buckling: {factors.buckling_length:g} times the distance of nodes about both axes (6.3.2, 6.3.3)."
+    yield "Size factors that add strength (3.2, 3.3) are left out; shear with k_cr (6.1.7), torsion apart (6.1.8)."
+    if factors.layer:
+        yield (
+            f"Layers of {length(factors.layer)} are bent into shape from straight: E t kn / 2 is added to the bending "
+            "stress and does not relax; alone it is checked as a permanent one."
+        )
+    else:
+        yield "Members are made in their shape: nothing is bent in (eurocode.bent_in)."
+
+
+def _bent(rules: Rules) -> Callable[[MemberBays], Floats]:
+    """(b, 5) Pa, of bending layers into shape."""
+    return lambda bays: np.asarray(rules.young * rules.timber.layer * np.abs(bays.curvature) / 2)

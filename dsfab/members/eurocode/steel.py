@@ -1,0 +1,126 @@
+"""EN 1993-1-1:2005, 6.2 and 6.3, of flats: rectangles of structural steel without holes."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from dsfab.core.arrays import Floats
+from dsfab.members.eurocode.checks import CodeCheck, Found, MemberBays, Rectangle, moment_factor
+from dsfab.members.eurocode.grades import SteelGrade
+
+STANDARD = "EN 1993-1-1"
+Curve = Literal["a0", "a", "b", "c", "d"]
+ALPHA: dict[Curve, float] = {"a0": 0.13, "a": 0.21, "b": 0.34, "c": 0.49, "d": 0.76}
+"""Imperfection factors of buckling curves [EN 1993-1-1, table 6.1]."""
+SIDEWAYS: Curve = "d"
+"""The curve of lateral torsional buckling of what is no I [EN 1993-1-1, table 6.4]."""
+NEARLY = 0.95
+"""Shear over this share of what a section bears takes no more of its bending than at this share: it decides itself."""
+
+TENSION = CodeCheck("tension", f"{STANDARD} 6.2.3 (6.5)")
+COMPRESSION = CodeCheck("compression", f"{STANDARD} 6.2.4 (6.9)")
+SHEAR = CodeCheck("shear and torsion", f"{STANDARD} 6.2.6 (6.19), 6.2.7")
+BENDING = CodeCheck("bending and axial force", f"{STANDARD} 6.2.9.1 (6.32), (6.41)")
+OUT_OF_SURFACE = CodeCheck("buckling out of the surface", f"{STANDARD} 6.3.1.1 (6.46)")
+IN_SURFACE = CodeCheck("buckling in the surface", f"{STANDARD} 6.3.1.1 (6.46)")
+TORSIONAL = CodeCheck("lateral torsional buckling", f"{STANDARD} 6.3.2.1 (6.54)")
+BOTH = CodeCheck("buckling and bending", f"{STANDARD} 6.3.3 (6.61), (6.62)")
+
+
+@dataclass(frozen=True)
+class SteelFactors:
+    """curve : of flexural buckling, c for solid sections [EN 1993-1-1, table 6.2].    gamma_m0, gamma_m1 : partial
+    factors of sections and of members [6.1].    buckling_length : over the distance of nodes."""
+
+    curve: Curve = "c"
+    gamma_m0: float = 1.0
+    gamma_m1: float = 1.0
+    buckling_length: float = 1.0
+
+
+def steel_checks(
+    bays: MemberBays, forces: Floats, grade: SteelGrade, elastic: tuple[float, float], factors: SteelFactors
+) -> Found:
+    """What bays bear of forces (b, 5, 6) over what they can.
+
+    elastic : Young's modulus and the shear modulus, Pa.
+    """
+    section = Rectangle(bays.width, np.full_like(bays.width, bays.thickness))
+    fy = grade.fy(bays.thickness)
+    found = section_checks(section, forces, fy / factors.gamma_m0)
+    length = bays.length[:, None] * factors.buckling_length
+    return found | member_checks(section, forces, length, (fy, *elastic), factors)
+
+
+def section_checks(section: Rectangle, forces: Floats, fd: float) -> Found:
+    """Of sections (b, 5) under forces (b, 5, 6), with fd = f_y / gamma_M0, Pa.
+
+    Shear is that of the elastic distribution, 1.5 V / A, with St. Venant's torsion added. Where V is over half of its
+    plastic resistance, that which torsion leaves, the yield strength for N and M is (1 - rho) f_y [6.2.8, 6.2.10].
+    (6.32) in (6.41) with both exponents 1 is the sum of (N / N_Rd)^2 and of M / M_pl,Rd.
+    """
+    N, Vy, Vz, Mt, My, Mz = np.moveaxis(forces, -1, 0)
+    V, torsion = np.hypot(Vy, Vz) / section.area, np.abs(Mt) / section.Wt
+    tau = fd / np.sqrt(3)
+    plastic = V / tau / np.maximum(1 - torsion / tau, V / tau / NEARLY + 1e-12)
+    rho = np.where(plastic > 0.5, (2 * np.minimum(plastic, NEARLY) - 1) ** 2, 0.0)
+    n, left = N / (section.area * fd), 1 - rho
+    bent = np.abs(My) / (1.5 * section.Wy * fd) + np.abs(Mz) / (1.5 * section.Wz * fd)
+    return {
+        TENSION: np.maximum(n, 0.0),
+        COMPRESSION: np.maximum(-n, 0.0),
+        SHEAR: (1.5 * V + torsion) / tau,
+        BENDING: np.asarray((n / left) ** 2 + bent / left),
+    }
+
+
+def reduction(slenderness: Floats, curve: Curve) -> Floats:
+    """(b, k) chi of slendernesses (b, k) [EN 1993-1-1, (6.49)]; 1 up to 0.2."""
+    phi = 0.5 * (1 + ALPHA[curve] * (slenderness - 0.2) + slenderness**2)
+    chi = 1 / (phi + np.sqrt(np.maximum(phi**2 - slenderness**2, 0.0)))
+    return np.asarray(np.where(slenderness <= 0.2, 1.0, np.minimum(chi, 1.0)))
+
+
+def member_checks(
+    section: Rectangle, forces: Floats, length: Floats, material: tuple[float, float, float], factors: SteelFactors
+) -> Found:
+    """(b, 1) of whole bays, with buckling lengths (b, 1), metres; material : f_y, E and G, Pa.
+
+    The largest compression and the largest moments of a bay act together on its narrowest section. Moments are over
+    elastic resistances, with the interaction factors of annex B for class 3 and members that may twist (table B.2).
+    """
+    fy, young, shear = material
+    slim = section.slimmest()
+    N = np.maximum(-forces[:, :, 0], 0.0).max(axis=1, keepdims=True)
+    by_axis = [length / i / np.pi * np.sqrt(fy / young) for i in (slim.iy, slim.iz)]
+    n = [N * factors.gamma_m1 / (reduction(lam, factors.curve) * slim.area * fy) for lam in by_axis]
+    M = [np.abs(forces[:, :, k]).max(axis=1, keepdims=True) for k in (4, 5)]
+    m = [one * factors.gamma_m1 / (W * fy) for one, W in zip(M, (slim.Wy, slim.Wz), strict=True)]
+    C = [moment_factor(forces[:, :, k]) for k in (4, 5)]
+    strong, weak = ([_by(slim.lying, *pair[::way]) for pair in (by_axis, n, m, C)] for way in (-1, 1))
+    W = _by(slim.lying, slim.Wz, slim.Wy)
+    sideways = np.sqrt(W * fy / slim.torsional(length, young, shear))
+    tilted = strong[2] / reduction(sideways, SIDEWAYS)
+    both = _interaction(strong, weak, tilted)
+    return {
+        OUT_OF_SURFACE: n[0],
+        IN_SURFACE: n[1],
+        TORSIONAL: tilted,
+        BOTH: np.where(N > 0, both, 0.0),
+    }
+
+
+def _by(lying: Floats, one: Floats, other: Floats) -> Floats:
+    return np.asarray(np.where(lying > 0, one, other))
+
+
+def _interaction(strong: list[Floats], weak: list[Floats], tilted: Floats) -> Floats:
+    """The larger of (6.61) and (6.62); slenderness, n, m and C_m about both axes, and m over chi_LT."""
+    (lam_s, n_s, _, C_s), (lam_w, n_w, m_w, C_w) = strong, weak
+    k_ss = C_s * (1 + 0.6 * np.minimum(lam_s, 1) * n_s)
+    k_ww = C_w * (1 + 0.6 * np.minimum(lam_w, 1) * n_w)
+    k_ws = np.maximum(1 - 0.05 * np.minimum(lam_w, 1) / (C_s - 0.25) * n_w, 0.0)
+    about_strong = n_s + k_ss * tilted + k_ww * m_w
+    about_weak = n_w + k_ws * tilted + k_ww * m_w
+    return np.maximum(about_strong, about_weak)

@@ -1,0 +1,151 @@
+"""EN 1995-1-1:2004 with A1 and A2, 6.1 to 6.3, of laths: rectangles of timber along the grain."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dsfab.core.arrays import Floats
+from dsfab.members.eurocode.checks import CodeCheck, Found, MemberBays, Rectangle
+from dsfab.members.eurocode.grades import Duration, Product, ServiceClass, TimberGrade, k_mod
+
+STANDARD = "EN 1995-1-1"
+GAMMA: dict[Product, float] = {"solid timber": 1.3, "glulam": 1.25, "LVL": 1.2}
+"""Partial factors [EN 1995-1-1, table 2.3]."""
+K_CR: dict[Product, float] = {"solid timber": 0.67, "glulam": 0.67, "LVL": 1.0}
+"""Share of the width that cracks leave for shear [EN 1995-1-1, 6.1.7 (2)]."""
+BETA: dict[Product, float] = {"solid timber": 0.2, "glulam": 0.1, "LVL": 0.1}
+"""How far members are from straight [EN 1995-1-1, (6.29)]."""
+K_M = 0.7
+"""Of rectangles [EN 1995-1-1, 6.1.6 (2)]."""
+STRAIGHT = 0.3
+"""Up to this relative slenderness nothing buckles [EN 1995-1-1, 6.3.2 (2)]."""
+LVL_HEIGHT, LVL_LENGTH = 0.3, 3.0
+"""Metres, beyond which LVL bears less [EN 1995-1-1, 3.4]."""
+
+TENSION = CodeCheck("tension", f"{STANDARD} 6.1.2 (6.1)")
+COMPRESSION = CodeCheck("compression", f"{STANDARD} 6.1.4 (6.2)")
+BENDING = CodeCheck("bending", f"{STANDARD} 6.1.6 (6.11), (6.12)")
+BENT_IN = CodeCheck("bending into shape alone", f"{STANDARD} 6.1.6 (6.11)")
+SHEAR = CodeCheck("shear", f"{STANDARD} 6.1.7 (6.13)")
+TORSION = CodeCheck("torsion", f"{STANDARD} 6.1.8 (6.14)")
+WITH_TENSION = CodeCheck("bending and tension", f"{STANDARD} 6.2.3 (6.17), (6.18)")
+WITH_COMPRESSION = CodeCheck("bending and compression", f"{STANDARD} 6.2.4 (6.19), (6.20)")
+COLUMN = CodeCheck("stability as a column", f"{STANDARD} 6.3.2 (6.23), (6.24)")
+BEAM = CodeCheck("stability as a beam", f"{STANDARD} 6.3.3 (6.33), (6.35)")
+
+
+@dataclass(frozen=True)
+class TimberFactors:
+    """service_class : 1 heated, 2 under a roof, 3 in the open.    gamma_m : partial factor; None: that of table 2.3.
+    buckling_length : over the distance of nodes.    layer : metres of each layer that is bent into shape from straight;
+    0: members are made in their shape."""
+
+    service_class: ServiceClass = 2
+    gamma_m: float | None = None
+    buckling_length: float = 1.0
+    layer: float = 0.0
+
+
+def timber_checks(
+    bays: MemberBays, forces: Floats, grade: TimberGrade, elastic: float, duration: Duration, factors: TimberFactors
+) -> Found:
+    """What bays bear of forces (b, 5, 6) over what they can, where the shortest load is of a duration.
+
+    elastic : Young's modulus, Pa, of bending into shape: its stress is E layer |kn| / 2.
+    """
+    section = Rectangle(bays.width, np.full_like(bays.width, bays.thickness))
+    over = (factors.gamma_m or GAMMA[grade.product]) / k_mod(duration, factors.service_class)
+    bent = elastic * factors.layer * np.abs(bays.curvature) / 2
+    stress = stresses(section, forces, bent, grade)
+    lengthy = np.maximum(bays.length[:, None] / LVL_LENGTH, 1.0) ** (grade.size / 2)
+    found = section_checks(section, stress, over, lengthy, grade)
+    found |= stability_checks(section.slimmest(), stress, over, bays.length[:, None] * factors.buckling_length, grade)
+    if factors.layer:
+        always = (factors.gamma_m or GAMMA[grade.product]) / k_mod("permanent", factors.service_class)
+        found[BENT_IN] = bent * always / grade.fm_flat
+    return found
+
+
+@dataclass(frozen=True, eq=False)
+class Stresses:
+    """(b, 5) Pa: axial, tension positive; of bending with the surface and in it; of shear along y and z; of torsion."""
+
+    axial: Floats
+    my: Floats
+    mz: Floats
+    vy: Floats
+    vz: Floats
+    torsion: Floats
+
+
+def stresses(section: Rectangle, forces: Floats, bent: Floats, grade: TimberGrade) -> Stresses:
+    """Of forces (b, 5, 6); bent : (b, 5) Pa, of bending the member into shape, added to My's."""
+    N, Vy, Vz, Mt, My, Mz = np.moveaxis(forces, -1, 0)
+    whole = K_CR[grade.product] * section.area
+    return Stresses(
+        N / section.area,
+        np.abs(My) / section.Wy + bent,
+        np.abs(Mz) / section.Wz,
+        1.5 * np.abs(Vy) / whole,
+        1.5 * np.abs(Vz) / whole,
+        np.abs(Mt) / section.Wt,
+    )
+
+
+def _bending(section: Rectangle, stress: Stresses, grade: TimberGrade) -> tuple[Floats, Floats]:
+    """Both bending stresses over characteristic strengths; upright LVL of over 300 mm bears less [3.4 (3)]."""
+    deep = np.maximum(section.width / LVL_HEIGHT, 1.0) ** grade.size
+    return stress.my / grade.fm_flat, stress.mz * deep / grade.fm
+
+
+def section_checks(section: Rectangle, stress: Stresses, over: float, lengthy: Floats, grade: TimberGrade) -> Found:
+    """Of sections (b, 5). over : gamma_M / k_mod.    lengthy : (b, 1), by which long LVL bears less tension [3.4]."""
+    y, z = (over * one for one in _bending(section, stress, grade))
+    bent = np.maximum(y + K_M * z, K_M * y + z)
+    tension = over * lengthy * np.maximum(stress.axial, 0.0) / grade.ft
+    pressed = over * np.maximum(-stress.axial, 0.0) / grade.fc
+    a, t = (edge(section.width, section.thickness) for edge in (np.maximum, np.minimum))
+    shape = np.minimum(1 + 0.05 * a / t, 1.3)  # A2:2014
+    return {
+        TENSION: tension,
+        COMPRESSION: pressed,
+        BENDING: bent,
+        SHEAR: over * np.hypot(stress.vy / grade.fv, stress.vz / grade.fv_flat),
+        TORSION: over * stress.torsion / (shape * min(grade.fv, grade.fv_flat)),
+        WITH_TENSION: np.where(stress.axial > 0, tension + bent, 0.0),
+        WITH_COMPRESSION: np.where(stress.axial < 0, pressed**2 + bent, 0.0),
+    }
+
+
+def column_factor(slenderness: Floats, grade: TimberGrade) -> Floats:
+    """(b, k) k_c of relative slendernesses (b, k) [EN 1995-1-1, (6.25) to (6.29)]; 1 up to 0.3."""
+    k = 0.5 * (1 + BETA[grade.product] * (slenderness - STRAIGHT) + slenderness**2)
+    k_c = 1 / (k + np.sqrt(np.maximum(k**2 - slenderness**2, 0.0)))
+    return np.asarray(np.where(slenderness <= STRAIGHT, 1.0, np.minimum(k_c, 1.0)))
+
+
+def beam_factor(slenderness: Floats) -> Floats:
+    """(b, k) k_crit of relative slendernesses in bending (b, k) [EN 1995-1-1, (6.34)]."""
+    line = 1.56 - 0.75 * slenderness
+    return np.asarray(np.select([slenderness <= 0.75, slenderness <= 1.4], [1.0, line], 1 / slenderness**2))
+
+
+def stability_checks(slim: Rectangle, stress: Stresses, over: float, length: Floats, grade: TimberGrade) -> Found:
+    """(b, 1) of whole bays with the narrowest section, under their largest stresses; length : (b, 1), metres."""
+    pressed = over * np.maximum(-stress.axial, 0.0).max(axis=1, keepdims=True) / grade.fc
+    most = Stresses(*(np.max(one, axis=1, keepdims=True) for one in vars(stress).values()))
+    y, z = (over * one for one in _bending(slim, most, grade))
+    lam = [length / i / np.pi * np.sqrt(grade.fc / grade.E05) for i in (slim.iy, slim.iz)]
+    c_y, c_z = (pressed / column_factor(one, grade) for one in lam)
+    stocky = (lam[0] <= STRAIGHT) & (lam[1] <= STRAIGHT)
+    column = np.maximum(c_y + y + K_M * z, c_z + K_M * y + z)
+    column = np.where(stocky, pressed**2 + np.maximum(y + K_M * z, K_M * y + z), column)
+    lying = slim.lying > 0
+    strong, weak_c = np.where(lying, z, y), np.where(lying, c_y, c_z)
+    fm, W = np.where(lying, grade.fm, grade.fm_flat), np.where(lying, slim.Wz, slim.Wy)
+    sideways = np.sqrt(fm * W / slim.torsional(length, grade.E05, grade.G05))
+    tilted = strong / beam_factor(sideways)
+    return {
+        COLUMN: np.where(pressed > 0, column, 0.0),
+        BEAM: np.where(pressed > 0, tilted**2 + weak_c, tilted),
+    }

@@ -1,0 +1,145 @@
+"""`frame_of`: the beam model of a cut sheet, from its members, their nodes, and what the sheet carries."""
+
+from collections.abc import Mapping
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+from scipy.spatial import cKDTree
+
+from dsfab.core.arrays import Bools, Floats
+from dsfab.core.errors import StaticsError
+from dsfab.members import MemberGraph
+from dsfab.members.frame.beams import Beams, Held, beams_along, held_places, in_plane, nearest_beams, nodal_loads
+from dsfab.members.frame.joints import add_hubs, found_joints, join_ends
+from dsfab.members.frame.model import BeamMaterial, Combinations, Frame
+from dsfab.statics import flat_axis
+from dsfab.surface import LoadCase, Surface
+
+SAME = 0.01
+"""Nodes that are nearer than this share of the median width are one."""
+
+
+def frame_of(
+    graph: MemberGraph,
+    surface: Surface,
+    loads: Mapping[str, LoadCase],
+    combinations: Combinations,
+    thickness: float,
+    material: BeamMaterial,
+) -> Frame:
+    """The beam model of a cut sheet.
+
+    graph : its members.    surface : the sheet, whose vertices carry the loads, one for each case; the supports are
+    alike in all.    combinations : factors of cases, by name.    thickness : metres.
+
+    Raises StaticsError where there is no member with an axis, or a part of the structure that nothing holds.
+    """
+    if not any(member.axis for member in graph.members):
+        raise StaticsError("the structure has no members with an axis, so there is no beam model of it: it is a sheet")
+    joints = found_joints(graph)
+    join_ends(joints)
+    add_hubs(joints)
+    beams = beams_along(joints)
+    points, beams, names = _merged(np.array(joints.points), beams, joints.names)
+    beams = _whole(points, beams)
+    first = next(iter(loads.values()))
+    held = held_places(first, surface, points, beams)
+    at = nearest_beams(surface.V, points, beams)
+    forces = {name: nodal_loads(load, surface.V, at, points, beams) for name, load in loads.items()}
+    points, beams, names, fixed, spring = _with_supports(points, beams, names, held)
+    forces = {name: np.concatenate([one, np.zeros((len(points) - len(one), 6))]) for name, one in forces.items()}
+    axis = flat_axis(surface, *loads.values())
+    fixed = fixed if axis is None else in_plane(fixed, axis)
+    return Frame(
+        points,
+        distinct(names),
+        beams.ends,
+        _upright(points, beams),
+        beams.width,
+        np.full(len(beams.width), thickness),
+        beams.member,
+        tuple(member.id for member in joints.lined),
+        fixed,
+        spring,
+        forces,
+        material,
+        dict(combinations),
+        beams.shift,
+        beams.stout,
+    )
+
+
+def distinct(names: list[str]) -> tuple[str, ...]:
+    """The names, those that come again with a number behind them."""
+    seen: dict[str, int] = {}
+    found = []
+    for name in names:
+        seen[name] = seen.get(name, 0) + 1
+        found.append(name if seen[name] == 1 else f"{name} ({seen[name]})")
+    return tuple(found)
+
+
+def _merged(points: Floats, beams: Beams, names: list[str]) -> tuple[Floats, Beams, list[str]]:
+    """Nodes at one place become one; beams without a length go."""
+    pairs = cKDTree(points).query_pairs(SAME * float(np.median(beams.width)), output_type="ndarray")
+    links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(points), len(points)))
+    label = connected_components(links, directed=False)[1]
+    used, first = np.unique(label, return_index=True)
+    ends = np.searchsorted(used, label[beams.ends])
+    kept = np.flatnonzero(ends[:, 0] != ends[:, 1])
+    return _used(points[first], beams.some(kept, ends), [names[k] for k in first])
+
+
+def _used(points: Floats, beams: Beams, names: list[str]) -> tuple[Floats, Beams, list[str]]:
+    """Only nodes that a beam has."""
+    used, ends = np.unique(beams.ends, return_inverse=True)
+    every = np.arange(len(beams.ends))
+    return points[used], beams.some(every, ends.reshape(-1, 2)), [names[k] for k in used]
+
+
+def _whole(points: Floats, beams: Beams) -> Beams:
+    """With links between the parts that no node joins, where they are nearest: the sheet is whole there."""
+    while True:
+        n = len(points)
+        joined = coo_array((np.ones(len(beams.ends)), beams.ends.T), shape=(n, n))
+        count, label = connected_components(joined, directed=False)
+        if count == 1:
+            return beams
+        part = np.bincount(label).argmin()
+        own, rest = np.flatnonzero(label == part), np.flatnonzero(label != part)
+        distance, near = (np.asarray(x) for x in cKDTree(points[rest]).query(points[own]))
+        k = int(distance.argmin())
+        ends = np.array([[own[k], rest[near[k]]]])
+        normal = beams.normal[(beams.ends == ends[0, 1]).any(axis=1)][:1]
+        beams = beams.and_links(ends, normal, np.array([np.median(beams.width)]))
+
+
+def _with_supports(
+    points: Floats, beams: Beams, names: list[str], held: Held
+) -> tuple[Floats, Beams, list[str], Bools, Floats]:
+    """With a node on a link for each support beside the axes, and what is held (n, 6) and sprung (n, 6)."""
+    count, apart = len(points), np.flatnonzero(held.apart)
+    where = held.node.copy()
+    where[apart] = count + np.arange(len(apart))
+    points = np.concatenate([points, held.place[apart]])
+    names = [*names, *(f"support {k + 1}" for k in range(len(apart)))]
+    normal = np.zeros((len(apart), 3))
+    for row, node in enumerate(held.node[apart]):
+        normal[row] = beams.normal[(beams.ends == node).any(axis=1)].sum(axis=0)
+    ends = np.stack([held.node[apart], where[apart]], axis=1)
+    beams = beams.and_links(ends, normal, held.width[apart])
+    fixed, spring = np.zeros((len(points), 6), dtype=bool), np.zeros((len(points), 6))
+    fixed[where], spring[where] = held.fixed, held.spring
+    return points, beams, names, fixed, spring
+
+
+def _upright(points: Floats, beams: Beams) -> Floats:
+    """(b, 3) unit vectors across each beam, as near to its normal as can be."""
+    x = points[beams.ends[:, 1]] - points[beams.ends[:, 0]]
+    x /= np.linalg.norm(x, axis=1)[:, None]
+    other = np.eye(3)[np.abs(x).argmin(axis=1)]
+    normal = beams.normal - np.einsum("bi,bi->b", beams.normal, x)[:, None] * x
+    short = np.linalg.norm(normal, axis=1) < 0.1 * np.maximum(np.linalg.norm(beams.normal, axis=1), 1e-9)
+    normal[short] = np.cross(x[short], other[short])
+    return np.asarray(normal / np.linalg.norm(normal, axis=1)[:, None])

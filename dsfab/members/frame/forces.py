@@ -1,0 +1,267 @@
+"""Member forces: section forces of the sheet summed over planes across each member."""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from types import MappingProxyType
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from dsfab.core.arrays import Floats, Ints, group_sums, lock, locked
+from dsfab.members import Member, MemberAxis, MemberGraph, Node
+from dsfab.members.frame.joints import fitting
+from dsfab.statics import SectionForces
+from dsfab.surface import Surface
+
+SAMPLES = 4
+"""Points along an axis for each edge of the mesh, by which vertices find the nearest."""
+PLANES = 4
+"""Planes within one edge of the mesh around a station, over which its forces are averaged: those of a face are alike
+all over it, and only their means balance."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sections:
+    """Lines in which planes across an axis cut faces, row by row.
+
+    station : (c,) numbers of the stations.    face : (c,).    length : (c,) metres, over the planes of a station.
+    arm     : (c, 2, 3) metres from the axis to both ends of the line.
+    weight  : (c, 2, 3) of the corners of the face at both ends.
+    across  : (c, 3) unit vectors in the face, across the line, along the axis.
+    end_...  : the same of ends of lines on free edges, weight (e, 3); `end_out` (e, 3) unit vectors along the line,
+               out of the face.
+    """
+
+    station: Ints
+    face: Ints
+    length: Floats
+    arm: Floats
+    weight: Floats
+    across: Floats
+    end_station: Ints
+    end_face: Ints
+    end_arm: Floats
+    end_weight: Floats
+    end_across: Floats
+    end_out: Floats
+
+
+def sections(surface: Surface, cells: Ints, axis: MemberAxis, stations: Floats) -> Sections:
+    """How planes at arc lengths (k,) of an axis cut the cells (c,) of a member; metres."""
+    edge = surface.mean_edge
+    offsets = edge * ((np.arange(PLANES) + 0.5) / PLANES - 0.5)
+    at = (stations[:, None] + offsets).ravel()
+    P = axis.at(at % axis.length if axis.closed else np.clip(at, 0, axis.length))[0]
+    s = _places(surface, cells, axis)
+    plane, row = _crossed(s, at, axis.length if axis.closed else np.inf)
+    corner = surface.V[surface.F[cells[row]]]
+    level = at[plane][:, None] - s[row]
+    if axis.closed:
+        level = (level + axis.length / 2) % axis.length - axis.length / 2
+    return _as_sections(surface, cells[row], plane, P[plane], corner, level)
+
+
+def _places(surface: Surface, cells: Ints, axis: MemberAxis) -> Floats:
+    """(c, 3) arc lengths of the corners of cells; of a closed axis those of a cell are not torn apart."""
+    used, of = np.unique(surface.F[cells], return_inverse=True)
+    count = int(np.clip(SAMPLES * axis.length / surface.mean_edge, 16, 20_000))
+    t = np.linspace(0, axis.length, count + 1)
+    P, T, _ = axis.at(t)
+    V = surface.V[used]
+    near = np.asarray(cKDTree(P).query(V)[1])
+    s = (t[near] + np.einsum("vi,vi->v", V - P[near], T[near]))[of.reshape(-1, 3)]
+    if axis.closed:
+        half = axis.length / 2
+        s = s[:, :1] + (s - s[:, :1] + half) % axis.length - half
+    return np.asarray(s)
+
+
+def _crossed(s: Floats, at: Floats, period: float) -> tuple[Ints, Ints]:
+    """Pairs of planes and rows of cells (c, 3) that they cut."""
+    low, high = s.min(axis=1), s.max(axis=1)
+    hits = np.zeros((len(at), len(s)), dtype=bool)
+    for turn in (0.0,) if np.isinf(period) else (-period, 0.0, period):
+        there = at[:, None] + turn
+        hits |= (low < there) & (there < high)
+    plane, row = np.nonzero(hits)
+    return plane.astype(np.int64), row.astype(np.int64)
+
+
+def _line(level: Floats) -> tuple[Floats, Ints]:
+    """(c, 2, 3) weights of the corners at both ends of the line where a level (c, 3) is zero on triangles, and (c, 2)
+    the edges that they are on, by the number of the corner that an edge begins at."""
+    ahead = np.roll(level, -1, axis=1)
+    crossed = (level > 0) != (ahead > 0)
+    order = np.argsort(~crossed, axis=1, kind="stable")[:, :2]
+    row = np.arange(len(level))[:, None]
+    share = level[row, order] / (level[row, order] - ahead[row, order])
+    weight = np.zeros((len(level), 2, 3))
+    np.put_along_axis(weight, order[..., None], (1 - share)[..., None], axis=2)
+    np.put_along_axis(weight, ((order + 1) % 3)[..., None], share[..., None], axis=2)
+    return weight, order.astype(np.int64)
+
+
+def _as_sections(surface: Surface, face: Ints, plane: Ints, P: Floats, corner: Floats, level: Floats) -> Sections:
+    weight, on = _line(level)
+    a, b = np.moveaxis(np.einsum("cek,cki->cei", weight, corner), 1, 0)
+    way = b - a
+    length = np.linalg.norm(way, axis=1)
+    along = way / np.maximum(length, np.finfo(float).tiny)[:, None]
+    across = np.cross(along, surface.normals[face])
+    ahead = corner[np.arange(len(face)), level.argmin(axis=1)] - a  # the corner that lies farthest along the axis
+    across *= np.sign(np.einsum("ci,ci->c", ahead, across))[:, None]
+    free = surface.edges.boundary[surface.edges.of[face]]
+    rows, ends = np.nonzero(free[np.arange(len(face))[:, None], _edge_number(surface, face, on)])
+    point = np.where(ends[:, None] == 0, a[rows], b[rows])
+    out = along[rows] * np.where(ends == 0, -1.0, 1.0)[:, None]
+    station = plane // PLANES
+    return Sections(
+        station,
+        face,
+        length / PLANES,
+        np.stack([a - P, b - P], axis=1),
+        weight,
+        across,
+        station[rows],
+        face[rows],
+        point - P[rows],
+        weight[rows, ends],
+        across[rows],
+        out,
+    )
+
+
+def _edge_number(surface: Surface, face: Ints, begins: Ints) -> Ints:
+    """(c, 2) which of the three `edges.of` a face goes from a corner (c, 2) to the next."""
+    wanted = np.sort(np.stack([_corner(surface, face, begins), _corner(surface, face, (begins + 1) % 3)], axis=-1))
+    given = np.sort(surface.edges.ends[surface.edges.of[face]], axis=-1)
+    return np.asarray((wanted[:, :, None] == given[:, None]).all(axis=-1).argmax(axis=-1))
+
+
+def _corner(surface: Surface, face: Ints, which: Ints) -> Ints:
+    return np.asarray(np.take_along_axis(surface.F[face], which, axis=1))
+
+
+SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
+"""Where the forces of a bay are told: shares of its clear length, between the joints at its ends."""
+STATIONS = len(SHARES)
+"""Of each bay."""
+COMPONENTS = ("N", "Vy", "Vz", "Mt", "My", "Mz")
+"""x along the axis, z along the normal of the surface, y to the left; on a section that x points out of."""
+
+
+@dataclass(frozen=True, eq=False)
+class MemberForces:
+    """What a member bears at stations of its axis.
+
+    member : its name.    s : (k,) metres along its axis.    bay : (k,) from which node to which, "N012 N013".
+    width  : (k,) metres, of the section that was summed up.
+    forces : by case and combination, (k, 6) N, Vy, Vz in newtons and Mt, My, Mz in newton metres, see `COMPONENTS`.
+             N is positive for tension. My stretches the side that the normal points to, if positive; Mz the right
+             side; Mt turns about the axis.
+    """
+
+    member: str
+    s: Floats
+    bay: tuple[str, ...]
+    width: Floats
+    forces: Mapping[str, Floats]
+
+    def __post_init__(self) -> None:
+        for name in ("s", "width"):
+            lock(self, name, np.float64, (len(self.bay),))
+        forces = {name: locked(rows, np.float64, (len(self.s), 6)) for name, rows in self.forces.items()}
+        object.__setattr__(self, "forces", MappingProxyType(forces))
+
+    @property
+    def envelope(self) -> Floats:
+        """(k, 6, 2) the least and the greatest of all cases and combinations."""
+        every = np.stack(list(self.forces.values()))
+        return np.stack([every.min(axis=0), every.max(axis=0)], axis=-1)
+
+
+def member_forces(graph: MemberGraph, forces: Mapping[str, SectionForces]) -> dict[str, MemberForces]:
+    """By the names of members that have an axis and a bay, what they bear, of section forces of the design's sheet."""
+    found = {}
+    for member in graph.members:
+        s, bays = _stations(graph, member)
+        if len(s):
+            found[member.id] = forces_along(graph, member, s, bays, forces)
+    return found
+
+
+def forces_along(
+    graph: MemberGraph, member: Member, s: Floats, bays: tuple[str, ...], forces: Mapping[str, SectionForces]
+) -> MemberForces:
+    """What a member bears at arc lengths (k,) of its axis, metres, in bays (k,)."""
+    assert member.axis is not None
+    surface, axis = graph.sheet.surface, member.axis
+    cut = sections(surface, member.cells, axis, s)
+    _, T, N = axis.at(s % axis.length if axis.closed else s)
+    axes = np.stack([T, np.cross(N, T), N], axis=1)
+    return MemberForces(
+        member.id,
+        s,
+        bays,
+        group_sums(cut.station, cut.length[:, None], len(s))[:, 0],
+        {name: _summed(cut, axes, one, graph, surface.normals) for name, one in forces.items()},
+    )
+
+
+def _summed(cut: Sections, axes: Floats, given: SectionForces, graph: MemberGraph, normals: Floats) -> Floats:
+    """(k, 6) the components of F and M along local axes (k, 3, 3)."""
+    source, z = graph.source[cut.face], normals[cut.face]
+    frame = given.frame[source]
+    v = np.einsum("cai,ci->ca", frame, cut.across)
+    n = np.einsum("cek,cka->cea", cut.weight, given.corners[source])
+    ends = [np.einsum("ca,cai->ci", _times(n[:, k], v), frame) for k in (0, 1)]
+    m = np.einsum("ca,cai->ci", _times(given.m[source], v), frame)
+    p = np.stack(ends, axis=1) - (np.einsum("ca,ca->c", given.q[source], v)[:, None] * z)[:, None]
+    F = group_sums(cut.station, cut.length[:, None] * p.mean(axis=1), len(axes))
+    moment = np.cross(cut.arm, (2 * p + p[:, ::-1]) / 6).sum(axis=1) + np.cross(m, z)  # of what varies linearly
+    M = group_sums(cut.station, cut.length[:, None] * moment, len(axes))
+    f = _edge_forces(cut, given, graph, normals)
+    F = F + group_sums(cut.end_station, f, len(axes))
+    M = M + group_sums(cut.end_station, np.cross(cut.end_arm, f), len(axes))
+    return np.concatenate([np.einsum("kai,ki->ka", axes, F), np.einsum("kai,ki->ka", axes, M)], axis=1)
+
+
+def _edge_forces(cut: Sections, given: SectionForces, graph: MemberGraph, normals: Floats) -> Floats:
+    """(e, 3) newtons at ends of lines on free edges, the mean over the planes of a station."""
+    source = graph.source[cut.end_face]
+    frame = given.frame[source]
+    v, s = (np.einsum("cai,ci->ca", frame, x) for x in (cut.end_across, cut.end_out))
+    m = np.einsum("ck,cka->ca", cut.end_weight, given.corner_moments[source])
+    twist = np.einsum("ca,ca->c", s, _times(m, v))
+    return np.asarray(twist[:, None] * normals[cut.end_face] / PLANES)
+
+
+def _times(tensor: Floats, v: Floats) -> Floats:
+    """(c, 2) of symmetric tensors x, y, xy (c, 3) and vectors (c, 2)."""
+    x, y, xy = tensor.T
+    return np.stack([x * v[:, 0] + xy * v[:, 1], xy * v[:, 0] + y * v[:, 1]], axis=1)
+
+
+def _stations(graph: MemberGraph, member: Member) -> tuple[Floats, tuple[str, ...]]:
+    """Arc lengths along a member where its forces are told, and the bays that they are in."""
+    nodes = graph.along[member.id]
+    if member.axis is None or len(nodes) < 2:
+        return np.zeros(0), ()
+    bays = graph.bays(member.id)
+    s, names = [], list[str]()
+    for k, length in enumerate(bays.tolist()):
+        one, other = nodes[k], nodes[(k + 1) % len(nodes)]
+        begin = one.at[one.members.index(member.id)]
+        half = np.array([_half(graph, member, node) for node in (one, other)]) + graph.sheet.surface.mean_edge / 2
+        half = fitting(half, length)
+        if length > member.mean_width:
+            s.append(begin + half[0] + np.array(SHARES) * (length - half.sum()))
+            names += [f"{one.id} {other.id}"] * len(SHARES)
+    return np.concatenate(s) if s else np.zeros(0), tuple(names)
+
+
+def _half(graph: MemberGraph, member: Member, node: Node) -> float:
+    """Half of the width of the other member at a node, along this one; metres."""
+    other = graph.by_id[node.members[1 - node.members.index(member.id)]]
+    slant = np.sin(np.radians(node.angle)) if node.angle == node.angle else 1.0
+    return float(other.mean_width / 2 / max(slant, 0.3))

@@ -1,0 +1,356 @@
+"""`Frame`: straight beams with sections, supports and loads; its solution, and agreement with the sheet."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from types import MappingProxyType
+
+import numpy as np
+from scipy.sparse import coo_array, csc_array, csr_array, diags_array
+from scipy.sparse.linalg import splu
+
+from dsfab.core.arrays import Bools, Floats, Ints, lock, locked
+from dsfab.core.errors import StaticsError
+from dsfab.statics import Equilibrium
+
+Combinations = Mapping[str, Mapping[str, float]]
+"""Factors of cases by the names of combinations."""
+
+SHEAR = 5 / 6
+"""Share of a rectangle that shear acts on [Timoshenko 1921]."""
+
+
+def torsion_constant(width: Floats, thickness: Floats) -> Floats:
+    """St. Venant's torsion constant of rectangles, m4, to half a per cent [Roark, table 10.1, case 4].
+
+    width, thickness : (b,) metres, either of them the longer one.
+    """
+    a, t = np.maximum(width, thickness), np.minimum(width, thickness)
+    slim = t / a
+    return np.asarray(a * t**3 * (1 / 3 - 0.21 * slim * (1 - slim**4 / 12)))
+
+
+@dataclass(frozen=True, eq=False)
+class BeamMaterial:
+    """young : Pa.    poisson : 1.    density : kg/m3.    name : as the preset has it, or ''."""
+
+    young: float
+    poisson: float
+    density: float
+    name: str = ""
+
+    @property
+    def shear(self) -> float:
+        """Shear modulus, Pa."""
+        return self.young / (2 * (1 + self.poisson))
+
+
+@dataclass(frozen=True, eq=False)
+class Frame:
+    """Straight beams of rectangular section between nodes. SI units; rows of six are translations, then rotations,
+    about the axes of the surface.
+
+             z (normal of the surface)
+             |  y (in the surface)        width along y, thickness along z
+        o====+==/=====o --> x             Mz bends the beam in the surface, My with it
+             | /
+
+    points    : (n, 3) metres.    nodes : (n,) their names: those of the members' nodes, or of a member and a number.
+    ends      : (b, 2) the nodes that each beam goes from and to.
+    normal    : (b, 3) unit vectors, local z of each beam.
+    width     : (b,) metres, along local y.    thickness : (b,) metres, along local z.
+    member    : (b,) the member that each beam is a piece of, a number in `members`; -1 for a link, which joins what the
+                sheet joins away from the axes: held edges, middles of discs, members that only graze each other.
+    members   : their names.
+    fixed     : (n, 6) True where a node may not move or turn.    spring : (n, 6) N/m and Nm.
+    loads     : by case, (n, 6) newtons and newton metres on the nodes, of tributary areas.
+    combinations : by name, the factor of each case.    actions : by case, permanent, snow, wind or variable; empty
+                where that is not known.
+    eccentricity : (b,) metres by which the middle of the material lies to the left of the beam, along local y. Beams
+                are in the middle of the sheet: none along local z.
+    stout     : (b,) the width of the member over the length of the bay that the beam is a piece of, 1 where it grazes
+                another one at an end of the bay: there both are one wider piece. 0 for links.
+    """
+
+    points: Floats
+    nodes: tuple[str, ...]
+    ends: Ints
+    normal: Floats
+    width: Floats
+    thickness: Floats
+    member: Ints
+    members: tuple[str, ...]
+    fixed: Bools
+    spring: Floats
+    loads: Mapping[str, Floats]
+    material: BeamMaterial
+    combinations: Combinations = field(default_factory=dict)
+    eccentricity: Floats = field(default_factory=lambda: np.zeros(0))
+    stout: Floats = field(default_factory=lambda: np.zeros(0))
+    actions: Mapping[str, str] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        n, b = len(self.points), len(self.ends)
+        for name in ("eccentricity", "stout"):
+            if not len(getattr(self, name)):
+                object.__setattr__(self, name, np.zeros(b))
+        lock(self, "points", np.float64, (n, 3))
+        lock(self, "ends", np.int64, (b, 2))
+        lock(self, "member", np.int64, (b,))
+        lock(self, "normal", np.float64, (b, 3))
+        for name in ("width", "thickness", "eccentricity", "stout"):
+            lock(self, name, np.float64, (b,))
+        lock(self, "fixed", np.bool_, (n, 6))
+        lock(self, "spring", np.float64, (n, 6))
+        loads = {name: locked(values, np.float64, (n, 6)) for name, values in self.loads.items()}
+        object.__setattr__(self, "loads", MappingProxyType(loads))
+
+    @cached_property
+    def length(self) -> Floats:
+        """(b,) metres."""
+        return np.asarray(np.linalg.norm(self.points[self.ends[:, 1]] - self.points[self.ends[:, 0]], axis=1))
+
+    @cached_property
+    def axes(self) -> Floats:
+        """(b, 3, 3) local x, y and z of each beam, unit vectors in rows."""
+        x = (self.points[self.ends[:, 1]] - self.points[self.ends[:, 0]]) / self.length[:, None]
+        y = np.cross(self.normal, x)
+        y /= np.linalg.norm(y, axis=1)[:, None]
+        return np.stack([x, y, np.cross(x, y)], axis=1)
+
+    @cached_property
+    def area(self) -> Floats:
+        """(b,) of the sections, m2."""
+        return self.width * self.thickness
+
+    @cached_property
+    def shear_area(self) -> Floats:
+        """(b,) what shear acts on of each section, either way, m2."""
+        return SHEAR * self.area
+
+    @cached_property
+    def inertia(self) -> Floats:
+        """(b, 3) torsion constant, second moments about local y and about local z, m4."""
+        w, t = self.width, self.thickness
+        return np.stack([torsion_constant(w, t), w * t**3 / 12, t * w**3 / 12], axis=1)
+
+    @cached_property
+    def all_loads(self) -> dict[str, Floats]:
+        """(n, 6) of each case, then of each combination."""
+        sums = {
+            name: np.sum([factor * self.loads[case] for case, factor in factors.items()], axis=0)
+            for name, factors in self.combinations.items()
+        }
+        return {**self.loads, **sums}
+
+
+LOOSE = 1e-5
+"""A structure whose residual is a larger share of its loads is no structure."""
+
+
+@dataclass(frozen=True, eq=False)
+class FrameAnswer:
+    """How a frame answers a load.
+
+    u        : (n, 6) displacements, metres, and rotations, radians.
+    reaction : (n, 6) forces and moments of the supports on it, N and Nm; springs among them.
+    end      : (b, 2, 6) forces and moments on both ends of each beam in its own axes, N and Nm, as it bears them:
+               N, Vy, Vz, Mt, My, Mz on a section that local x points out of; N is positive for tension.
+    energy   : (b,) J, elastic, in each beam.
+    compliance : J, loads times displacements.
+    """
+
+    u: Floats
+    reaction: Floats
+    end: Floats
+    energy: Floats
+    compliance: float
+
+    def __post_init__(self) -> None:
+        lock(self, "u", np.float64, (None, 6))
+        lock(self, "reaction", np.float64, (len(self.u), 6))
+        lock(self, "end", np.float64, (None, 2, 6))
+        lock(self, "energy", np.float64, (len(self.end),))
+
+
+def solve_frame(frame: Frame, shear: bool = True) -> dict[str, FrameAnswer]:
+    """The answers of a frame to its cases and combinations, by name.
+
+    shear : whether sections deform by shear; without it beams are those of Euler and Bernoulli.
+    Raises StaticsError for a frame that is free to move.
+    """
+    k, turn = local_stiffness(frame, shear), _turn(frame)
+    K = _assembled(frame, np.einsum("bji,bjk,bkl->bil", turn, k, turn))
+    free = ~frame.fixed.ravel()
+    solve = _factor(K, free, frame)
+    return {name: _answer(frame, load, K, solve(load.ravel()), (k, turn)) for name, load in frame.all_loads.items()}
+
+
+def local_stiffness(frame: Frame, shear: bool = True) -> Floats:
+    """(b, 12, 12) stiffness of each beam in its own axes; unknowns are six of its first node, six of its second."""
+    L, E, G = frame.length, frame.material.young, frame.material.shear
+    torsion, about_y, about_z = frame.inertia.T
+    k = np.zeros((len(L), 12, 12))
+    for at, stiff in ((0, E * frame.area / L), (3, G * torsion / L)):
+        k[:, at, at] = k[:, at + 6, at + 6] = stiff
+        k[:, at, at + 6] = k[:, at + 6, at] = -stiff
+    sheared = G * frame.shear_area * L**2 if shear else np.full(len(L), np.inf)
+    for across, turn, inertia, sign in ((1, 5, about_z, 1.0), (2, 4, about_y, -1.0)):
+        phi = 12 * E * inertia / sheared
+        c = E * inertia / (L**3 * (1 + phi))
+        signs = np.array([1.0, sign, 1.0, sign])
+        four = np.array([across, turn, across + 6, turn + 6])
+        k[:, four[:, None], four] = c[:, None, None] * _bending(L, phi) * np.outer(signs, signs)
+    return k
+
+
+def _bending(L: Floats, phi: Floats) -> Floats:
+    """(b, 4, 4) of deflection and rotation at both ends, over EI / (L^3 (1 + phi))."""
+    one, far, near = np.full_like(L, 12.0), (2 - phi) * L**2, (4 + phi) * L**2
+    rows = [
+        [one, 6 * L, -one, 6 * L],
+        [6 * L, near, -6 * L, far],
+        [-one, -6 * L, one, -6 * L],
+        [6 * L, far, -6 * L, near],
+    ]
+    return np.moveaxis(np.array(rows), -1, 0)
+
+
+def _turn(frame: Frame) -> Floats:
+    """(b, 12, 12) from the axes of the surface to those of each beam."""
+    turn = np.zeros((len(frame.ends), 12, 12))
+    for k in range(0, 12, 3):
+        turn[:, k : k + 3, k : k + 3] = frame.axes
+    return turn
+
+
+def _unknowns(frame: Frame) -> Ints:
+    """(b, 12) numbers of the unknowns of each beam."""
+    return np.asarray((6 * frame.ends[:, :, None] + np.arange(6)).reshape(-1, 12))
+
+
+def _assembled(frame: Frame, k: Floats) -> csr_array:
+    at, size = _unknowns(frame), 6 * len(frame.points)
+    rows, columns = np.repeat(at, 12, axis=1).ravel(), np.tile(at, (1, 12)).ravel()
+    return csr_array(coo_array((k.ravel(), (rows, columns)), shape=(size, size)))
+
+
+def _factor(K: csr_array, free: Bools, frame: Frame) -> Callable[[Floats], Floats]:
+    """A function from loads to displacements, both (6 n,)."""
+    whole = csr_array(K + diags_array(frame.spring.ravel()))
+    inside = csc_array(whole[free][:, free])
+    scale = 1 / np.sqrt(np.maximum(inside.diagonal(), np.finfo(float).tiny))
+    try:
+        factor = splu(csc_array(diags_array(scale) @ inside @ diags_array(scale)), options={"SymmetricMode": True})
+    except RuntimeError:
+        raise StaticsError(_moves(frame)) from None
+
+    def solve(load: Floats) -> Floats:
+        u, f = np.zeros(len(free)), load[free]
+        u[free] = scale * factor.solve(scale * f)
+        u[free] += scale * factor.solve(scale * (f - inside @ u[free]))
+        left = np.abs(inside @ u[free] - f).max()
+        if not left <= LOOSE * max(np.abs(f).max(), np.finfo(float).tiny):
+            raise StaticsError(_moves(frame))
+        return u
+
+    return solve
+
+
+def _moves(frame: Frame) -> str:
+    held = int(frame.fixed.any(axis=1).sum())
+    return (
+        f"the beam model of {len(frame.members)} members moves freely, held at {held} of {len(frame.points)} nodes; "
+        "hold more of the surface, or join the members that hang loose (see the nodes in members.json)"
+    )
+
+
+def _answer(frame: Frame, load: Floats, K: csr_array, u: Floats, local: tuple[Floats, Floats]) -> FrameAnswer:
+    k, turn = local
+    reaction = (K @ u - load.ravel()) * (frame.fixed | (frame.spring > 0)).ravel()
+    moved = np.einsum("bij,bj->bi", turn, u[_unknowns(frame)])
+    forces = np.einsum("bij,bj->bi", k, moved)
+    energy, forces = np.einsum("bi,bi->b", forces, moved) / 2, forces.reshape(-1, 2, 6)
+    forces[:, 0] *= -1  # on the first end local x points out of what is before the beam
+    return FrameAnswer(u.reshape(-1, 6), reaction.reshape(-1, 6), forces, energy, float(load.ravel() @ u))
+
+
+STOUT = 0.35
+"""Bays of members that are wider than this share of their length are no beams: joints are half of them."""
+FEW = 0.15
+"""Up to this share of the elastic energy may be in such bays and in links; more, and the model is no model of beams."""
+WITHIN = 0.1
+"""What beams of slender members are off by at most."""
+TWIST = 1.02
+"""A sheet whose ribs twist as bars, that is so much softer than a thin one, is told."""
+
+
+@dataclass(frozen=True, eq=False)
+class FrameAgreement:
+    """The answers of a frame and of its sheet to one case, both over the sheet's, whose ribs twist as the bars that
+    they are: a thin sheet gives ribs that are deeper than wide many times the torsion of a bar.
+
+    compliance, displacement : 1 where both are alike; of displacements the largest.
+    stout : share of the elastic energy of the beams in links and in bays whose members are wider than .35 of their
+            length or graze others; or of the sheet's in what is no member along an axis, if that is more.
+    twist : what the sheet moves at most over what it would if its ribs twisted as a thin sheet.
+    """
+
+    case: str
+    compliance: float
+    displacement: float
+    stout: float
+    twist: float = 1.0
+
+    @property
+    def slender(self) -> bool:
+        """Whether nearly all of the structure is of slender bays: then the beams should be within 10 %."""
+        return self.stout <= FEW
+
+    @property
+    def told(self) -> str:
+        """A sentence."""
+        said = (
+            f"beams against the sheet, {self.case}: {self.compliance:.2f} of its compliance, {self.displacement:.2f} "
+            "of its largest displacement"
+        )
+        if self.twist > TWIST:
+            said += f", which is {self.twist:.2f} times that of a thin sheet, since ribs twist as bars"
+        if abs(self.compliance - 1) <= WITHIN and abs(self.displacement - 1) <= WITHIN:
+            return said
+        where = (
+            f"{self.stout:.0%} of the energy is in discs, links, bays wider than {STOUT:g} of their length and where "
+            "members graze"
+        )
+        why = "though its bays are slender" if self.slender else f"{where}, where beams are a rough model"
+        return f"{said}: {why}; take displacements from the sheet"
+
+
+def agreement(
+    frame: Frame,
+    answers: Mapping[str, FrameAnswer],
+    sheet: Mapping[str, Equilibrium],
+    beside: Mapping[str, float],
+    twist: Mapping[str, float],
+) -> list[FrameAgreement]:
+    """Of each case and combination that both were solved for; answers of the frame, and of the sheet.
+
+    beside : by case, the share of the sheet's elastic energy in what is no member along an axis.
+    twist  : by case, see `FrameAgreement`.
+    """
+    stout = (frame.member < 0) | (frame.stout > STOUT)
+    found = []
+    for name in (name for name in answers if name in sheet):
+        ours, theirs = answers[name], sheet[name]
+        moved = float(np.linalg.norm(ours.u[:, :3], axis=1).max())
+        energy = ours.energy[stout].sum() / ours.energy.sum()
+        found.append(
+            FrameAgreement(
+                name,
+                ours.compliance / theirs.compliance,
+                moved / theirs.largest_displacement,
+                max(float(energy), beside[name]),
+                twist[name],
+            )
+        )
+    return found

@@ -1,0 +1,238 @@
+"""Direction field of stripes: along principal stresses and the boundary, with signs that agree but at seams."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_array, csr_array
+from scipy.sparse.csgraph import breadth_first_order, dijkstra, minimum_spanning_tree
+
+from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.core.errors import PatternError
+from dsfab.pattern.frames import Frames, corner_sums, dots
+from dsfab.pattern.guides import Guidance
+from dsfab.surface import connected
+from dsfab.surface.mesh import Surface
+
+ALONG = 0.3
+"""Stripes run along the boundary where the cosine between it and their gradient is less: within 17 degrees."""
+
+
+def boundary_lines(surface: Surface, g: Floats, shortest: float = 0.0) -> Bools:
+    """(n,) vertices of the boundary along which stripes run whose gradients point along g (n, 3).
+
+    shortest : metres; where they run along it for less, as across the corner of a plate, there is none.
+    """
+    ends = surface.edges.ends[surface.edges.boundary]
+    step = surface.V[ends[:, 1]] - surface.V[ends[:, 0]]
+    moment = np.zeros((surface.n, 3, 3))
+    for k in (0, 1):
+        np.add.at(moment, ends[:, k], step[:, :, None] * step[:, None, :])
+    on = np.zeros(surface.n, dtype=bool)
+    on[ends] = True
+    at = np.flatnonzero(on)
+    tangent = np.linalg.eigh(moment[at])[1][:, :, 2]
+    found = np.zeros(surface.n, dtype=bool)
+    found[at] = np.abs(np.einsum("ni,ni->n", tangent, g[at])) < ALONG
+    both = found[ends].all(axis=1)
+    count, run = connected(surface.n, *ends[both].T)
+    length = np.bincount(run[ends[both, 0]], np.linalg.norm(step[both], axis=1), count)
+    return np.asarray(found & (length[run] >= shortest))
+
+
+TIE = 1e-6
+"""Regions whose areas differ by less than this share of the surface are as large."""
+
+
+def crossed_over(frames: Frames, along: Floats) -> Bools:
+    """(n,) vertices at which the other family goes on in the direction along (n, 3), a unit tangent up to sign.
+
+    Regions inside which it turns by less than 45 degrees from vertex to vertex are told apart; the largest keeps its
+    name, and its neighbours change theirs. A curve that ends inside the surface bounds no region, and is left alone.
+    """
+    surface, (i, j) = frames.surface, frames.ends.T
+    square = np.cross(frames.normal[j], along[j])
+    turned = np.abs(dots(along[i], square)) > np.abs(dots(along[i], along[j]))
+    count, region = connected(surface.n, i[~turned], j[~turned])
+    if count == 1:
+        return np.zeros(surface.n, dtype=bool)
+    metres = np.linalg.norm(surface.V[i] - surface.V[j], axis=1)
+    one, two = region[i], region[j]
+    apart = one != two
+    border = coo_array((metres[apart], (one[apart], two[apart])), shape=(count, count)).tocsr()
+    border = csr_array(border + border.T)
+    border.data = -border.data  # the longest borders are those across which families go on
+    tree = minimum_spanning_tree(border)
+    area = np.bincount(region, surface.vertex_areas, count) / surface.area
+    odd, todo = np.zeros(count, dtype=bool), np.ones(count, dtype=bool)
+    while todo.any():
+        root = int(np.argmax(np.where(todo, np.rint(area / TIE), -1)))
+        order, before = breadth_first_order(tree, root, directed=False)
+        todo[order] = False
+        for child in order[1:].tolist():
+            odd[child] = not odd[before[child]]
+    return np.asarray(odd[region])
+
+
+def signs_with_short_seams(frames: Frames, along: Floats) -> Floats:
+    """(n,) 1 or -1 by which to multiply tangents along (n, 3), such that few neighbours point against each other."""
+    surface, (i, j) = frames.surface, frames.ends.T
+    against = frames.sides(along, i, j) < 0
+    singular = np.logical_xor.reduce(against[surface.edges.of], axis=1)
+    return _carried(surface, against, _crossed(surface, singular))
+
+
+def _crossed(surface: Surface, singular: Bools) -> Bools:
+    """(e,) edges that are crossed by a tree of paths over faces between singular ones (m,), and boundaries."""
+    edges = surface.edges
+    crossed = np.zeros(len(edges.ends), dtype=bool)
+    if not singular.any():
+        return crossed
+    name = _ends(surface, singular)
+    h0, h1 = edges.pairs.T
+    f, g, edge = h0 // 3, h1 // 3, edges.of.ravel()[h0]
+    link = csr_array((np.ones(len(f), dtype=np.int8), (f, g)), shape=(surface.m, surface.m))
+    far, preceding, source = dijkstra(
+        link, directed=False, unweighted=True, indices=np.flatnonzero(name), return_predecessors=True, min_only=True
+    )
+    reached = np.isfinite(far[f]) & np.isfinite(far[g])
+    one, two = name[source[f]], name[source[g]]
+    meeting = np.flatnonzero(reached & (one != two))
+    meeting = meeting[np.argsort(far[f[meeting]] + far[g[meeting]], kind="stable")]
+    low, high = np.minimum(one, two)[meeting], np.maximum(one, two)[meeting]
+    _, first = np.unique(low * (name.max() + 1) + high, return_index=True)
+    steps = far[f[meeting]] + far[g[meeting]] + 1
+    count = int(name.max()) + 1
+    tree = minimum_spanning_tree(coo_array((steps[first], (low[first], high[first])), shape=(count, count)).tocsr())
+    number = csr_array((first + 1, (low[first], high[first])), shape=(count, count))
+    before = preceding.astype(np.int64)
+    for at in meeting[np.asarray(number[tree.nonzero()]).ravel() - 1].tolist():
+        crossed[edge[at]] = True
+        for face in (int(f[at]), int(g[at])):
+            crossed[_on_path(surface, face, before, singular)] = True
+    return crossed
+
+
+def _on_path(surface: Surface, face: int, before: Ints, singular: Bools) -> list[int]:
+    """The edges between a face and where its path begins: a singular face, or the boundary, which it crosses."""
+    edges, crossed = surface.edges, []
+    while before[face] >= 0:
+        crossed.append(int(np.intersect1d(edges.of[face], edges.of[before[face]])[0]))
+        face = int(before[face])
+    if not singular[face]:
+        crossed.append(next(k for k in edges.of[face].tolist() if edges.boundary[k]))
+    return crossed
+
+
+def _ends(surface: Surface, singular: Bools) -> Ints:
+    """(m,) where the tree's paths may end: a number for each singular face and for all along a boundary; others 0."""
+    edges = surface.edges
+    count, loop = connected(surface.n, *edges.ends[edges.boundary].T)
+    name = np.zeros(surface.m, dtype=np.int64)
+    at = edges.order[edges.start[:-1][edges.boundary]]  # half-edges
+    name[at // 3] = 1 + loop[edges.ends[edges.boundary, 0]]
+    name[singular] = 1 + count + np.arange(singular.sum())
+    return np.unique(np.append(name, 0), return_inverse=True)[1][:-1].astype(np.int64)
+
+
+def _carried(surface: Surface, against: Bools, crossed: Bools) -> Floats:
+    """(n,) signs from one vertex of each part on, along edges that are not crossed; turned where edges are against."""
+    i, j = surface.edges.ends[~crossed].T
+    link = csr_array((np.where(against[~crossed], -1, 1), (i, j)), shape=(surface.n, surface.n))
+    link = csr_array(link + link.T)
+    signs, todo = np.ones(surface.n), np.ones(surface.n, dtype=bool)
+    while todo.any():
+        order, before = breadth_first_order(link, int(np.argmax(todo)), directed=False)
+        todo[order] = False
+        if len(order) > 1:
+            signs[order] = _along_paths(link, order.astype(np.int64), before.astype(np.int64))
+    return signs
+
+
+def _along_paths(link: csr_array, order: Ints, before: Ints) -> Floats:
+    """(k,) products of the signs of links along the paths of a search; paths to its root are halved in rounds."""
+    parent = before[order[1:]]
+    sign = np.concatenate([[1.0], np.asarray(link[parent, order[1:]]).ravel()])
+    place = np.empty(len(before), dtype=np.int64)
+    place[order] = np.arange(len(order))
+    earlier = np.concatenate([[0], place[parent]])
+    while earlier.any():
+        sign = sign[earlier] * sign
+        earlier = earlier[earlier]
+    return sign
+
+
+UNCLEAR = 0.3
+"""Where principal stresses differ by this share of the reference stress, they count half."""
+FLOOR = 1e-6
+"""Weight of the stress where it says nothing: keeps the field unique on a surface without stress."""
+
+VAGUE = 1e-6
+"""A direction under this share of the clearest one is rounding, as at the pole of a symmetric mesh: any other will do,
+but it must turn with the surface."""
+
+
+@dataclass(frozen=True, eq=False)
+class StressDirections:
+    """What the field follows, on the faces.
+
+    stress    : (m, 2) principal stresses, any unit; major stripes run along the first.
+    direction : (m, 2, 3) their unit directions.
+    """
+
+    stress: Floats
+    direction: Floats
+
+    def confidence(self, areas: Floats) -> Floats:
+        """(m,) D / (D + 0.3 reference), 0 to 1: D the difference of the stresses, the reference their RMS."""
+        differ = np.abs(self.stress[:, 0] - self.stress[:, 1])
+        reference = float(np.sqrt((areas @ (self.stress**2).sum(axis=1)) / (2 * areas.sum())))
+        if not reference > 0:
+            raise PatternError("nothing is stressed, so stripes have nothing to follow; check the loads")
+        return np.asarray(differ / (differ + UNCLEAR * reference))
+
+
+def cross_field(
+    frames: Frames, given: StressDirections, length: float, turn: float = 0.0, guidance: Sequence[Guidance] = ()
+) -> Floats:
+    """(n, 3) unit directions at the vertices, along the major stripes.
+
+    length   : metres over which unclear stress is smoothed. Signs are without meaning: a stripe runs both ways.
+    turn     : radians that they are turned by from the stress, counter-clockwise as seen from where normals point to.
+    guidance : what else they follow; it is not turned.
+
+    In each frame the direction is the square z^2 of a complex number, which a half turn leaves alone. Minimised is
+    length^2 |grad z^2|^2 + c |z^2 - e^2|^2, e the first principal direction, c its confidence; and see `Guidance`.
+    Raises PatternError where nothing is stressed.
+    """
+    surface = frames.surface
+    share = (surface.areas * given.confidence(surface.areas) / 3)[:, None].repeat(3, axis=1)
+    e = given.direction[:, 0]
+    z = np.stack([_complex(frames, surface.F[:, c], e) ** 2 for c in range(3)], axis=1)
+    z = z * np.exp(2j * turn) if turn else z
+    right = corner_sums(surface, share * z.real) + 1j * corner_sums(surface, share * z.imag)
+    weight = corner_sums(surface, share) + FLOOR * surface.vertex_areas
+    for guide in guidance:
+        right += surface.vertex_areas * guide.square
+        weight += surface.vertex_areas * guide.weight
+    weight[weight == 0] = FLOOR * surface.mean_edge**2  # vertices without a face
+    x = frames.twisted.factor(length**2 * frames.coupling(2 * frames.turning), weight)(right)
+    size = np.abs(x)
+    angle = np.where(size > VAGUE * size.max(), np.angle(x) / 2, _along_an_edge(frames))
+    return frames.direction(angle)
+
+
+def _along_an_edge(frames: Frames) -> Floats:
+    """(n,) at each vertex the angle of its edge to the neighbour of the smallest number; 0 where there is none."""
+    ends = np.concatenate([frames.ends, frames.ends[:, ::-1]])
+    ends = ends[np.lexsort((ends[:, 1], ends[:, 0]))]
+    at, begins = np.unique(ends[:, 0], return_index=True)
+    step = frames.surface.V[ends[begins, 1]] - frames.surface.V[at]
+    angle = np.zeros(frames.surface.n)
+    angle[at] = np.angle(_complex(frames, at, step))
+    return angle
+
+
+def _complex(frames: Frames, vertex: Ints, e: Floats) -> Floats:
+    """(m,) directions e (m, 3) as complex numbers in the frames of vertices (m,)."""
+    return np.asarray(dots(e, frames.t1[vertex]) + 1j * dots(e, frames.t2[vertex]))

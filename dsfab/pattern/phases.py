@@ -1,0 +1,324 @@
+"""Phases of evenly spaced stripes: complex numbers at vertices, and corner phases that are linear on each face."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.sparse.csgraph import breadth_first_order
+
+from dsfab.core.arrays import Bools, Complexes, Floats, Ints, lock
+from dsfab.core.sparse import one_blas_thread
+from dsfab.pattern.frames import Frames, Solve, dots
+from dsfab.pattern.symmetry import Projection
+from dsfab.surface.fields import CornerField, hat_gradients
+from dsfab.surface.mesh import Surface
+
+SHIFT = 1e-3
+"""Of the inverse iteration, over the squared spacing: makes the matrix definite and changes no eigenvector."""
+STEPS = 20
+"""Inverse iterations: the lowest eigenvectors differ little from each other, and any of them will do."""
+KRYLOV = 12
+"""Solves that these take: what they end at is in the Krylov space of twelve of them to 1e-5 or better."""
+EXHAUSTED = 1e-12
+"""What is left of a product is nothing if it is under this share of it."""
+FLOWS = 10
+"""Rounds of diffusion and normalisation, in which pairs of dislocations find each other and vanish."""
+FLOW = 0.25
+"""Length of a round: 1 / tau, tau = this share of (2 pi / spacing)^2."""
+EXACT = 0.05
+"""Locked phases that are off by less, in periods, are not off at all: the edge of a surface gets a straight member."""
+LOCK = 3.0
+"""Weight of a locked phase, over (2 pi / spacing)^2."""
+CHANCE = 0.02
+"""A mean cosine of phases that is this small says nothing: as many stressed places are on lines as between them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Flow:
+    """What the phase of a family follows.
+
+    g       : (n, 3) unit direction of its gradient at the vertices, up to sign.
+    density : (n,) periods per metre.
+    """
+
+    frames: Frames
+    g: Floats
+    density: Floats
+
+    @cached_property
+    def sign(self) -> Floats:
+        """(e,) 1 where g points the same way at both ends of an edge, -1 where it is turned over."""
+        i, j = self.frames.ends.T
+        return self.frames.sides(self.g, i, j)
+
+    @cached_property
+    def turn(self) -> Floats:
+        """(e,) periods that the phase grows by from the first end of an edge to the second, as the first sees it."""
+        i, j = self.frames.ends.T
+        step = self.frames.surface.V[j] - self.frames.surface.V[i]
+        mean = self.density[i, None] * self.g[i] + (self.sign * self.density[j])[:, None] * self.g[j]
+        return dots(mean, step) / 2
+
+    @cached_property
+    def coupling(self) -> Complexes:
+        """(e,) what the phases at both ends of the edges share; see `Frames.coupling`."""
+        return self.frames.coupling(-2 * np.pi * self.turn)
+
+    def solve(
+        self,
+        start: Floats,
+        lock: Bools,
+        projection: Projection | None = None,
+        aim: Floats | None = None,
+        free: bool = False,
+    ) -> Floats:
+        """(n,) phases at the vertices, in periods, -1/2 to 1/2, each in the sign that g has at its vertex.
+
+        Minimised is the sum over the edges of w |psi_j - e^{2 pi i turn} psi_i|^2, psi_i conjugated where g turns over:
+        first over all psi of one size, then, by diffusion and normalisation in turns, over all of size 1 everywhere
+        [Merriman, Bence, Osher 1992; on phases Viertel, Osting 2019].
+
+        start : (n,) where the iteration begins; a line is drawn through its peak, as far as nothing else decides.
+        lock  : (n,) vertices through which the middle of a stripe should run.
+        aim   : (n,) what the phase is to be at some of these, in periods, -1/2 to 1/2, if it is not 0.
+        free  : begin without them: from where they are the first phases may meet out of step in between.
+        """
+        surface, n = self.frames.surface, self.frames.surface.n
+        mass = np.maximum(surface.vertex_areas, 1e-12 * surface.area)
+        inverse_square = float(surface.vertex_areas @ self.density / surface.area) ** 2
+        wave = 4 * np.pi**2 * inverse_square
+        project = projection or (lambda x: x)
+        held = LOCK * wave * mass * lock
+        aim = np.zeros(n) if aim is None else aim
+        target = held * np.exp(2j * np.pi * aim)
+        from_lock = bool(lock.any()) and not free
+        solve = self._factor(SHIFT * inverse_square * mass + (held if from_lock else 0.0))
+        x = project(solve(target)) if from_lock else _lowest(lambda x: project(solve(mass * x)), start, mass)
+        tau = FLOW * wave
+        solve = self._factor(tau * mass + held)
+        for _ in range(FLOWS):
+            x = project(solve(tau * mass * _normalised(x) + target))
+        phase = np.angle(x) / (2 * np.pi)
+        miss = phase - aim
+        return np.where(lock & (np.abs(miss - np.rint(miss)) < EXACT), aim, phase)
+
+    def _factor(self, diagonal: Floats) -> Solve:
+        return self.frames.twisted.factor(self.coupling, diagonal, self.sign < 0)
+
+
+def _lowest(B: Callable[[Complexes], Complexes], start: Floats, mass: Floats) -> Complexes:
+    """(n,) what inverse iteration with B from start (n,) ends at: complex numbers as pairs of real ones, for conjugates
+    are linear for these alone."""
+    x = krylov_power(lambda x: _pairs(B(_numbers(x))), _pairs(start.astype(complex)), np.repeat(mass, 2), STEPS, KRYLOV)
+    return _numbers(x)
+
+
+def _pairs(x: Complexes) -> Floats:
+    """(2 n,) real and imaginary part of each number (n,), one after the other."""
+    return np.ascontiguousarray(x).view(np.float64)
+
+
+def _numbers(x: Floats) -> Complexes:
+    """(n,) the numbers of such pairs (2 n,)."""
+    return np.ascontiguousarray(x).view(np.complex128)
+
+
+@one_blas_thread()  # hundreds of products of vectors: on two busy cores, threads took three times as long
+def krylov_power(B: Callable[[Floats], Floats], x: Floats, mass: Floats, power: int, products: int) -> Floats:
+    """B^power x, of length 1 in the mass (N,), from the Krylov space of so many products with a linear B.
+
+    Arnoldi's method [Saad 1992]: B as a small matrix H on an orthonormal basis of B x, B B x, ..., and powers of that.
+    With as many products as powers it is exact.
+    """
+    basis = [_of_length_1(B(x), mass)]
+    H = np.zeros((products, products - 1))
+    for k in range(products - 1):
+        rest = B(basis[k])
+        for _ in range(2):  # the second time what rounding has left
+            for j, q in enumerate(basis):
+                share = q @ (mass * rest)
+                H[j, k] += share
+                rest = rest - share * q
+        H[k + 1, k] = np.sqrt(rest @ (mass * rest))
+        if H[k + 1, k] <= EXHAUSTED * H[k, k]:
+            H = H[: k + 1, : k + 1]
+            break
+        basis.append(rest / H[k + 1, k])
+    y = np.eye(1, max(H.shape[1], 1))[0]
+    for _ in range(power - 2 if H.size else 0):
+        y = H[: len(y)] @ y
+        y /= np.linalg.norm(y)
+    y = H @ y if power > 1 and H.size else y
+    return _of_length_1(y @ np.array(basis), mass)
+
+
+def _of_length_1(x: Floats, mass: Floats) -> Floats:
+    return np.asarray(x / np.sqrt(x @ (mass * x)))
+
+
+def through_peaks(phase: Floats, weight: Floats) -> Floats:
+    """(n,) the phases at the vertices, in periods, or those half a period on, such that lines run where weight (n,) is
+    large.
+
+    What `Flow.solve` minimises does not tell the two apart, nor do signs and images of phases: 1/2 and -1/2 are one.
+    """
+    if weight @ np.cos(2 * np.pi * phase) >= -CHANCE * weight.sum():
+        return phase
+    return np.asarray(np.where(phase > 0, phase - 0.5, phase + 0.5))
+
+
+def _normalised(x: Complexes) -> Complexes:
+    return np.asarray(x / np.maximum(np.abs(x), np.finfo(float).tiny))
+
+
+@dataclass(frozen=True, eq=False)
+class CornerPhase:
+    """A phase of stripes on a surface: the middles of stripes are where it is a whole number.
+
+    value    : (n,) at the vertices, periods.
+    sign     : (m, 3) 1 or -1, and shift : (m, 3) whole numbers: how a face sees the value at each of its corners.
+    singular : (m,) faces in which a stripe ends or the direction turns over: there the phase means nothing.
+    broken   : how many of them a stripe ends in.
+    """
+
+    value: Floats
+    sign: Floats
+    shift: Floats
+    singular: Bools
+    broken: int = 0
+
+    def __post_init__(self) -> None:
+        lock(self, "value", np.float64, (None,))
+        lock(self, "sign", np.float64, (None, 3))
+        lock(self, "shift", np.float64, (len(self.sign), 3))
+        lock(self, "singular", np.bool_, (len(self.sign),))
+
+    @property
+    def field(self) -> CornerField:
+        """The phase as a field whose levels are whole numbers."""
+        return CornerField(self.value[:, None], self.sign, self.shift, self.singular)
+
+    def corners(self, surface: Surface) -> Floats:
+        """(m, 3) the phase at the corners of the faces."""
+        return np.asarray(self.sign * self.value[surface.F] + self.shift)
+
+    def gradients(self, surface: Surface) -> Floats:
+        """(m, 3) of the phase on the faces, periods per metre."""
+        return np.asarray(np.einsum("mcx,mc->mx", hat_gradients(surface), self.corners(surface)))
+
+    def times(self, factor: int) -> "CornerPhase":
+        """The same with so many stripes between each two; factor is a whole number."""
+        return replace(self, value=factor * self.value, shift=factor * self.shift)
+
+    @cached_property
+    def single_valued(self) -> bool:
+        """Whether one number at each vertex serves all faces."""
+        return not self.singular.any() and bool((self.sign == 1).all() and (self.shift == 0).all())
+
+
+def corner_phase(flow: Flow, phase: Floats, other: Callable[[], Floats] | None = None) -> CornerPhase:
+    """The phases (n,), in periods, of `Flow.solve` as the faces see them.
+
+    other : makes phases (n,) that are taken where they break off on fewer faces; asked where there is any.
+    """
+    found = _seen(flow, phase)
+    if other and found.broken:
+        found = min(found, _seen(flow, other()), key=lambda one: one.broken)
+    return _aligned(flow.frames.surface, found)
+
+
+def _seen(flow: Flow, phase: Floats) -> CornerPhase:
+    """Phases (n,) as each face sees them by itself.
+
+    From corner to corner a phase grows by what is nearest to `flow.turn`; where it does not come back to where it
+    began, or to its own sign, the face is singular.
+    """
+    surface, sign = flow.frames.surface, flow.sign
+    i, j = flow.frames.ends.T
+    miss = sign * phase[j] - phase[i] - flow.turn
+    step = flow.turn + miss - np.rint(miss)
+    of, F = surface.edges.of, surface.F
+    forward = i[of] == F  # half-edges that run along their edge
+    seen = np.where(forward, step[of], -sign[of] * step[of])  # by the corner that each starts from
+    turned = sign[of]
+    s1 = turned[:, 0]
+    s2 = s1 * turned[:, 1]
+    z0 = phase[F[:, 0]]
+    z1 = z0 + seen[:, 0]
+    z2 = z1 + s1 * seen[:, 1]
+    back = z2 + s2 * seen[:, 2]
+    branch = s2 * turned[:, 2] < 0
+    singular = (np.rint(back - z0) != 0) | branch
+    signs = np.stack([np.ones(surface.m), s1, s2], axis=1)
+    z = np.stack([z0, z1, z2], axis=1)
+    return CornerPhase(phase, signs, np.rint(z - signs * phase[F]), singular, int((singular & ~branch).sum()))
+
+
+def _aligned(surface: Surface, given: CornerPhase) -> CornerPhase:
+    """The same phase with signs and periods of the faces carried from neighbour to neighbour, from one face on.
+
+    Seen by the corner where its half-edge starts, the phase of face g is s times that of face f plus q.
+    """
+    h0, h1 = surface.edges.pairs.T
+    f, g = h0 // 3, h1 // 3
+    sign, shift = given.sign.ravel(), given.shift.ravel()
+    same = surface.F.ravel()[h0] != surface.F.ravel()[h1]
+    other = np.where(same, h1 - h1 % 3 + (h1 + 1) % 3, h1)  # the corner of g at the vertex that h0 starts from
+    s = sign[h0] * sign[other]  # z_f = s z_g + q
+    q = shift[h0] - s * shift[other]
+    whole = ~(given.singular[f] | given.singular[g])
+    f, g, s, q = f[whole], g[whole], s[whole], q[whole]
+    link = csr_array((np.arange(1, len(f) + 1), (f, g)), shape=(surface.m, surface.m))
+    link = csr_array(link + csr_array((-np.arange(1, len(f) + 1), (g, f)), shape=link.shape))
+    signs, shifts = np.ones(surface.m), np.zeros(surface.m)
+    todo = ~given.singular
+    while todo.any():
+        root = int(np.argmax(todo))
+        order, before = breadth_first_order(link, root, directed=False)
+        todo[order] = False
+        _carry(link, order.astype(np.int64), before.astype(np.int64), s, q, signs, shifts)
+    shift_all = signs[:, None] * given.shift + shifts[:, None]
+    aligned = replace(given, sign=signs[:, None] * given.sign, shift=shift_all)
+    return _from_majority(surface, aligned)
+
+
+def _carry(link: csr_array, order: Ints, before: Ints, s: Floats, q: Floats, signs: Floats, shifts: Floats) -> None:
+    """Signs and shifts (m,) of the faces in the order of a search, each from that of the face before it.
+
+    Each face knows its step from an earlier one, and in every round the earlier one's step is put before it: paths to
+    the root are halved.
+    """
+    child = order[1:]
+    if not len(child):
+        return
+    parent = before[child]
+    at = np.asarray(link[parent, child]).ravel()
+    index, forward = np.abs(at) - 1, at > 0  # forward: parent is f, child is g: z_parent = s z_child + q
+    own, add = s[index], np.where(forward, q[index], -s[index] * q[index])
+    place = np.empty(len(before), dtype=np.int64)
+    place[order] = np.arange(len(order))
+    earlier = np.concatenate([[0], place[parent]])
+    sign, shift = np.concatenate([[1.0], own]), np.concatenate([[0.0], add])  # z_earlier = sign z + shift
+    while earlier.any():
+        shift = sign[earlier] * shift + shift[earlier]
+        sign = sign[earlier] * sign
+        earlier = earlier[earlier]
+    signs[order], shifts[order] = sign, shift
+
+
+def _from_majority(surface: Surface, given: CornerPhase) -> CornerPhase:
+    """The same phase with the value at each vertex as its first face sees it: 1 and 0 but along seams."""
+    first = np.full(len(given.value), -1)
+    corner = surface.F.ravel()
+    usable = np.flatnonzero(np.repeat(~given.singular, 3))
+    first[corner[usable[::-1]]] = usable[::-1]
+    found = first >= 0
+    at = np.maximum(first, 0)
+    own_sign = np.where(found, given.sign.ravel()[at], 1.0)
+    own_shift = np.where(found, given.shift.ravel()[at], 0.0)
+    value = own_sign * given.value + own_shift
+    sign = given.sign * own_sign[surface.F]
+    shift = given.shift - sign * own_shift[surface.F]
+    return replace(given, value=value, sign=sign, shift=shift)

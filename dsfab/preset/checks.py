@@ -1,0 +1,260 @@
+"""Checks of a preset: error messages for wrong keys and values, names of load cases, material values."""
+
+import dataclasses
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import Any, get_args
+
+from pydantic import BaseModel, ValidationError
+from pydantic.fields import FieldInfo
+from pydantic_core import ErrorDetails
+
+from dsfab.core.errors import PresetError, did_you_mean
+from dsfab.core.materials import KEYS, MATERIALS, NO_STRENGTH, material_named
+from dsfab.pattern import Guide
+from dsfab.surface import SHAPES, Combination, Load, PatternRegion, Picker, Support
+from dsfab.surface.loads.combinations import COMBINED, LimitState, case_names
+from dsfab.thickening import Extra
+
+
+def _by_tag(union: Any, tag: str) -> dict[str, Any]:
+    """The members of a discriminated union by the default of their tag field."""
+    return {getattr(member, tag): member for member in get_args(get_args(union)[0])}
+
+
+PICKERS = _by_tag(Picker, "pick")
+KINDS = {"load": _by_tag(Load, "kind"), "extra": {extra.kind: extra for extra in get_args(Extra)}}
+LISTED: dict[Any, Any] = {"support": Support, "combination": Combination, "guide": Guide, "region": PatternRegion}
+LONGEST = 200
+"""Characters of a value that are shown: lists and arrays go on and on."""
+
+
+def mistakes(error: ValidationError, model: type[BaseModel]) -> str:
+    """All mistakes that pydantic found in the values of a preset, or of one of its sections, each once."""
+    return "; ".join(dict.fromkeys(_sentence(detail, model) for detail in error.errors()))
+
+
+def _sentence(detail: ErrorDetails, model: type[BaseModel]) -> str:
+    """One mistake as 'key = value: what is allowed'."""
+    words, kind = _key(detail["loc"]), detail["type"]
+    key = ".".join(words)
+    if kind in ("extra_forbidden", "unexpected_keyword_argument"):
+        known = _known_beside(detail["loc"], model)
+        return f"unknown key {key}{did_you_mean(words[-1], known)} (known here: {', '.join(known)})"
+    if kind in ("missing", "missing_argument"):
+        return f"{key} is missing"
+    if kind.startswith("union_tag") or kind == "model_attributes_type":
+        return _unknown_kind(key, detail)
+    if kind == "value_error":  # keys that do not go together
+        return f"{key}: {detail['ctx']['error']}" if key else str(detail["ctx"]["error"])
+    hint = ""
+    if kind == "literal_error":
+        allowed = str(detail["ctx"]["expected"]).replace("'", "").replace(" or ", ", ").split(", ")
+        hint = did_you_mean(str(detail["input"]), allowed)
+        if allowed == ["auto"]:
+            hint = f" or a number{hint}"
+    text = detail["msg"].removeprefix("Input ").replace("a valid tuple", "a list")
+    return f"{key} = {_shown(detail['input'])}: {text[:1].lower()}{text[1:]}{hint}"
+
+
+def _shown(value: Any) -> str:
+    """A value on one line, as Python writes it."""
+    text = " ".join(repr(value).split())
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
+
+
+def _key(loc: tuple[int | str, ...]) -> list[str]:
+    """The dotted key as it stands in the file: pydantic adds the tag of each choice (shape, kind of load, picker)."""
+    return [str(part) for i, part in enumerate(loc) if not _is_tag(loc, i)]
+
+
+def _is_tag(loc: tuple[int | str, ...], i: int) -> bool:
+    if i >= 1 and loc[i - 1] in ("mode", "phase", "min_width") and loc[i] in ("number", "auto"):
+        return True
+    after_kind = i >= 2 and loc[i - 2] in KINDS and isinstance(loc[i - 1], int)
+    return loc[:i] == ("surface",) or after_kind or (i >= 1 and loc[i - 1] == "at")
+
+
+def _unknown_kind(key: str, detail: ErrorDetails) -> str:
+    """A choice that does not exist: of shape, of picker, or of load."""
+    given = detail["input"] if isinstance(detail["input"], dict) else {}
+    if key == "surface":
+        word, name, choices = given.get("shape"), "shape", [*SHAPES]
+        other = ", or a file"
+    else:
+        kinds = KINDS["extra" if key.startswith("thickening.") else "load"]
+        name, choices, other = ("pick", [*PICKERS], "") if key.endswith(".at") else ("kind", [*kinds], "")
+        word = given.get(name)
+    allowed = f"use one of {', '.join(choices)}{other}"
+    if word is None:
+        return f"{key} needs {name} = ...: {allowed}"
+    return f"{key}.{name} = {word!r} is not known{did_you_mean(str(word), choices)}; {allowed}"
+
+
+def _known_beside(loc: tuple[int | str, ...], model: Any) -> list[str]:
+    """Keys that the section around an unknown key does know."""
+    for i, part in enumerate(loc[:-1]):
+        if _is_tag(loc, i):
+            tags = PICKERS if loc[i - 1] == "at" else _tagged(model) if i == 1 else KINDS[str(loc[i - 2])]
+            model = tags[str(part)]
+        elif part in LISTED:
+            model = LISTED[part]
+        elif isinstance(field := getattr(model, "model_fields", {}).get(part), FieldInfo):
+            model = field.annotation
+    fields: Any = getattr(model, "model_fields", None) or [field.name for field in dataclasses.fields(model)]
+    return list(fields)
+
+
+def _tagged(union: Any) -> dict[str, Any]:
+    """The members of a discriminated union by the tags that stand beside them."""
+    return {get_args(member)[1].tag: get_args(member)[0] for member in get_args(union)}
+
+
+def combines(loads: Sequence[Load], follow: str | None) -> bool:
+    """Whether the pattern follows a sum of stress magnitudes rather than the stress of one case or combination."""
+    return follow == COMBINED or (follow is None and len(case_names(loads)) > 1)
+
+
+def follow_weights(
+    loads: Sequence[Load], combinations: Sequence[Combination], follow: str | None, weights: Mapping[str, float]
+) -> dict[str, float]:
+    """What the pattern follows, as name -> weight: one name, or what is combined.
+
+    Combined are the combinations, or the cases of a preset without combinations, each with its weight (1 when left
+    out; those of weight 0 are left out).
+    """
+    cases = case_names(loads)
+    if not combines(loads, follow):
+        return dict.fromkeys([follow or cases[0]] if follow or cases else [], 1.0)
+    return {name: weight for name in members(cases, combinations) if (weight := weights.get(name, 1.0))}
+
+
+def members(cases: Sequence[str], combinations: Sequence[Combination]) -> list[str]:
+    """The names that a combined pattern follows: the combinations, but those that are judged by their displacements
+    alone where there are others; or the cases when there are none."""
+    strong = [one.name for one in combinations if one.limit_state != "SLS"]
+    return strong or [one.name for one in combinations] or list(cases)
+
+
+def judged_names(names: Iterable[str], combinations: Sequence[Combination], state: LimitState) -> list[str]:
+    """Those of the cases and combinations that are judged in a limit state: of it where there is any combination of
+    it, else those of none, else all."""
+    of = {one.name: one.limit_state for one in combinations}
+    names = list(names)
+    for wanted in (state, ""):
+        if found := [name for name in names if of.get(name, "") == wanted]:
+            return found
+    return names
+
+
+def case_mistakes(
+    loads: Sequence[Load], combinations: Sequence[Combination], follow: str | None, weights: Mapping[str, float]
+) -> Iterator[str]:
+    """Every mistake in the names of cases, as 'key = value: what is allowed'."""
+    cases = case_names(loads)
+    if COMBINED in cases:
+        yield f"surface.load.{[load.case for load in loads].index(COMBINED)}.case = '{COMBINED}': {_RESERVED}"
+    yield from _combination_mistakes(cases, combinations)
+    names = [*cases, *(combination.name for combination in combinations)]
+    if follow is not None and follow not in (*names, COMBINED):
+        yield f"diffusion.follow = {follow!r}: {_no_such('case or combination', follow, (*names, COMBINED))}"
+    allowed = members(cases, combinations)
+    for name, weight in weights.items():
+        what = "combination" if combinations else "case"
+        if name not in allowed:
+            yield f"diffusion.weights.{name} = {weight:g}: {_no_such(what, name, allowed)}"
+        elif weight < 0:
+            yield f"diffusion.weights.{name} = {weight:g}: a weight must be 0 or more"
+    if weights and not combines(loads, follow):
+        yield f"diffusion.weights: they count only with diffusion.follow = '{COMBINED}'; set it or leave weights out"
+    elif allowed and not any(weights.get(name, 1.0) for name in allowed):
+        yield f"diffusion.weights: all are 0, so there is nothing to follow; give one of {', '.join(allowed)} a weight"
+
+
+def _combination_mistakes(cases: Sequence[str], combinations: Sequence[Combination]) -> Iterator[str]:
+    taken = set(cases)
+    for i, combination in enumerate(combinations):
+        key, name = f"surface.combination.{i}", combination.name
+        if name == COMBINED:
+            yield f"{key}.name = '{COMBINED}': {_RESERVED}"
+        elif name in taken:
+            yield f"{key}.name = {name!r}: a case or combination has this name already; choose another"
+        taken.add(name)
+        for case, factor in combination.factors.items():
+            if case not in cases:
+                yield f"{key}.factors.{case} = {factor:g}: {_no_such('case', case, cases)}"
+        if not any(combination.factors.values()):
+            yield f"{key}.factors: all are 0 or missing; give a factor to one of {', '.join(cases)}"
+
+
+_RESERVED = "this name stands for all cases at once in diffusion.follow; choose another"
+
+
+def _no_such(what: str, name: str, known: Iterable[str]) -> str:
+    listed = ", ".join(known)
+    return f"no {what} has this name{did_you_mean(name, known)} (there are: {listed})"
+
+
+SOFTEST, LIGHTEST, WEAKEST = 1e6, 10.0, 1e3
+"""Pa, kg/m3, Pa: no sheet that carries has a smaller modulus, no solid a smaller density or strength."""
+
+
+def with_material(values: Any) -> Any:
+    """The table [statics] with what its material gives, where it does not say otherwise; unknown names are left."""
+    name = values.get("material") if isinstance(values, Mapping) else None
+    if not isinstance(name, str):
+        return values
+    try:
+        return {**material_named(name).values, **values}
+    except PresetError:  # told by the field itself, beside all other mistakes
+        return values
+
+
+def known_name(name: str | None) -> str | None:
+    """The name as it is written in the list of materials. Raises ValueError for one that is not there."""
+    try:
+        return None if name is None else material_named(name).name
+    except PresetError as error:
+        raise ValueError(str(error)) from None
+
+
+def own_values(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Of a complete [statics], those keys of a material whose values are not that of the named one."""
+    given = MATERIALS[values["material"]].values if values.get("material") else {}
+    return {key: values[key] for key in KEYS if values[key] != given.get(key)}
+
+
+def replaced(values: Any, changes: Mapping[str, Any]) -> None:
+    """Takes what the old material gave out of the table [statics] where `changes` (dotted keys) name another one."""
+    if "statics.material" in changes and isinstance(values, dict):
+        for key in KEYS:
+            if f"statics.{key}" not in changes:
+                values.pop(key, None)
+
+
+def modulus(value: float) -> float:
+    """The modulus, Pa; raises ValueError for one that is plainly in GPa or MPa."""
+    if 0 < value < 1000:
+        raise ValueError(f"{value:g} Pa is no stiffness: pascals are asked, write {value:g}e9 for {value:g} GPa")
+    if 0 < value < SOFTEST:
+        raise ValueError(f"{value:g} Pa is no stiffness: pascals are asked, write {value:g}e6 for {value:g} MPa")
+    return value
+
+
+def specific_mass(value: float) -> float:
+    """The density, kg/m3; raises ValueError for one that is plainly in t/m3 or g/cm3. 0 has no weight."""
+    if 0 < value < LIGHTEST:
+        raise ValueError(f"{value:g} kg/m3 is no solid: write {1000 * value:g} for {value:g} t/m3 or g/cm3")
+    return value
+
+
+def resistance(value: float) -> float:
+    """The strength, Pa; raises ValueError for one that is plainly in MPa. 0 compares nothing."""
+    if 0 < value < WEAKEST:
+        raise ValueError(f"{value:g} Pa is no strength: pascals are asked, write {value:g}e6 for {value:g} MPa")
+    return value
+
+
+def require_strength(material: str | None, strength: float) -> None:
+    """Raises PresetError where it is not known what members can bear."""
+    if not material and not strength:
+        raise PresetError(NO_STRENGTH)

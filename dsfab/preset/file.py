@@ -1,0 +1,191 @@
+"""Presets as TOML: finding, reading, overriding, writing, and one sentence for everything that is wrong."""
+
+import re
+from collections.abc import Mapping
+from copy import deepcopy
+from pathlib import Path
+from typing import Any
+
+import tomli_w
+from pydantic import ValidationError
+
+from dsfab.core.errors import PresetError, did_you_mean
+from dsfab.core.materials import KEYS
+from dsfab.core.toml_files import TomlError, read_toml, shipped_presets, toml_table
+from dsfab.preset.checks import mistakes, own_values, replaced
+from dsfab.preset.model import Preset
+from dsfab.preset.surface_section import FileSurface, Given, MeshSurface, OwnSurface, missing_preset
+
+LONGEST = 88
+"""Letters of a list on one line, at most."""
+
+_LIST = re.compile(r"""\[\n((?: +(?:[^\s\[\]{},"]+|"(?:[^"\\\n]|\\.)*"),\n)+) *\]""")
+"""A list of numbers and words with a line for each."""
+
+
+def load_preset(
+    name_or_path: str | Path, overrides: Mapping[str, Any] | None = None, mesh: str | Path | None = None
+) -> Preset:
+    """A preset by the name of a shipped one ("dome"), by the path of a TOML file, or of a folder that was built.
+
+    overrides : dotted keys and values that win over the file, e.g. {"pattern.major.frequency": 12}.
+    mesh      : a mesh file that takes the place of the preset's surface; supports and loads stay.
+
+    Raises PresetError for files that cannot be read, unknown keys, wrong types and impossible values.
+    """
+    path = _find(name_or_path)
+    values = read_toml(path)
+    values.setdefault("name", path.stem)
+    if mesh is not None:
+        _replace_surface(values, Path(mesh).absolute())
+    _override_all(values, overrides or {})
+    _find_files(values, path.absolute().parent)
+    return preset_from(values, f"preset {path.name}")
+
+
+def _find_files(values: Any, folder: Path, key: str = "") -> None:
+    """Let the mesh of the surface and the drawings of pickers start at a folder, in place."""
+    for below, part in values.items() if isinstance(values, dict) else ():
+        for each in part if isinstance(part, list) else [part]:
+            _find_files(each, folder, below)
+    names_file = isinstance(values, dict) and (key == "surface" or values.get("pick") == "curve")
+    if names_file and isinstance(values.get("file"), str):
+        values["file"] = str(folder / values["file"])
+
+
+def overridden(preset: Preset, changes: Mapping[str, Any]) -> Preset:
+    """`preset` with other values at dotted keys; raises PresetError as `load_preset` does, and for no preset."""
+    if not isinstance(preset, Preset):
+        raise PresetError(missing_preset(preset))
+    touched = {key.partition(".")[0] for key in changes}  # the other sections were checked when they were read
+    values = preset.model_dump(mode="json", exclude_none=True, include=touched)
+    _override_all(values, changes)
+    kept = {name: getattr(preset, name) for name in Preset.model_fields if name not in touched}
+    return preset_from({**kept, **values}, f"preset {preset.name}")
+
+
+def preset_from(values: Mapping[str, Any], source: str = "preset") -> Preset:
+    """A preset from nested tables; raises PresetError that lists every mistake with its key."""
+    try:
+        return Preset.model_validate(dict(values))
+    except ValidationError as error:
+        raise PresetError(f"{source}: {mistakes(error, Preset)}") from None
+
+
+def parse_override(text: str) -> tuple[str, Any]:
+    """'pattern.major.frequency=12' -> (key, 12); values are TOML, and a bare word is text.
+
+    Raises PresetError for text without '='.
+    """
+    key, equals, value = text.partition("=")
+    if not equals or not key.strip():
+        raise PresetError(f"--set {text!r} is not KEY=VALUE; write for instance --set pattern.major.frequency=12")
+    try:
+        return key.strip(), toml_table(f"value = {value}")["value"]
+    except TomlError:
+        return key.strip(), value.strip()
+
+
+def require_mesh(preset: Preset) -> None:
+    """Raises PresetError for a shipped preset that waits for a mesh of the user's; it says how a command takes it."""
+    if isinstance(given := preset.surface, FileSurface) and given.waits:
+        raise PresetError(
+            f"preset {preset.name} needs a mesh of yours: add --mesh FILE, and --unit mm if it is in millimetres"
+        )
+
+
+def preset_toml(preset: Preset, brief: bool = False) -> str:
+    """The complete preset, defaults included, as TOML that builds the same design again.
+
+    A material is told by its name, with those values only that are not its own.
+    brief : for people to read: a mesh that Python holds is told by its size, not by its numbers.
+    """
+    values = preset.model_dump(mode="json", exclude_none=True)
+    if brief and isinstance(given := preset.surface, MeshSurface):
+        values["surface"]["mesh"] = f"given in Python: {given.mesh.n} vertices, {given.mesh.m} triangles"
+    if preset.statics.elastic:
+        own, statics = own_values(values["statics"]), values["statics"]
+        values["statics"] = {key: value for key, value in statics.items() if key not in KEYS or key in own}
+    surface = values["surface"]
+    for key in ("support", "load"):
+        surface[key] = [{k: v for k, v in entry.items() if k != "name" or v} for entry in surface[key]]
+    # the shape first, then what holds it and what presses on it
+    values["surface"] = {**{k: v for k, v in surface.items() if k not in Given.model_fields}, **surface}
+    return _short_lists(tomli_w.dumps(values))
+
+
+def _short_lists(text: str) -> str:
+    """TOML as tomli_w writes it, with lists of numbers and words on one line where they fit: a box is two lines, not
+    ten, and of points each has its own."""
+    return _LIST.sub(_on_one_line, text)
+
+
+def _on_one_line(found: re.Match[str]) -> str:
+    short = f"[{' '.join(line.strip() for line in found[1].splitlines()).rstrip(',')}]"
+    return short if len(short) <= LONGEST else found[0]
+
+
+def _find(name_or_path: str | Path) -> Path:
+    path = Path(name_or_path)
+    if path.is_file():
+        return path
+    presets = shipped_presets()
+    if str(name_or_path) in presets:
+        return presets[str(name_or_path)]
+    if path.is_dir() and (built := path / "preset.toml").is_file():
+        return built
+    if path.is_dir():
+        raise PresetError(f"{path} is a folder; give a preset file or one of {', '.join(presets)}")
+    raise PresetError(
+        f"preset {str(name_or_path)!r} not found{did_you_mean(path.stem, presets)}; "
+        f"give the path of a .toml file or one of {', '.join(presets)}"
+    )
+
+
+def _replace_surface(values: dict[str, Any], mesh: Path) -> None:
+    old = values.get("surface", {})
+    keys = (*OwnSurface.model_fields, "unit") if "file" in old else (*Given.model_fields, "unit")  # shapes: own edges
+    kept = {key: old[key] for key in keys if key in old}
+    values["surface"] = {**kept, "file": str(mesh)}
+
+
+def _override_all(values: dict[str, Any], changes: Mapping[str, Any]) -> None:
+    """Set dotted keys. One of two keys that exclude each other, set without the other one, takes the other's place.
+
+    A material takes the place of all values of the old one, but for those that are set with it.
+    """
+    replaced(values.get("statics"), changes)
+    for key, value in changes.items():
+        _override(values, key, deepcopy(value))  # a later key may reach into this value
+    for family in ("pattern.major", "pattern.minor"):
+        for key, other in (("frequency", "spacing"), ("spacing", "frequency")):
+            if changes.get(f"{family}.{key}") and f"{family}.{other}" not in changes:
+                _child(values["pattern"], family.partition(".")[2], family).pop(other, None)
+
+
+def _override(values: dict[str, Any], key: str, value: Any) -> None:
+    """Set a dotted key; numbers in it index lists (`surface.load.0.force`)."""
+    *parents, last = key.split(".")
+    where: Any = values
+    for part in parents:
+        where = _child(where, part, key)
+    if isinstance(where, list):
+        where[_index(where, last, key)] = value
+    elif isinstance(where, dict):
+        where[last] = value
+    else:
+        raise PresetError(f"--set {key}: {'.'.join(parents)} is a value, not a section; check the key")
+
+
+def _child(where: Any, part: str, key: str) -> Any:
+    if isinstance(where, list):
+        return where[_index(where, part, key)]
+    if isinstance(where, dict):
+        return where.setdefault(part, {})
+    raise PresetError(f"--set {key}: nothing lies below {part!r}; check the key")
+
+
+def _index(where: list[Any], part: str, key: str) -> int:
+    if not (part.isdigit() and int(part) < len(where)):
+        raise PresetError(f"--set {key}: {part!r} must be a number from 0 to {len(where) - 1}, the entry of that list")
+    return int(part)

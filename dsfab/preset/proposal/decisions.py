@@ -1,0 +1,209 @@
+"""What is decided for a mesh: the `Proposal`, a preset that `dsfab build` takes."""
+
+import tomllib
+from collections.abc import Iterator, Mapping
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from dsfab.core.materials import material_named
+from dsfab.core.messages import length
+from dsfab.preset.file import preset_from
+from dsfab.preset.model import Preset
+from dsfab.preset.proposal.feet import Foot, feet, stems, tips, turns
+from dsfab.preset.proposal.marks import drawn_feet, drawn_marks, mark_decisions
+from dsfab.preset.proposal.reading import Decision, GivenMesh, mesh_in_file, mesh_in_memory, vertical_axis
+from dsfab.preset.proposal.sizes import Sizes, is_figure, shorter_side, sizes
+from dsfab.preset.proposal.text import SHARE, SNOW, proposal_text, snow_on_top, wind_lines
+from dsfab.surface import Marks, RawMesh, Surface
+
+OWN = "roof"
+"""The shipped preset that stands for any surface of one's own: with `--mesh` it is proposed anew for that mesh."""
+ROOF = 0.4
+"""A surface is a roof if a plan shows it that share of its area at least."""
+FILLED = 0.5
+"""Share of the box around its plan that a surface covers at least, or it has arms: its width is not theirs."""
+ONCE = 1.2
+"""The surface over a plan's area may be no more than this many times as large, or parts of it lie over others."""
+
+
+@dataclass(frozen=True, eq=False)
+class Proposal:
+    """A preset for a mesh, as text with comments, and what was decided."""
+
+    given: GivenMesh
+    size: Sizes
+    stands: tuple[Foot, ...]
+    snow: bool
+    """Whether it carries snow: see `takes_snow`."""
+    marks: Mapping[str, Marks] = field(default_factory=dict)
+    """What is drawn beside the surface, by layer: see `drawn_marks`."""
+
+    @cached_property
+    def decisions(self) -> tuple[Decision, ...]:
+        """All of them, in the order of the preset."""
+        return (*self.given.decisions, *_decisions(self))
+
+    @property
+    def lines(self) -> tuple[str, ...]:
+        """A line for each decision: topic, what was decided, how to change it."""
+        width = max(len(each.topic) for each in self.decisions)
+        return tuple(
+            f"{each.topic:<{width}}  {each.choice}" + (f"; change {each.change}" if each.change else "")
+            for each in self.decisions
+        )
+
+    def text(self, file: Path | None = None) -> str:
+        """The preset as TOML; of a mesh that Python holds it names none.
+
+        file : the mesh as the preset's folder sees it; the path that was given where left out.
+        """
+        keys = self.given.keys | ({"file": str(file)} if file else {})
+        notes = {each.topic: each.choice for each in self.decisions}
+        return proposal_text(self.given, keys, notes, self.size, self.stands, self.snow, self.marks)
+
+    @cached_property
+    def preset(self) -> Preset:
+        """The preset itself."""
+        values = tomllib.loads(self.text())
+        if "mesh" in self.given.keys:
+            values["surface"]["mesh"] = self.given.surface
+        else:
+            values["surface"]["file"] = Path(self.given.keys["file"]).absolute()
+        return preset_from(values, f"proposal for {self.given.name}")
+
+
+def preset_for(mesh: Any, unit: str | None = None, up: str | None = None, material: str | None = None) -> Preset:
+    """A preset for a surface of one's own, as `dsfab new` writes it.
+
+    mesh     : the path of a mesh file, or a mesh that `Surface.of` takes, or (V, F): vertices (n, 3) and faces.
+    unit     : of its numbers: mm, cm, m ...; guessed for files that do not say, else metres.
+    up       : its axis that points to the sky: x, y, z, -x, -y, -z; guessed where left out.
+    material : a name that `dsfab materials` lists; GL24h, or PLA for what is smaller than 3 m, where left out.
+
+    Raises SurfaceError for what is no mesh or no axis, PresetError for a material that is not known.
+    """
+    return propose(mesh, unit, up, material).preset
+
+
+def propose(
+    mesh: Any,
+    unit: str | None = None,
+    up: str | None = None,
+    material: str | None = None,
+    max_triangles: int | None = None,
+    raw: RawMesh | None = None,
+) -> Proposal:
+    """The same with its text and its decisions; see `preset_for`.
+
+    max_triangles : how many a mesh file may have, and with it what reading it may cost.
+    raw           : what is in the file, where it was read before.
+    """
+    axis = vertical_axis(up)
+    name = material_named(material).name if material else None
+    if isinstance(mesh, str | Path):
+        given = mesh_in_file(Path(mesh), unit, axis, max_triangles, raw)
+    else:
+        given = mesh_in_memory(mesh, unit, axis)
+    size = sizes(given.surface, name)
+    marks = drawn_marks(given)
+    stands = drawn_feet(marks) or feet(given.surface, size.span)
+    snow = takes_snow(given.surface)
+    size = size.on(given.surface, [foot.points for foot in stands], roof=snow)
+    return Proposal(given, size, stands, snow, marks)
+
+
+def takes_snow(surface: Surface) -> bool:
+    """Whether it is a roof: open, seen from above, and nowhere twice."""
+    if is_figure(surface):
+        return False
+    up = surface.normals[:, 2] * surface.areas
+    seen = float(np.abs(up).sum())
+    return seen > ROOF * surface.area and seen < ONCE * abs(float(up.sum()))
+
+
+def _decisions(proposal: Proposal) -> Iterator[Decision]:
+    surface, size, stands = proposal.given.surface, proposal.size, proposal.stands
+    yield _mesh(surface, size)
+    where = ", ".join(foot.name + (f" ({length(foot.length)})" if foot.length else "") for foot in stands)
+    free = "; other edges and openings are free" if any(foot.length for foot in stands) else ", its lowest part"
+    if "support" in proposal.marks:
+        yield Decision("stands on", where, "surface.support")
+    elif stems(surface, stands, size.span):
+        stem = "; dsfab new writes the lines for a stem, too"
+        yield Decision("hangs from", where + free + stem, "surface.support")
+    else:
+        yield Decision("stands on", where + free + _unsteady(surface, stands), "surface.support")
+    yield from mark_decisions(proposal.marks)
+    yield from _unheld(surface, stands)
+    yield Decision("carries", _carried(surface, proposal.snow), "surface.load")
+    figure = is_figure(surface)
+    over = "" if figure else f", 1/{size.ratio} of the span of {length(size.bridged or size.span)}"
+    made = f"{size.material}, {length(size.thickness)} thick{over}"
+    yield Decision("made of", made, "statics.material, statics.thickness")
+    across = f", about {round(size.span / size.spacing)} across" if not figure and _fills(surface, size) else ""
+    members = f"members every {length(size.spacing)}{across}, along the stress"
+    yield Decision("pattern", members, "pattern.major.spacing, pattern.minor.spacing")
+    rim = f", a rim of {length(size.rim)} along free edges" if surface.loops else ""
+    widths = f"even, {SHARE:.0%} of the surface is material{rim}"
+    yield Decision("widths", widths, "pattern.width.solid_fraction, pattern.rim")
+    yield Decision("files", "STL, 3MF, and STEP where it is soon made", "export.formats, export.step")
+
+
+def _carried(surface: Surface, roof: bool) -> str:
+    """What it carries, and that what is no roof is not judged under wind yet."""
+    top = None if roof else snow_on_top(surface)
+    snow = (
+        f" and snow of {SNOW / 1000:g} kPa on the plan{' of its top' if top else ''}, a placeholder for your local code"
+    )
+    wind = "; dsfab new writes the lines for wind, too, which it does not carry yet"
+    told = "its own weight" + (snow if roof or top else "")
+    return told + (wind if not roof and wind_lines(surface) else "")
+
+
+def _unsteady(surface: Surface, stands: tuple[Foot, ...]) -> str:
+    """What its feet have to hold besides what is above them."""
+    points = [foot.points for foot in stands]
+    if tips(surface, points):
+        return "; it is also held down there, for its middle lies beside"
+    line = "; it would turn about the line through them: hold it beside that line, too"
+    return line if turns(surface, points) else ""
+
+
+def _fills(surface: Surface, size: Sizes) -> bool:
+    """Whether its span is that of the sheet, and not the width of a box that arms or wings reach around."""
+    side = shorter_side(surface)
+    x, y = np.sort(np.ptp(surface.V, axis=0)[:2])
+    plan = float(np.abs(surface.normals[:, 2]) @ surface.areas)
+    return size.span != side or side > x or plan > FILLED * x * y
+
+
+def _unheld(surface: Surface, stands: tuple[Foot, ...]) -> Iterator[Decision]:
+    """What is told of pieces that no foot is on; `dsfab build` refuses such a surface."""
+    count, piece = surface.pieces
+    if count == 1 or not stands:
+        return
+    of = np.empty(surface.n, dtype=np.int64)
+    of[surface.F] = piece[:, None]
+    _, vertex = cKDTree(surface.V).query(np.concatenate([foot.points for foot in stands]))
+    free = np.setdiff1d(np.arange(count), of[vertex])
+    if not len(free):
+        return
+    first = piece == free[0]
+    x, y, z = (np.round(surface.areas[first] @ surface.centroids[first] / surface.areas[first].sum(), 2) + 0.0).tolist()
+    stand = f"{len(free)} of {count} pieces {'stand' if len(free) > 1 else 'stands'} on nothing"
+    which = f"{'the first' if len(free) > 1 else 'it'} is around ({x:g}, {y:g}, {z:g}) m"
+    yield Decision("pieces", f"{stand}, which cannot be built: join them in the file, or support each; {which}")
+
+
+def _mesh(surface: Surface, size: Sizes) -> Decision:
+    mean = length(surface.mean_edge)
+    if not size.edge:
+        return Decision("mesh", f"kept as it is, with edges of {mean}", "surface.edge")
+    smooth = ", on the smooth surface through its vertices" if size.coarse else ""
+    made = f"made anew with edges of {length(size.edge)} (they are {mean}){smooth}; creases stay"
+    return Decision("mesh", made, "surface.edge, surface.smooth")

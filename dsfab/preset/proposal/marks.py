@@ -1,0 +1,121 @@
+"""What is drawn beside a surface in one file: points and curves on layers `support`, `load`, `keep` and `void`."""
+
+from collections.abc import Iterator, Mapping
+from pathlib import Path
+
+import numpy as np
+
+from dsfab.core.arrays import Floats
+from dsfab.core.errors import SurfaceError
+from dsfab.core.units import metres_per
+from dsfab.preset.proposal.feet import Foot
+from dsfab.preset.proposal.reading import Decision, GivenMesh
+from dsfab.preset.proposal.sizes import Sizes
+from dsfab.surface import Marks, marks_on_layers
+
+LAYERS = ("support", "load", "keep", "void")
+DRAWINGS = (".3dm", ".dxf")
+FORCE = 1000.0
+"""N for each point, N/m along each line and Pa within each closed curve of `load`: a placeholder."""
+STEP = 1.5
+"""Points of a stroke are so many radii apart."""
+TABLES = {"support": "[[surface.support]]", "load": "[[surface.load]]"}
+
+
+def drawn_marks(given: GivenMesh) -> dict[str, Marks]:
+    """What is drawn on the four layers of the file that the surface is from, by layer; {} of other files.
+
+    Raises SurfaceError where these are drawn in a file whose z does not point to the sky.
+    """
+    path = Path(str(given.keys.get("file", "")))
+    if path.suffix.lower() not in DRAWINGS:
+        return {}
+    found = marks_on_layers(path, LAYERS, metres_per(str(given.keys["unit"])))
+    if found and given.keys.get("up", "z") != "z":
+        raise SurfaceError(
+            f"{path} has marks on layer {next(iter(found))!r}, and its surface stands on its side; turn all of it so "
+            "that z points up, and save it again"
+        )
+    origin = given.keys.get("origin")
+    return {word: drawn.about(origin) for word, drawn in found.items()} if origin else found
+
+
+def mark_tables(marks: Mapping[str, Marks], file: str, unit: str, size: Sizes, edge: float) -> Iterator[list[str]]:
+    """Tables of a preset for what is drawn, a list of lines each.
+
+    file : as the preset's folder sees it, or "" to write curves into the preset.    edge : metres, of the triangles.
+    """
+    radius = round(0.6 * edge, 3)
+    for word, drawn in marks.items():
+        head = TABLES.get(word, "[[pattern.region]]")
+        areas = drawn.closed if word != "support" else []
+        lines = drawn.open if word != "support" else drawn.curves
+        if len(drawn.points) and word != "void":
+            reach = f"points = {_points(drawn.points)}"
+            dots = f'pick = "nearest", {reach}' if word in TABLES else f'pick = "brush", {reach}, radius = {size.keep}'
+            yield [head, *_what(word, drawn, FORCE * len(drawn.points)), f"at = {{ {dots} }}"]
+        for line in lines if word != "void" else ():
+            stroke = f'pick = "brush", points = {_points(_resampled(line, STEP * radius))}, radius = {radius}'
+            yield [head, *_what(word, drawn, FORCE * _length(line)), f"at = {{ {stroke} }}"]
+        if areas and (word in TABLES or not file):
+            for area in areas:
+                curve = f'pick = "curve", curves = [{_points(area[:-1])}]'
+                yield [head, *_what(word, drawn, FORCE * _plan_area(area)), f"at = {{ {curve} }}"]
+        elif areas:
+            at = f'pick = "curve", file = {_word(file)}, layer = {_word(drawn.layer)}, unit = {_word(unit)}'
+            yield [head, *_what(word, drawn, 0.0), f"at = {{ {at} }}"]
+
+
+def mark_decisions(marks: Mapping[str, Marks]) -> Iterator[Decision]:
+    """What was made of each layer."""
+    changes = {"support": "surface.support", "load": "surface.load"}
+    for word, drawn in marks.items():
+        parts = [(len(drawn.points), "point"), (len(drawn.closed), "closed curve"), (len(drawn.open), "line")]
+        told = ", ".join(f"{count} {thing}{'s' if count > 1 else ''}" for count, thing in parts if count)
+        value = "; 1 kN a point, 1 kN/m along a line, 1 kPa within a curve: placeholders" if word == "load" else ""
+        lost = len(drawn.points) + len(drawn.open) if word == "void" else 0
+        value += f"; {lost} of them enclose nothing and are passed over" if lost else ""
+        yield Decision(f"layer {drawn.layer}", told + value, changes.get(word, "pattern.region"))
+
+
+def drawn_feet(marks: Mapping[str, Marks]) -> tuple[Foot, ...]:
+    """What it stands on, where that is drawn: else nothing."""
+    if "support" not in marks:
+        return ()
+    drawn = marks["support"]
+    return (Foot("support as drawn", np.concatenate([drawn.points, *drawn.curves]), 0.0),)
+
+
+def _what(word: str, drawn: Marks, newtons: float) -> list[str]:
+    """The lines of a table that say what it is."""
+    if word == "support":
+        return [f"name = {_word(drawn.layer)}", 'hold = "xyz"']
+    if word == "load":
+        return ['kind = "force"', f"force = [0.0, 0.0, {-newtons:.6g}]  # N, a placeholder"]
+    return [f'do = "{word}"']
+
+
+def _word(text: str) -> str:
+    return '"' + text.replace("\\", "\\\\").replace('"', '\\"') + '"'
+
+
+def _points(points: Floats) -> str:
+    """To a millimetre."""
+    return str([[round(x, 3) + 0.0 for x in point] for point in points.tolist()])
+
+
+def _length(line: Floats) -> float:
+    return float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
+
+
+def _plan_area(curve: Floats) -> float:
+    """Square metres that a closed curve encloses, seen along its normal."""
+    middle = curve - curve.mean(axis=0)
+    return float(np.linalg.norm(np.cross(middle[:-1], middle[1:]).sum(axis=0)) / 2)
+
+
+def _resampled(line: Floats, step: float) -> Floats:
+    """Points (k, 3) along a line, `step` apart or nearer."""
+    along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
+    at = np.linspace(0.0, along[-1], max(2, int(np.ceil(along[-1] / step)) + 1))
+    return np.stack([np.interp(at, along, line[:, axis]) for axis in range(3)], axis=1)

@@ -1,0 +1,325 @@
+"""The [surface] section of a preset: a mesh or a procedural shape, what holds it and what presses on it."""
+
+import base64
+import inspect
+import zlib
+from collections.abc import Mapping, Sequence
+from dataclasses import fields, is_dataclass, replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any, Literal, Self, Union
+
+import numpy as np
+from annotated_types import Ge
+from pydantic import (
+    BaseModel,
+    ConfigDict,
+    Discriminator,
+    Field,
+    PlainSerializer,
+    PlainValidator,
+    Tag,
+    ValidationError,
+    create_model,
+    model_validator,
+)
+
+from dsfab.core.errors import PresetError
+from dsfab.core.toml_files import PRESETS
+from dsfab.preset.checks import mistakes
+from dsfab.surface import (
+    DEFAULT_TRIANGLES,
+    SHAPES,
+    ActionKind,
+    CaseName,
+    Combination,
+    CombinationRule,
+    DesignFactors,
+    Load,
+    SizeField,
+    Support,
+    Surface,
+    SurfaceInFile,
+    Up,
+    en1990_combinations,
+    normalized,
+    refined,
+    remeshed,
+    surface_in_file,
+)
+
+
+class Section(BaseModel):
+    """A section of a preset: frozen, and no key that dsfab does not know. Made in Python it raises PresetError."""
+
+    model_config = ConfigDict(extra="forbid", frozen=True, validate_default=True, allow_inf_nan=False)
+
+    def __init__(self, /, **values: Any) -> None:
+        try:
+            super().__init__(**values)
+        except ValidationError as error:
+            raise PresetError(f"{type(self).__name__.lower()}: {mistakes(error, type(self))}") from None
+
+    # pydantic: to be called from Python alone; what is read from a file lists the mistakes of all sections together
+    __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
+
+
+class Given(Section):
+    """What every surface has, wherever it comes from.
+
+    What pydantic checks of it is derived when one is made alone: a preset derives it of all kinds together, and
+    supports and loads again for each of them took half of the time in which dsfab starts.
+    """
+
+    model_config = ConfigDict(defer_build=True)
+
+    support: tuple[Support, ...] = ()
+    load: tuple[Load, ...] = ()
+    combination: tuple[Combination, ...] = ()
+    """Sums of load cases (`case` of a load), each case multiplied with its factor."""
+    combinations: CombinationRule | None = None
+    """Sums of load cases after a standard, beside those that are listed."""
+    actions: dict[CaseName, ActionKind] = {}
+    """What a case is to the standard, where its loads do not tell: weight is permanent, snow is snow, wind wind."""
+    factors: DesignFactors | None = None
+    """Factors of the standard that a national annex says otherwise."""
+    refine: Annotated[float, Ge(0)] = 0.0
+    """Metres; triangles are divided until no edge is longer. 0 leaves them as they are."""
+    smooth: bool = False
+    """Whether refining rounds the facets (Loop subdivision), or the vertices of a mesh made anew lie on the smooth
+    surface through the old ones; boundaries and creases stay as they are."""
+
+    @property
+    def sums(self) -> tuple[Combination, ...]:
+        """All combinations: those that are listed, then those after the standard."""
+        return (*self.combination, *self.standard_sums)
+
+    @property
+    def standard_sums(self) -> tuple[Combination, ...]:
+        """The combinations after the standard; none where none is asked for."""
+        if self.combinations is None:
+            return ()
+        return tuple(en1990_combinations(self.load, self.actions, self.combinations, self.factors or DesignFactors()))
+
+    @property
+    def by_stress(self) -> bool:
+        """Whether edges are shorter where the stress changes."""
+        return False
+
+    def build(self) -> Surface:
+        """The surface itself; raises SurfaceError."""
+        return refined(self.given(), self.refine, self.smooth) if self.refine else self.given()
+
+    def given(self) -> Surface:
+        """The surface before it is refined."""
+        raise NotImplementedError
+
+
+class OwnSurface(Given):
+    """What a mesh of the user's has besides: the length of the edges that it is to have, wherever its own are long."""
+
+    edge: Annotated[float, Ge(0)] = 0.0
+    """Metres; the mesh is made anew of even triangles, boundaries and creases kept. 0 leaves it as it is."""
+    finest: Annotated[float, Ge(0)] = 0.0
+    """Metres; with `edge`, edges are shorter where `finest_at` says, down to this. 0 leaves that out."""
+    finest_at: Literal["curvature", "stress", "both"] = "curvature"
+    """Whether edges are shorter where the surface is curved, where its stress changes, or at both: by a quarter of its
+    root mean square along an edge, in statics on even triangles."""
+
+    @model_validator(mode="after")
+    def _one_of_both(self) -> Self:
+        if self.edge and self.refine:
+            raise ValueError("give either edge (all triangles made anew) or refine (long edges halved), not both")
+        if self.finest and not self.edge:
+            raise ValueError("finest goes with edge, the length of edges where the surface is not curved; give both")
+        if self.finest_at != "curvature" and not self.finest:
+            raise ValueError(f"finest_at = {self.finest_at!r} goes with finest, the length of the shortest edges")
+        if self.finest > self.edge:
+            raise ValueError(f"finest = {self.finest:g} must not be longer than edge = {self.edge:g}")
+        return self
+
+    @property
+    def by_stress(self) -> bool:
+        """Whether edges are shorter where the stress changes."""
+        return self.finest_at != "curvature"
+
+    def build(self, sizes: Sequence[SizeField] = (), given: Surface | None = None) -> Surface:
+        """The surface itself, with edges of these sizes where it is made anew; raises SurfaceError.
+
+        given : what `given()` returns, where it is known.
+        """
+        given = given or self.given()
+        if not self.edge:
+            return refined(given, self.refine, self.smooth) if self.refine else given
+        curved = self.finest if self.finest_at != "stress" else 0.0
+        return remeshed(given, self.edge, curved, self.smooth, sizes)
+
+
+class FileSurface(OwnSurface):
+    """A surface read from a mesh file."""
+
+    file: Path
+    """OBJ, PLY, STL, OFF, GLB, glTF, 3MF, 3DM, DXF, STEP or BREP; relative paths start at the preset's folder, in
+    Python at the current one."""
+    unit: str | None = None
+    """Unit of the file's numbers: mm, cm, m, in, ft ...; GLB and 3MF files know their own."""
+    up: Up = "z"
+    """The file's axis that points to the sky; what follows is told with z up. GLB files are turned already."""
+    origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    """Metres, with z up; the point of the file that is the design's origin, where it has a survey's coordinates."""
+    mend: bool = False
+    """Mend small faults: weld vertices that all but touch, drop crumbs and faces without area, close pinholes, and make
+    edges even that are ragged."""
+    repair: bool = False
+    """Make a raw scan a sheet: as `mend`, and edges of more than two faces split, pieces under a twentieth of the
+    largest dropped, holes with an outline under 15 % of the largest side filled, faces turned to the same side."""
+    max_triangles: Annotated[int, Ge(1)] | None = None
+    """Triangles that the file may have; bytes, vertices and seconds of reading it are limited by it. 4 million where
+    nothing is said."""
+
+    @property
+    def waits(self) -> bool:
+        """Whether it is that of a shipped preset whose mesh is for the user to give."""
+        return self.file.parent in PRESETS and not self.file.exists()
+
+    def given(self) -> Surface:
+        """The surface in the file, metres; raises PresetError where the user has to give it."""
+        return self.read().surface
+
+    def read(self) -> SurfaceInFile:
+        """The same with what was read, repaired and dropped."""
+        if self.waits:
+            raise PresetError(
+                f"this preset needs a mesh of yours in place of {self.file.name}: write "
+                'dsfab.load_preset(name, mesh="FILE"), or add --mesh FILE to a command'
+            )
+        most = self.max_triangles or DEFAULT_TRIANGLES
+        found = surface_in_file(self.file, self.unit, self.up, self.mend, most, self.repair)
+        if not any(self.origin):
+            return found
+        return replace(found, surface=Surface(found.surface.V - self.origin, found.surface.F))
+
+
+def _mesh_from(value: Any) -> Surface:
+    """A mesh of any library, (V, F), or what `_mesh_text` made of one."""
+    if not isinstance(value, str):
+        V_F = isinstance(value, tuple | list) and len(value) == 2
+        return normalized(Surface.from_mesh(*value) if V_F else Surface.of(value))
+    try:
+        data = zlib.decompress(base64.b64decode(value, validate=True))
+        n, m = np.frombuffer(data, "<i8", 2)
+        V, F = np.frombuffer(data, "<f8", 3 * n, 16), np.frombuffer(data, "<i8", 3 * m, 16 + 24 * n)
+    except (ValueError, zlib.error):
+        raise ValueError("this is no mesh that dsfab wrote; give surface.file instead") from None
+    return normalized(Surface(V.reshape(-1, 3), F.reshape(-1, 3)))
+
+
+def _mesh_text(surface: Surface) -> str:
+    """Both sizes, V and F, little endian, packed: every bit comes back."""
+    sizes = np.array([surface.n, surface.m], dtype="<i8")
+    data = sizes.tobytes() + surface.V.astype("<f8").tobytes() + surface.F.astype("<i8").tobytes()
+    return base64.b64encode(zlib.compress(data, 1)).decode("ascii")
+
+
+Mesh = Annotated[Surface, PlainValidator(_mesh_from), PlainSerializer(_mesh_text, return_type=str, when_used="json")]
+
+
+class MeshSurface(OwnSurface):
+    """A surface that is given as a mesh in Python; `dsfab.save` writes it beside the preset, which then names the file.
+
+    mesh : a `Surface`, a mesh of another library (see `Surface.of`) or (V, F): vertices (n, 3), metres, and faces.
+    """
+
+    mesh: Annotated[Mesh, Field(repr=False)]
+
+    def given(self) -> Surface:
+        """The mesh itself."""
+        return self.mesh
+
+    def __eq__(self, other: object) -> bool:
+        if not isinstance(other, MeshSurface):
+            return False
+        a, b = self.mesh, other.mesh
+        same = a is b or (np.array_equal(a.V, b.V) and np.array_equal(a.F, b.F))
+        return same and all(getattr(self, key) == getattr(other, key) for key in OwnSurface.model_fields)
+
+
+class ShapeSurface(Given):
+    """A procedural surface; each shape adds its own parameters."""
+
+    shape: str
+
+    def given(self) -> Surface:
+        """The shape with its parameters."""
+        others = set(Given.model_fields) | {"shape"}
+        return SHAPES[self.shape](**{k: v for k, v in self if k not in others})
+
+
+def _shape_model(name: str) -> type[ShapeSurface]:
+    """The section for one shape: its parameters, defaults and ranges are those of the function that makes it."""
+    signature = inspect.signature(SHAPES[name], eval_str=True)
+    fields: dict[str, Any] = {p.name: (p.annotation, p.default) for p in signature.parameters.values()}
+    fields["shape"] = (Literal[name], name)
+    return create_model(f"{name}_surface", __base__=ShapeSurface, **fields)
+
+
+def _kind_of_surface(value: Any) -> str | None:
+    values: dict[str, Any] = value if isinstance(value, dict) else getattr(value, "__dict__", {})
+    return next((key for key in ("file", "mesh") if values.get(key) is not None), values.get("shape"))
+
+
+SHAPE_SECTIONS = {name: _shape_model(name) for name in SHAPES}
+if TYPE_CHECKING:
+    AnySurface = Given
+else:
+    _choices = {"file": FileSurface, "mesh": MeshSurface, **SHAPE_SECTIONS}
+    AnySurface = Annotated[
+        Union[tuple(Annotated[model, Tag(tag)] for tag, model in _choices.items())],  # noqa: UP007
+        Discriminator(_kind_of_surface),
+    ]
+
+
+def plain(value: Any) -> Any:
+    """Supports, loads, pickers and the like as tables, so that they are checked as those of a file are."""
+    if is_dataclass(value) and not isinstance(value, type):
+        return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
+    if isinstance(value, Mapping):
+        return {key: plain(part) for key, part in value.items()}
+    if isinstance(value, np.ndarray | np.generic):
+        return value.tolist()
+    return [plain(part) for part in value] if isinstance(value, list | tuple) else value
+
+
+def surface_table(surface: Any, given: Mapping[str, Any]) -> Any:
+    """What is meant by `surface` in Python as a table, with what is given beside it in place of its own.
+
+    surface : a section, a table as in TOML, the path of a mesh file, a mesh of any library, or (V, F), metres.
+    Raises SurfaceError for a mesh that is none.
+    """
+    if isinstance(surface, str | Path):
+        surface = {"file": Path(surface).absolute()}
+    elif isinstance(surface, Given | Mapping):
+        surface = {key: part if key == "mesh" else plain(part) for key, part in dict(surface).items()}
+        if isinstance(file := surface.get("file"), str | Path):
+            surface["file"] = Path(file).absolute()
+    else:
+        surface = {"mesh": _mesh_from(surface)}
+    return surface | {key: plain(part) for key, part in given.items()}
+
+
+EXAMPLE = (
+    "dsfab.run(dsfab.Preset(surface=mesh, supports=[dsfab.Support(dsfab.Boundary())], loads=[dsfab.SelfWeight()], "
+    "statics={'thickness': 0.05}))"
+)
+"""The shortest preset of a mesh."""
+
+
+def missing_preset(thing: Any) -> str:
+    """What to give instead of a thing that is no preset, a sentence."""
+    if isinstance(thing, str | Path) and Path(thing).suffix in ("", ".toml"):
+        return f"{str(thing)!r} is only the name of a preset; write dsfab.run(dsfab.load_preset({str(thing)!r}))"
+    known: dict[type, str] = {str: repr(thing), tuple: "(V, F)", list: "[V, F]"}
+    name = known.get(type(thing), f"a mesh of type {type(thing).__name__}")
+    return (
+        f"{name} alone is no preset: supports, loads and a thickness are missing; let dsfab propose them, "
+        f"dsfab.run(dsfab.preset_for(mesh)), or write for instance {EXAMPLE}"
+    )

@@ -1,0 +1,363 @@
+"""Figures of a compliance report: charts of compliance over mass, pictures of load cases and stress."""
+
+import io
+import math
+from collections.abc import Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import replace
+from functools import cached_property, partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dsfab.core.arrays import Floats, Ints
+from dsfab.render.colouring import rising
+from dsfab.render.lettering import PAPER, Palette
+from dsfab.render.scene import Bytes, Colour
+from dsfab.render.view import up_axis
+from dsfab.report.compliance.findings import LABELS, Findings, digits_of, nice, unit_for
+from dsfab.report.html_pages import ReportFigure, Scale
+from dsfab.slicing.measures.widths import kept_cells
+from dsfab.study.judges import Answered
+from dsfab.study.verdict.estimates import quantile
+from dsfab.surface import LoadCase, Surface
+
+if TYPE_CHECKING:
+    from matplotlib.axes import Axes
+    from matplotlib.figure import Figure
+
+
+Row = Mapping[str, Any]
+"""A row of `results.json`: see `dsfab.study.alternatives.Competitor.row`, and its `volume`."""
+
+STYLES: Mapping[str, tuple[str, str, str]] = {
+    "design": ("#b4441c", "-", "o"),
+    "plain": ("#dd8f5a", "--", "o"),
+    "row": ("#dd8f5a", ":", "v"),
+    "letter": ("#c9a58c", ":", "1"),
+    "stripes": ("#2c7a4a", "-", "P"),
+    "isotropic": ("#3d7fc4", "-", "s"),
+    "rotated": ("#9a6fc0", "-", "^"),
+    "thinner": ("#6f6f6f", ":", ""),
+    "von_mises": ("#b0892a", "-", "v"),
+    "grid": ("#2c9a62", "-", "D"),
+    "simp": ("#222222", "-.", "x"),
+}
+"""Colour, line and mark of each competitor; readable without colours too."""
+
+NAMES = {
+    "design": "this design",
+    "plain": "the same, plain widths",
+    "row": "Table 1's row, labelled by sign",
+    "letter": "Table 1's row to the letter",
+    "stripes": "evenly spaced stripes",
+    "isotropic": "isotropic, best pair of modes",
+    "rotated": "turned by 45°, best pair",
+    "thinner": "whole sheet, thinner",
+    "von_mises": "von Mises stripes",
+    "grid": "straight grid",
+    "simp": "SIMP, cut along a level line",
+}
+
+TONNE = 1000.0
+
+CROWDED = 6
+"""Names of more rows than these stand below the lines, where they hide none."""
+
+
+def write_chart(rows: Sequence[Row], title: str, path: Path, names: Mapping[str, str] = NAMES) -> None:
+    """The chart as `path` with the suffixes .svg and .png.
+
+    rows  : of several volumes; those that carry nothing leave a gap in their line.
+    names : what each competitor is called in it.
+    """
+    import matplotlib as mpl
+
+    settings: dict[Any, Any] = {"svg.fonttype": "none", "svg.hashsalt": "dsfab", "font.size": 10}
+    with mpl.rc_context(settings):
+        _save(chart_figure(rows, title, names), path)
+
+
+def chart_figure(rows: Sequence[Row], title: str, names: Mapping[str, str] = NAMES) -> "Figure":
+    """The chart itself, see `write_chart`."""
+    from matplotlib.figure import Figure
+
+    many = len({row["name"] for row in rows}) > CROWDED
+    figure = Figure(figsize=(7.6, 5.6 if many else 4.6), layout="constrained")
+    axes = figure.add_subplot()
+    _draw(axes, rows, title, names)
+    if many:
+        figure.legend(*axes.get_legend_handles_labels(), frameon=False, fontsize=9, loc="outside lower left", ncols=2)
+    else:
+        axes.legend(frameon=False, fontsize=9)
+    return figure
+
+
+def _save(figure: "Figure", path: Path) -> None:
+    figure.savefig(path.with_suffix(".svg"), format="svg", metadata={"Date": None, "Creator": None})
+    figure.savefig(path.with_suffix(".png"), format="png", dpi=110, metadata={"Software": None})
+
+
+def _draw(axes: "Axes", rows: Sequence[Row], title: str, names: Mapping[str, str]) -> None:
+    full = next(row for row in rows if row["name"] == "full")
+    heavy = full["mass_kg"] >= TONNE
+    unit, scale = ("t", 1 / TONNE) if heavy else ("kg", 1.0)
+    whole = full["mass_kg"] * scale
+    for name in (name for name in STYLES if any(row["name"] == name for row in rows)):
+        colour, line, mark = STYLES[name]
+        mine = sorted((row for row in rows if row["name"] == name), key=lambda row: float(row["volume"]))
+        mass = [whole * row["volume"] for row in mine]
+        ratio = [_number(row["ratio_to_full"]) for row in mine]
+        wide = 2.4 if name == "design" else 1.5
+        told = names[name] + ("" if any(value == value for value in ratio) else ": carries nothing")
+        axes.plot(mass, ratio, color=colour, linestyle=line, marker=mark, markersize=5, linewidth=wide, label=told)
+        if name == "isotropic" and told == names[name]:
+            low, high = ([_over(row, f"variants_{key}") for row in mine] for key in ("best", "worst"))
+            axes.fill_between(
+                mass, low, high, color=colour, alpha=0.13, linewidth=0, label="isotropic, all pairs that carry"
+            )
+    axes.set_yscale("log")
+    for formatter in (axes.yaxis.set_major_formatter, axes.yaxis.set_minor_formatter):
+        formatter(lambda value, _: f"{value:g}" if f"{value:g}".strip("0.")[:1] in "1235" else "")
+    axes.set_xlabel(f"mass, {unit}")
+    axes.set_ylabel("compliance over that of the full sheet")
+    if title:
+        axes.set_title(title, fontsize=11, loc="left")
+    share = axes.secondary_xaxis("top", functions=(partial(_times, 100 / whole), partial(_times, whole / 100)))
+    share.set_xlabel("share of the surface, %", fontsize=9)
+    axes.grid(True, which="both", color="#dddddd", linewidth=0.5)
+    axes.spines[["top", "right"]].set_visible(False)
+
+
+def _times(factor: float, x: Any) -> Any:
+    return factor * x
+
+
+def _over(row: Row, key: str) -> float:
+    """A compliance of the variants over that of the full sheet."""
+    best, ratio = _number(row.get("compliance_J")), _number(row["ratio_to_full"])
+    return _number(row.get(key)) * ratio / best
+
+
+def _number(value: float | None) -> float:
+    return float("nan") if value is None else float(value)
+
+
+DPI = 200
+
+Chart = tuple[bytes, tuple[int, int]]
+"""PNG, and its width and height in pixels."""
+
+Charts = Mapping[str, Chart]
+
+FONT: dict[Any, Any] = {"font.family": ["Helvetica", "Arial", "Liberation Sans", "DejaVu Sans"], "font.size": 9}
+
+
+def charts(found: Findings, rows: Sequence[Mapping[str, Any]]) -> dict[str, Chart]:
+    """`bars` of the structures of one mass; `volumes` where several masses were asked for. rows : of these."""
+    made: dict[str, Chart] = {}
+    with lettering():
+        if found.compared.rivals:
+            made["bars"] = png(_bars(found))
+        if len(found.volumes) > 1:
+            made["volumes"] = png(chart_figure(rows, ""))
+    return made
+
+
+@contextmanager
+def lettering(**more: Any) -> Iterator[None]:
+    """Charts with the letters of a report; more : settings of matplotlib."""
+    import logging
+
+    import matplotlib as mpl
+
+    logging.getLogger("matplotlib.font_manager").setLevel(logging.ERROR)  # one of the fonts is enough
+    settings: dict[Any, Any] = {**FONT, **more}
+    with mpl.rc_context(settings):
+        yield
+
+
+def _bars(found: Findings) -> "Figure":
+    """Compliance of each that carries, with its bound."""
+    from matplotlib.figure import Figure
+
+    shown = [one for one in found.compared.competitors if one.judgement]
+    factor, unit = unit_for(found.unit_of, "J")
+    figure = Figure(figsize=(6.7, 0.7 + 0.36 * len(shown)), layout="constrained")
+    axes = figure.add_subplot()
+    values = [one.compliance / factor for one in shown]
+    bounds = [value * (one.judgement.bound or 0.0) for one, value in zip(shown, values, strict=True) if one.judgement]
+    colours = [STYLES.get(one.name, ("#b9bec5", "", ""))[0] for one in shown]
+    axes.barh(range(len(shown)), values, 0.62, color=colours, xerr=bounds, error_kw={"lw": 1, "capsize": 3})
+    most = max(value + bound for value, bound in zip(values, bounds, strict=True))
+    for place, (value, bound) in enumerate(zip(values, bounds, strict=True)):
+        axes.text(value + bound + 0.012 * most, place, digits_of(value), va="center", fontsize=8.5)
+    axes.set_yticks(range(len(shown)), [LABELS[one.name] for one in shown])
+    axes.invert_yaxis()
+    axes.set_xlim(0, 1.1 * most)
+    axes.set_xlabel(f"compliance, {unit} (shorter is stiffer)")
+    axes.spines[["top", "right", "left"]].set_visible(False)
+    axes.tick_params(axis="y", length=0)
+    return figure
+
+
+def png(figure: "Figure") -> Chart:
+    """A figure as a file, with its size in pixels."""
+    written = io.BytesIO()
+    figure.savefig(written, format="png", dpi=DPI, metadata={"Software": None})
+    wide, high = (round(DPI * inches) for inches in figure.get_size_inches())
+    return written.getvalue(), (wide, high)
+
+
+SIZE = (1500, 1000)
+"""Pixels."""
+
+SMALL = (1050, 760)
+
+BANDS = 10
+"""Of colour, or a few less."""
+
+STEEPEST = 0.98
+"""Colours of stress end at what this share of the area does not exceed: peaks would hide the rest."""
+
+MOVES = 0.07
+"""Displacements are exaggerated until the largest is this share of the surface's size, or a little less."""
+
+WHITE = replace(PAPER, paper=(255, 255, 255))
+
+RED: Colour = (200, 60, 40)
+"""Of what is not built."""
+
+LETTERS = 7.0
+"""Points that the words on pictures are high on paper."""
+
+TEXT = 174 / 25.4 * 72
+"""Points that pictures of the whole width are wide on paper."""
+
+QUALITY = 90
+"""Of JPEG."""
+
+
+class Pictures:
+    """Draws what is found; every method returns a figure, with the reason in it where nothing could be drawn."""
+
+    def __init__(self, found: Findings) -> None:
+        self.found = found
+
+    @cached_property
+    def missing(self) -> str:
+        """Why nothing can be drawn, or ''."""
+        from dsfab.render.opengl import why_no_pictures
+
+        why = why_no_pictures()
+        return f"no picture: {why}" if why else ""
+
+    @cached_property
+    def up(self) -> Floats:
+        """(3,) the direction that is up, the same in all pictures."""
+        task = self.found.task
+        return up_axis(task.surface.V, task.surface, task.statics.load)
+
+    def design(self, caption: str, width: float) -> ReportFigure:
+        """What is built, with its loads and supports."""
+        sheet, task = self.found.structure.sheet.surface, self.found.task
+        return self._figure(caption, width, SIZE, sheet.V, sheet.F, task.surface, task.statics.load)
+
+    def everything(self, caption: str, width: float) -> ReportFigure:
+        """All material, with its loads and supports; what is not built is red."""
+        made, task = self.found.structure, self.found.task
+        sheet = made.drawn
+        lost = np.where(kept_cells(sheet, made.sheet), -1, 0)
+        red = replace(WHITE, families=(RED,))
+        return self._figure(
+            caption, width, SIZE, sheet.surface.V, sheet.surface.F, task.surface, task.statics.load, red, lost
+        )
+
+    def case(self, name: str, caption: str, width: float, beside: bool = False) -> ReportFigure:
+        """The uncut surface with the loads and supports of one case; beside: another one, both half as wide."""
+        surface = self.found.task.surface
+        load = self.found.task.all_loads[name]
+        palette = replace(WHITE, members=WHITE.plain)
+        letters = larger_letters(SMALL, width / 2 if beside else width)
+        return self._figure(caption, width, SMALL, surface.V, surface.F, surface, load, palette, letters=letters)
+
+    def stress(self, shown: Answered, caption: str) -> ReportFigure:
+        """The largest von Mises stress of both sides and the middle, on the cut sheet."""
+        sheet, value = self.found.structure.sheet.surface, shown.stress.largest
+        limit = quantile(value, sheet.areas, STEEPEST) or 1.0
+        return self._banded(caption, sheet.V, sheet.F, value, limit, "Pa", "von Mises stress")
+
+    def displacement(self, shown: Answered, limit: float, caption: str) -> ReportFigure:
+        """The deformed sheet, coloured by how far it moved; `caption` is given the factor as {factor}."""
+        sheet, u = self.found.structure.sheet.surface, shown.equilibrium.u
+        factor = nice(MOVES * self.found.task.surface.size / float(np.linalg.norm(u, axis=1).max())) / 2
+        moved = np.linalg.norm(u, axis=1)[sheet.F].mean(axis=1)
+        told = caption.format(factor=digits_of(factor, 2))
+        return self._banded(told, sheet.V + factor * u, sheet.F, moved, limit, "m", "displacement")
+
+    def _banded(
+        self, caption: str, V: Floats, F: Ints, value: Floats, limit: float, unit: str, what: str
+    ) -> ReportFigure:
+        step = nice(limit / BANDS)
+        count = max(2, math.ceil(limit / step - 1e-9))
+        bands = [(int(r), int(g), int(b)) for r, g, b in rising(np.linspace(0.04, 1, count))]
+        palette = replace(WHITE, families=tuple(bands))
+        band = np.minimum((value / step).astype(np.int64), count - 1)
+        factor, name = (1e-3, "mm") if unit == "m" and limit < 1 else unit_for(limit, unit)
+        labels = [f"{k * step / factor:.4g}" for k in range(count + 1)]
+        over = ", and above" if float(value.max()) > count * step else ""
+        scale = Scale(f"{what}, {name} (darkest band: up to {labels[-1]} {name}{over})", bands, labels)
+        return self._figure(caption, 0.86, SIZE, V, F, None, None, palette, band, scale)
+
+    def _figure(
+        self,
+        caption: str,
+        width: float,
+        size: tuple[int, int],
+        V: Floats,
+        F: Ints,
+        surface: Surface | None,
+        load: LoadCase | None,
+        palette: Palette = WHITE,
+        family: Ints | None = None,
+        scale: Scale | None = None,
+        letters: float | None = None,
+    ) -> ReportFigure:
+        from dsfab.render.picture import Look, picture
+
+        if self.missing:
+            return ReportFigure(caption, b"", size, missing=self.missing)
+        look = Look(size, self.up, palette, letters or larger_letters(size, width))
+        pixels = picture(V, F, surface=surface, load=load, family=family, look=look)
+        pixels = trimmed(pixels, palette.paper)
+        high, wide = pixels.shape[:2]
+        return ReportFigure(caption, jpeg(pixels), (wide, high), width, scale)
+
+
+def larger_letters(size: tuple[int, int], width: float) -> float:
+    """How much larger than on a preview the words of a picture are, to be `LETTERS` high at this share of the text's
+    width: at half of it they were 3 points high."""
+    point = size[0] / (TEXT * width)
+    return max(1.0, LETTERS * point / (size[1] / 46))
+
+
+def trimmed(pixels: Bytes, paper: Colour, margin: int = 12) -> Bytes:
+    """Without empty rows at the top and at the bottom, and with few between the structure and the words below it."""
+    drawn = np.flatnonzero((np.abs(pixels.astype(np.int16) - np.array(paper)).max(axis=2) > 6).any(axis=1))
+    if not len(drawn):
+        return pixels
+    gap = 3 * margin
+    keep = [np.arange(max(drawn[0] - margin, 0), drawn[0])]
+    for before, row in zip(drawn, [*drawn[1:], drawn[-1] + margin], strict=True):
+        keep.append(np.arange(before, min(row, before + gap)))
+    return np.asarray(pixels[np.concatenate(keep)])
+
+
+def jpeg(pixels: Bytes) -> bytes:
+    """(height, width, 3) bytes as a file."""
+    from PIL import Image
+
+    written = io.BytesIO()
+    Image.fromarray(np.ascontiguousarray(pixels)).save(written, format="JPEG", quality=QUALITY, subsampling=0)
+    return written.getvalue()

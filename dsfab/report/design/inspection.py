@@ -1,0 +1,283 @@
+"""Loads, supports, pattern quality and fabrication of a design: numbers for `design.json`, tables for people."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING, Any
+
+from dsfab.core.messages import force, length, table, towards
+
+if TYPE_CHECKING:
+    from dsfab.core.arrays import Floats
+    from dsfab.design import Design
+    from dsfab.slicing.measures.pattern_quality import FamilyQuality, PatternQuality
+    from dsfab.slicing.measures.widths import Feature, Features
+    from dsfab.study.fabrication import Check, FabricationMeasures
+    from dsfab.surface import Load
+
+
+BALANCED = 1e-3
+"""A load whose resultant is a smaller share of its sum of magnitudes cancels out, as pressure all around does."""
+
+ROUNDING = 1e-9
+"""A support with a smaller share of the reactions carries nothing."""
+
+
+def acting_facts(design: "Design", solved: bool = True) -> dict[str, Any]:
+    """`supports` and `loads` of `design.json`; reactions and shares by case and combination, of the uncut sheet.
+
+    Of each load the sum on the uncut surface (`force_N`), and on the cut sheet where that is there (`cut_force_N`).
+
+    solved : whether reactions are told, which takes the statics; without them it is known what is held and loaded.
+    Raises DsfabError for supports and loads that pick nothing, and of the statics.
+    """
+    from dsfab.design import acting_on
+    from dsfab.statics import load_entries, support_entries
+
+    surface, weight = design.surface, design.preset.statics.weight
+    on = acting_on(design.preset, surface)
+    answers = {name: case.equilibrium for name, case in design.statics.cases.items()} if solved else {}
+    return {
+        "supports": [
+            {
+                "name": entry.name,
+                "vertices": entry.vertices,
+                "at_m": entry.place.tolist(),
+                "along_m": entry.length,
+                "area_m2": entry.area,
+                "holds": entry.holds,
+                "reaction_N": {case: part.tolist() for case, part in entry.reaction.items()},
+                "share": dict(entry.share),
+            }
+            for entry in support_entries(surface, on.support, answers)
+        ],
+        "loads": [
+            {
+                "name": entry.name,
+                "kind": entry.kind,
+                "case": entry.case,
+                "force_N": entry.force.tolist(),  # on the uncut surface
+                **({"cut_force_N": _on_cut(design, load).tolist()} if design.has("slicing") else {}),
+                "sum_of_magnitudes_N": entry.total,
+                "area_m2": entry.area,
+                "along_m": entry.length,
+                "vertices": entry.vertices,
+            }
+            for entry, load in zip(load_entries(surface, on.load, weight), on.load, strict=True)
+        ],
+    }
+
+
+def _on_cut(design: "Design", load: "Load") -> "Floats":
+    """(3,) newtons of a load on the cut sheet: what acts on material alone is less there."""
+    from dsfab.surface import load_parts
+
+    surface, sheet = design.surface, design.sheet
+    parts = load_parts(surface, [load], design.preset.statics.weight)
+    own = (parts.weight + parts.bare)[sheet.parent]
+    total: Floats = sheet.surface.areas @ own + surface.areas @ parts.covered + parts.point.sum(axis=0)
+    return total
+
+
+def acting_lines(facts: Mapping[str, Any]) -> Iterator[str]:
+    """A table of the supports, each where it carries most, and one of the loads; nothing of older files."""
+    supports, loads = facts.get("supports", ()), facts.get("loads", ())
+    if supports:
+        several = len(supports[0]["share"]) > 1
+        head = ["support", "vertices", "along", "holds", *(["carries uncut", "share"] if supports[0]["share"] else [])]
+        rows = [_support(entry, several) for entry in supports]
+        yield from table([*head, *(["under"] if several else [])], rows).split("\n")
+    if loads:
+        several = len({entry["case"] for entry in loads}) > 1
+        sheets = ["uncut sheet", *(["cut sheet"] if "cut_force_N" in loads[0] else [])]
+        head = ["load", *(["case"] if several else []), *sheets, "towards", "on"]
+        yield from table(head, [_load(entry, several) for entry in loads]).split("\n")
+
+
+def _support(entry: Mapping[str, Any], several: bool) -> Sequence[str]:
+    cells = [entry["name"], f"{entry['vertices']:,}", _extent(entry), entry["holds"]]
+    if not entry["share"]:
+        return cells
+    size = {case: _size(reaction) for case, reaction in entry["reaction_N"].items()}
+    most = max(size, key=lambda case: size[case])
+    carried = force(size[most]) if entry["share"][most] > ROUNDING else "0 N"
+    return [*cells, carried, f"{entry['share'][most]:.0%}", *([most] if several else [])]
+
+
+def _load(entry: Mapping[str, Any], several: bool) -> Sequence[str]:
+    sizes = [_size(entry[key]) for key in ("force_N", "cut_force_N") if key in entry]
+    balanced = sizes[0] < BALANCED * entry["sum_of_magnitudes_N"]
+    sums = ["0 N" if balanced else force(size) for size in sizes]
+    way = "cancels out" if balanced else towards(entry["force_N"])
+    return entry["name"], *([entry["case"]] if several else []), *sums, way, _extent(entry)
+
+
+def _extent(entry: Mapping[str, Any]) -> str:
+    """'4.2 m' of a line, '18 m2' of faces, else 'points'."""
+    if entry["along_m"]:
+        return length(entry["along_m"])
+    if entry["area_m2"]:
+        return f"{entry['area_m2']:.3g} m2"
+    return "a point" if entry["vertices"] == 1 else f"{entry['vertices']} points"
+
+
+def _size(vector: Sequence[float]) -> float:
+    return float(sum(x * x for x in vector) ** 0.5)
+
+
+QUANTILES = ("5%", "50%", "95%")
+
+
+def quality_facts(found: "PatternQuality") -> dict[str, Any]:
+    """`pattern` of `design.json`: see `PatternQuality` for what each number is; metres, degrees, shares."""
+    families = {name: _family(one) for name, one in found.families}
+    both = {"crossing_angle_deg": found.crossing_angle, "symmetry_error": found.symmetry_error}
+    return {"summary": found.summary, **families, **both}
+
+
+def _family(found: "FamilyQuality") -> dict[str, Any]:
+    return {
+        "drawn": found.drawn,
+        "spacing_m": dict(zip(QUANTILES, found.spacing, strict=True)),
+        "clear_opening_m": dict(zip(QUANTILES, found.opening, strict=True)),
+        "deviation_deg": found.deviation,
+        "share_off_by_over_30_deg": found.off,
+        "loose_ends_at_m": found.dead_ends.loose.tolist(),
+        "turns_at_m": found.dead_ends.turns.tolist(),
+        "slits": found.slits,
+        "slit_share": found.slit_share,
+    }
+
+
+def quality_lines(facts: Mapping[str, Any]) -> Iterator[str]:
+    """What is told of a pattern: dead ends, slits and directions; then the openings of each family and their spread."""
+    yield f"pattern: {facts['summary']}"
+    for name in ("major", "minor"):
+        if not facts[name].get("drawn", True):
+            continue
+        opening, spacing = ([facts[name][key][at] for at in QUANTILES] for key in ("clear_opening_m", "spacing_m"))
+        if not opening[2] > 0:
+            yield f"{name} members: no opening between them"
+            continue
+        sizes = f"{length(opening[1])} clear between them, {length(opening[0])} to {length(opening[2])} on nine tenths"
+        ratio = f"; spacing P95/P5 {spacing[2] / spacing[0]:.2f}" if spacing[0] > 0 else ""
+        yield f"{name} members: {sizes}{ratio}"
+
+
+SHARES = (0.05, 0.5, 0.95)
+"""The widths that these shares of the walls do not exceed are told."""
+
+MEASURED = {"min_member": "smallest_member", "min_gap": "smallest_gap", "min_wall": "thinnest_wall"}
+"""What each limit is compared with."""
+
+
+def fabrication_facts(made: "FabricationMeasures") -> dict[str, Any]:
+    """What was measured on a design, metres, and the limits of its preset; null where there is nothing of a kind."""
+    found, wall = made.features, made.wall
+    return {
+        "thickness_m": made.thickness,
+        "smallest_member": _feature(found.member),
+        "smallest_gap": _feature(found.gap),
+        "smallest_edge": _feature(found.edge),
+        "thinnest_wall": None
+        if wall is None
+        else {"m": wall.thickness, "at_m": wall.place.tolist(), "what": "a wall of the solid"},
+        "member_widths": _widths(found),
+        "size_m": made.box.tolist(),
+        "pieces": [
+            {
+                "area_m2": piece.area,
+                "supports": list(piece.supports),
+                "loads": list(piece.loads),
+                "touches": list(piece.names),
+            }
+            for piece in made.pieces
+        ],
+        "triangles": {
+            "worst_angle_deg": made.quality.worst_angle,
+            "worst_at_m": made.quality.place.tolist(),
+            "share_under_1_deg": made.quality.needles,
+            "median_quality": made.quality.median,
+        },
+        "checks": [_check(check) for check in made.checks],
+    }
+
+
+def _feature(found: "Feature | None") -> dict[str, Any] | None:
+    if found is None:
+        return None
+    return {"m": found.size, "at_m": found.place.tolist(), "what": found.what, "mesh_m": found.mesh}
+
+
+def _widths(found: "Features") -> dict[str, Any]:
+    limits, share = found.histogram()
+    quantiles = zip(SHARES, found.quantiles(SHARES).tolist(), strict=False)
+    return {
+        "at_share_of_walls": {f"{at:.0%}": width for at, width in quantiles},
+        "histogram_limits_m": limits.tolist(),
+        "histogram_shares": share.tolist(),
+    }
+
+
+def _check(check: "Check") -> dict[str, Any]:
+    return {
+        "limit": check.name,
+        "limit_m": list(check.limit),
+        "measured_m": list(check.value),
+        "at_m": list(check.place),
+        "what": check.what,
+        "verdict": check.verdict,
+        "asked": check.asked,
+    }
+
+
+def fabrication_lines(facts: Mapping[str, Any]) -> Iterator[str]:
+    """A line of what is smallest, and one of what of it is narrower than the sheet is thick; a table of the limits that
+    are asked for or missed; loads and pieces where there are several."""
+    found = {name: facts[name] for name in ("smallest_member", "smallest_gap", "thinnest_wall") if facts[name]}
+    told = [f"{name.replace('_', ' ')} {length(value['m'])}" for name, value in found.items()]
+    usual = facts["member_widths"]["at_share_of_walls"].get("50%")
+    told += [f"members mostly {length(usual)}"] if usual else []
+    yield ", ".join(told) if told else "no members, gaps or walls to measure"
+    yield from _narrow(facts)
+    if len(facts["pieces"]) > 1:
+        for number, piece in enumerate(facts["pieces"], 1):
+            yield f"piece {number}: {piece['area_m2']:.3g} m2, touches {_touched(piece)}"
+    if checks := [check for check in facts["checks"] if _asked(check) or check["verdict"] == "fail"]:
+        rows = table(("limit", "asked", "measured", "verdict"), [_row(check) for check in checks]).split("\n")
+        yield from (f"{row}  {where}" for row, where in zip(rows, ["where", *map(_where, checks)], strict=True))
+
+
+def _asked(check: Mapping[str, Any]) -> bool:
+    """Whether [fabrication] has the limit; designs of before kept to no others."""
+    return bool(check.get("asked", True))
+
+
+def _narrow(facts: Mapping[str, Any]) -> Iterator[str]:
+    """What is narrower than the sheet is thick, and no limit is set for: where it is and what cures it."""
+    thickness, limits = facts.get("thickness_m", 0.0), {c["limit"] for c in facts["checks"] if _asked(c)}
+    few = {key: facts[MEASURED[key]] for key in ("min_gap", "min_member") if facts[MEASURED[key]] and key not in limits}
+    narrow = {key: value for key, value in few.items() if value["m"] < thickness}
+    if narrow:
+        places = (f"{value['what']} of {length(value['m'])} at {_point(value['at_m'])}" for value in narrow.values())
+        asked = " and ".join(f"fabrication.{key}" for key in narrow)
+        yield (
+            f"narrower than the sheet is thick ({length(thickness)}): {', '.join(places)}; set {asked} and build "
+            "with --fix where that cannot be made"
+        )
+
+
+def _touched(piece: Mapping[str, Any]) -> str:
+    numbered = (f"{word[:-1]} {number}" for word in ("supports", "loads") for number in piece[word])
+    return ", ".join(piece.get("touches") or numbered) or "no support and no load"
+
+
+def _row(check: Mapping[str, Any]) -> Sequence[str]:
+    sizes = [" x ".join(length(x) for x in check[key]) or "none" for key in ("limit_m", "measured_m")]
+    return (check["limit"], *sizes, check["verdict"])
+
+
+def _where(check: Mapping[str, Any]) -> str:
+    return f"{check['what']} at {_point(check['at_m'])}" if check["at_m"] else str(check["what"])
+
+
+def _point(place: Sequence[float]) -> str:
+    return f"({', '.join(f'{x + 0.0:.3g}' for x in place)}) m"

@@ -1,0 +1,245 @@
+"""Statics of the uncut sheet and the balance of its forces: numbers for `design.json`, lines for people."""
+
+from typing import TYPE_CHECKING, Any
+
+from dsfab.core.messages import bounded, force, length
+from dsfab.render.colouring import stress_label
+from dsfab.study.verdict.estimates import quantile
+
+if TYPE_CHECKING:
+    from dsfab.design.design import Design
+    from dsfab.results import CaseResult, StaticsResult
+    from dsfab.statics import Answers, Equilibrium
+    from dsfab.study.verdict import ModeIntervals
+    from dsfab.surface import LoadCase
+
+
+def answer_facts(design: "Design", case: "CaseResult | StaticsResult") -> dict[str, Any]:
+    """Stress, energy, and what else was asked of the uncut sheet under one load; SI units.
+
+    `answered_by` names the elements, and the compliance and the displacement are given again where they differ from
+    those of the statics. Lists are left out where nothing was asked; they are empty where nothing was found.
+    """
+    answers, ask, areas = case.answers, design.preset.statics.ask, design.surface.areas
+    stress = answers.stress
+    facts: dict[str, Any] = {
+        "answered_by": str(answers.elements),
+        "largest_von_mises_Pa": stress.peak.stress,
+        "largest_von_mises_at": {
+            "point_m": design.surface.centroids[stress.peak.face].tolist(),
+            "face": stress.peak.face,
+            "layer": stress.peak.layer,
+        },
+        "von_mises_99_Pa": quantile(stress.largest, areas),
+        "membrane_energy_J": float(stress.membrane_energy @ areas),
+        "bending_energy_J": float(stress.bending_energy @ areas),
+    }
+    if answers.equilibrium is not case.equilibrium:
+        facts["answered_compliance_J"] = answers.equilibrium.compliance
+        facts["answered_largest_displacement_m"] = answers.equilibrium.largest_displacement
+    if ask.strength:
+        facts["strength_Pa"], facts["utilisation"] = ask.strength, stress.peak.stress / ask.strength
+        facts["utilisation_99"] = facts["von_mises_99_Pa"] / ask.strength
+    if ask.frequencies:
+        facts["frequencies_hz"] = answers.vibration.hertz.tolist() if answers.vibration else []
+    if ask.buckling:
+        facts["buckling_factors"] = answers.buckling.factor.tolist() if answers.buckling else []
+    return facts
+
+
+def uncut_modes(design: "Design") -> "ModeIntervals":
+    """The lowest factor of buckling of each case and the lowest frequency of the uncut sheet, by its mesh and finer
+    ones; found once for a design that asks for them."""
+    from dsfab.study.verdict import BUDGET, LoadedSurface, mode_intervals, whole_sheet
+
+    ask = design.preset.statics.ask
+    return design.once(
+        "statics",
+        "mode_intervals",
+        lambda: mode_intervals(LoadedSurface.of(design), whole_sheet(design.surface), ask, BUDGET),
+    )
+
+
+def mode_facts(design: "Design") -> dict[str, Any]:
+    """`mode_intervals` of `design.json`: values with half widths of their intervals, relative; nothing if not asked."""
+    if not design.preset.statics.ask.modes:
+        return {}
+    found = uncut_modes(design)
+    facts: dict[str, Any] = {
+        "buckling": {name: {"factor": one.value, "bound": one.known} for name, one in found.buckling.items()},
+        "triangles": [level.triangles for level in found.levels],
+    }
+    if found.hertz:
+        facts["frequency"] = {"hertz": found.hertz.value, "bound": found.hertz.known}
+    told = {"assumed": found.assumed, "refusals": list(found.refusals)}
+    return {"mode_intervals": facts | {key: value for key, value in told.items() if value}}
+
+
+def mode_lines(design: "Design") -> list[str]:
+    """The same for people, of the case that buckles first."""
+    if not design.preset.statics.ask.modes:
+        return []
+    found, told = uncut_modes(design), []
+    if found.buckling:
+        name, least = min(found.buckling.items(), key=lambda one: one[1].value)
+        under = f", {name}" if len(found.buckling) > 1 else ""
+        told.append(f"lowest factor of buckling {bounded(least.value, least.known)}{under}")
+    if found.hertz:
+        told.append(f"lowest frequency {bounded(found.hertz.value, found.hertz.known, 'Hz')}")
+    if not told:
+        return []
+    assumed = f"; {found.assumed}" if found.assumed else ""
+    return [f"uncut sheet, {len(found.levels)} meshes: {' and '.join(told)}{assumed}"]
+
+
+def answer_lines(design: "Design") -> list[str]:
+    """The same for people, of the case or combination where it is worst; `hinge` stress is left to `design.json`."""
+    cases = design.statics.cases
+    told = {name: cases[name].answers for name in design.preset.judged_in("ULS", cases)}
+    under = {name: f", {name}" if len(cases) > 1 else "" for name in told}
+    lines = []
+    worst = max(told, key=lambda name: told[name].stress.peak.stress)
+    if told[worst].elements.bending != "hinge":
+        lines.append(_stress_line(design, told[worst], under[worst]))
+    factors = {name: a.buckling.factor for name, a in told.items() if a.buckling is not None and len(a.buckling.factor)}
+    if factors:
+        worst = min(factors, key=lambda name: float(factors[name][0]))
+        listed = ", ".join(f"{factor:.3g}" for factor in factors[worst])
+        lines.append(
+            f"uncut sheet{under[worst]}: buckles at {listed} x the load (linear, perfect shape; real shells at a fifth "
+            "to a half)"
+        )
+    if (vibration := told[worst].vibration) is not None:
+        hertz = ", ".join(f"{value:.3g}" for value in vibration.hertz)
+        several = len(vibration.hertz) > 1
+        lines.append(f"uncut sheet: lowest {'frequencies' if several else 'frequency'} {hertz} Hz")
+    return [*lines, *mode_lines(design)]
+
+
+def _stress_line(design: "Design", answers: "Answers", under: str) -> str:
+    peak, strength = answers.stress.peak, design.preset.statics.strength
+    where = ", ".join(f"{x:.3g}" for x in design.surface.centroids[peak.face] + 0.0)
+    layer = {"top": "on the top", "middle": "in the middle", "bottom": "on the bottom"}[peak.layer]
+    share = f", {peak.stress / strength:.0%} of the strength" if strength else ""
+    usual = quantile(answers.stress.largest, design.surface.areas)
+    part = f" ({usual / strength:.0%})" if strength else ""
+    return (
+        f"uncut sheet{under}: largest stress {stress_label(peak.stress)} {layer} at ({where}) m{share}, no number at "
+        f"corners, supports and forces: finer meshes raise it; on 99 % of the area {stress_label(usual)}{part}"
+    )
+
+
+THRUST = 1.02
+"""Reactions whose sizes add up to more than this many times the loads' are not upright alone, which is told."""
+
+
+def equilibrium_facts(design: "Design", load: "LoadCase", answer: "Equilibrium") -> dict[str, Any]:
+    """Compliance, largest displacement, residuals, and the sums of loads and reactions, of one equilibrium."""
+    return {
+        "compliance_J": answer.compliance,
+        "largest_displacement_m": answer.largest_displacement,
+        "imbalance": answer.imbalance,
+        "residual": answer.residual,
+        **balance(design, load, answer),
+    }
+
+
+def case_facts(design: "Design") -> dict[str, Any]:
+    """The same of each case and combination, by name."""
+    told = {}
+    for name, case in design.statics.cases.items():
+        factors = {} if case.factors is None else {"factors": dict(case.factors)}
+        facts = equilibrium_facts(design, case.load, case.equilibrium)
+        told[name] = {**factors, **facts, **answer_facts(design, case)}
+    return told
+
+
+def cut_load_facts(design: "Design") -> dict[str, Any]:
+    """`load_N`: what acts on the cut sheet, by case and combination; nothing where it finds no material."""
+    from dsfab.core.errors import DsfabError
+    from dsfab.design import loads_on
+
+    loads = {name: case.load for name, case in design.statics.cases.items()}
+    try:
+        on_sheet = loads_on(design.surface, design.sheet, loads)
+    except DsfabError:
+        return {}
+    return {"load_N": {name: load.force.sum(axis=0).tolist() for name, load in on_sheet.items()}}
+
+
+def balance(design: "Design", load: "LoadCase", answer: "Equilibrium") -> dict[str, Any]:
+    """Sums of loads and reactions, moments about the origin, in all and support by support."""
+    from dsfab.design import acting_on
+    from dsfab.statics import resultant, support_reactions
+
+    surface, supports = design.surface, acting_on(design.preset, design.surface).support
+    loads, reaction = resultant(surface, load.force), resultant(surface, answer.reaction, answer.torque)
+    carried = zip(supports, support_reactions(surface, supports, answer), strict=True)
+    return {
+        "load_N": loads.force.tolist(),
+        "load_moment_Nm": loads.moment.tolist(),
+        "reaction_N": reaction.force.tolist(),
+        "reaction_moment_Nm": reaction.moment.tolist(),
+        "supports": [
+            {
+                "hold": support.hold,
+                **({"spring_N_per_m": list(support.spring)} if support.spring else {}),
+                **({"clamp": True} if support.clamp else {}),
+                "reaction_N": part.force.tolist(),
+                "moment_Nm": part.moment.tolist(),
+            }
+            for support, part in carried
+        ],
+    }
+
+
+def case_lines(design: "Design") -> list[str]:
+    """How stiff the uncut sheet is and who carries what: two lines for one case, else a line for each."""
+    cases = design.statics.cases
+    if len(cases) == 1:
+        (case,) = cases.values()
+        return [f"uncut sheet: {_answered(case.equilibrium)}", _carried(design, case.load, case.equilibrium)]
+    followed, rule = design.preset.followed, design.preset.surface.combinations
+    governing = _governing(design) if rule else {}
+    made = {one.name for one in design.preset.surface.standard_sums}
+    lines = [
+        f"uncut sheet, {name}{'*' if name in followed else ''}: {_answered(case.equilibrium)}; "
+        f"{_carried(design, case.load, case.equilibrium)}"
+        for name, case in cases.items()
+        if name not in made or name in governing
+    ]
+    if rule:
+        told = "; ".join(f"{what}: {name} = {formula}" for name, (what, formula) in governing.items())
+        return [*lines, f"{len(made)} combinations after {rule}, the pattern follows those of ULS together; {told}"]
+    return [*lines, f"* the pattern follows {'this' if len(followed) == 1 else 'these together'}"]
+
+
+def _governing(design: "Design") -> dict[str, tuple[str, str]]:
+    """The combinations in which stress and displacement are largest, of the limit states that they are judged in: by
+    name, what is largest, and the sum in words."""
+    cases, preset = design.statics.cases, design.preset
+    formulas = {one.name: one.formula for one in preset.surface.sums}
+    strained = max(preset.judged_in("ULS", cases), key=lambda name: cases[name].answers.stress.peak.stress)
+    moved = max(preset.judged_in("SLS", cases), key=lambda name: cases[name].equilibrium.largest_displacement)
+    named = {strained: "stress is largest in", moved: "displacement in"}
+    return {name: (what, formulas.get(name, name)) for name, what in named.items()}
+
+
+def _answered(answer: "Equilibrium") -> str:
+    return f"compliance {answer.compliance:.4g} J, moves {length(answer.largest_displacement)} at most"
+
+
+def _carried(design: "Design", load: "LoadCase", answer: "Equilibrium") -> str:
+    sums = balance(design, load, answer)
+
+    def told(vector: list[float]) -> str:
+        return force(_size(vector))
+
+    parts = ", ".join(told(part["reaction_N"]) for part in sums["supports"])
+    apart = sum(_size(part["reaction_N"]) for part in sums["supports"])
+    thrust = ", their thrust included" if apart > THRUST * _size(sums["load_N"]) else ""
+    return f"loads sum to {told(sums['load_N'])}; supports carry {parts}{thrust}"
+
+
+def _size(vector: list[float]) -> float:
+    return float(sum(x * x for x in vector) ** 0.5)

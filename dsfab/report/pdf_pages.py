@@ -1,0 +1,386 @@
+"""A document as a PDF on A4 by reportlab, with its type and colours."""
+
+import io
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, Self
+
+from dsfab.core.errors import ExportError
+from dsfab.core.limits import MARKS
+from dsfab.report.html_pages import COLOURS as PAGE
+from dsfab.report.html_pages import (
+    Across,
+    Banner,
+    Block,
+    Bullets,
+    Code,
+    Colour,
+    Document,
+    Paragraph,
+    ReportFigure,
+    ReportSection,
+    Scale,
+    Table,
+    escaped,
+)
+
+MM = 72 / 25.4
+"""Points."""
+
+COLOURS: Mapping[str, Colour] = {
+    **PAGE,
+    "pass": PAGE["good"],
+    "fail": PAGE["bad"],
+    "unknown": PAGE["open"],
+    "note": PAGE["quiet"],
+}
+"""Those of the page on a screen."""
+
+
+def colour(rgb: Colour) -> Any:
+    """As reportlab wants it."""
+    from reportlab.lib.colors import Color
+
+    return Color(*(part / 255 for part in rgb))
+
+
+def hexed(rgb: Colour) -> str:
+    """'#2054a8'."""
+    return "#{:02x}{:02x}{:02x}".format(*rgb)
+
+
+@dataclass(frozen=True)
+class Styles:
+    """Paragraphs by kind, and the font that they are set in."""
+
+    of: Mapping[str, Any]
+    regular: str
+
+    @classmethod
+    def fit_for(cls, text: str) -> Self:
+        """Helvetica, which every reader has, or where the text has other letters than Western ones DejaVu Sans."""
+        names = fonts(text)
+        return cls(_styles(*names), names[0])
+
+    def text(self, markup: str, kind: str, **named: Any) -> Any:
+        """A paragraph."""
+        from reportlab.platypus import Paragraph
+
+        code = f'<font face="{self.of["code"].fontName}">'
+        return Paragraph(markup.replace("<code>", code).replace("</code>", "</font>"), self.of[kind], **named)
+
+    def cell(self, markup: str, kind: str, left: bool) -> Any:
+        """Of a table; verdicts are coloured."""
+        if markup in MARKS:
+            markup = f'<font color="{hexed(COLOURS[markup])}"><b>{markup}</b></font>'
+        if not left and kind != "head" and "<" not in markup:
+            markup = markup.replace(" ", "\u00a0")  # a number stays beside its unit
+        return self.text(markup, f"{kind}_{'left' if left else 'right'}")
+
+    def gap(self, millimetres: float) -> Any:
+        """Nothing, so high."""
+        from reportlab.platypus import Spacer
+
+        return Spacer(1, millimetres * MM)
+
+
+def fonts(text: str) -> tuple[str, str, str]:
+    """Regular, bold and typed: Helvetica and Courier, which every reader has, or where a text has other letters than
+    Western ones DejaVu Sans."""
+    try:
+        text.encode("cp1252")
+    except UnicodeEncodeError:
+        return _dejavu()
+    return "Helvetica", "Helvetica-Bold", "Courier"
+
+
+def _dejavu() -> tuple[str, str, str]:
+    """The fonts that come with matplotlib."""
+    import matplotlib
+    from reportlab.lib.fonts import addMapping
+    from reportlab.pdfbase.pdfmetrics import registerFont
+    from reportlab.pdfbase.ttfonts import TTFont
+
+    names = ("DejaVuSans", "DejaVuSans-Bold", "DejaVuSansMono")
+    for name in names:
+        registerFont(TTFont(name, str(Path(matplotlib.get_data_path()) / "fonts" / "ttf" / f"{name}.ttf")))
+    for bold in (0, 1):
+        for italic in (0, 1):
+            addMapping("DejaVuSans", bold, italic, names[bold])
+    return names
+
+
+def _styles(regular: str, bold: str, typed: str) -> dict[str, Any]:
+    from reportlab.lib.enums import TA_CENTER, TA_RIGHT
+    from reportlab.lib.styles import ParagraphStyle
+
+    ink, soft = colour(COLOURS["text"]), colour(COLOURS["quiet"])
+    base = ParagraphStyle("body", fontName=regular, fontSize=9.5, leading=13.2, textColor=ink, spaceAfter=2.4 * MM)
+    small = ParagraphStyle("small", base, fontSize=8, leading=10.2, spaceAfter=0)
+
+    def made(parent: Any, **named: Any) -> Any:
+        return ParagraphStyle("kind", parent, **named)
+
+    kinds = {
+        "body": base,
+        "lead": made(base, fontSize=11, leading=15),
+        "quiet": made(base, textColor=soft),
+        "bullet": made(base, leftIndent=4 * MM, bulletIndent=0, spaceAfter=1 * MM),
+        "code": made(small, fontName=typed, fontSize=7, leading=9.2, spaceAfter=4 * MM),
+        "over": made(small, textColor=soft),
+        "title": made(base, fontName=bold, fontSize=21, leading=25, spaceBefore=1 * MM, spaceAfter=4 * MM),
+        "fact_name": made(small, fontSize=7, leading=9, textColor=soft),
+        "fact": made(small, fontSize=9, leading=11.5),
+        "heading": made(base, fontName=bold, fontSize=13, leading=16, spaceBefore=5 * MM, spaceAfter=2.2 * MM),
+        "banner": made(base, fontName=bold, fontSize=13, leading=17, spaceAfter=1 * MM),
+        "caption": made(small, spaceBefore=2 * MM, spaceAfter=1.2 * MM),
+        "figure_caption": made(small, spaceBefore=1.2 * MM, spaceAfter=4 * MM),
+        "note": made(small, fontSize=7.5, textColor=soft, spaceBefore=1 * MM, spaceAfter=4 * MM),
+        "missing": made(base, textColor=soft, alignment=TA_CENTER, borderPadding=12, spaceBefore=8 * MM),
+        "scale_title": made(small, spaceBefore=1 * MM, spaceAfter=0.6 * MM),
+        "scale_left": made(small, fontSize=7, textColor=soft),
+        "scale": made(small, fontSize=7, textColor=soft, alignment=TA_CENTER),
+        "scale_right": made(small, fontSize=7, textColor=soft, alignment=TA_RIGHT),
+    }
+    for kind, font in (("cell", regular), ("strong", bold), ("head", bold)):
+        kinds[f"{kind}_left"] = made(small, fontName=font)
+        kinds[f"{kind}_right"] = made(small, fontName=font, alignment=TA_RIGHT)
+    return kinds
+
+
+WIDTH = 174.0
+"""Of the text, mm: A4 less its margins."""
+
+PADDING = 6.0
+"""Points that reportlab leaves within its frames."""
+
+TALLEST = 150.0
+"""Of a picture, mm."""
+
+TYPE = 112
+"""Characters of a line of code."""
+
+
+def require_pdf() -> None:
+    """Raise ExportError where the library is missing."""
+    try:
+        import reportlab  # noqa: F401
+    except ImportError:
+        raise ExportError("report.pdf needs reportlab, which is not installed; pip install reportlab") from None
+
+
+def pdf(document: Document) -> bytes:
+    """The whole file. Two calls with the same document give the same bytes. Raises ExportError without reportlab."""
+    require_pdf()
+    from reportlab.platypus import SimpleDocTemplate
+
+    styles = Styles.fit_for(_all_text(document))
+    written = io.BytesIO()
+    made = SimpleDocTemplate(
+        written,
+        pagesize=(210 * MM, 297 * MM),
+        leftMargin=18 * MM - PADDING,
+        rightMargin=18 * MM - PADDING,
+        topMargin=18 * MM,
+        bottomMargin=16 * MM,
+        title=f"{document.title}: {document.subject}",
+        author="dsfab",
+        invariant=1,
+    )
+    story = _title(document, styles)
+    for number, section in enumerate(document.sections, start=1):
+        story += _section(number, section, styles)
+    made.build(story, canvasmaker=partial(_canvas, document, styles))
+    return written.getvalue()
+
+
+def _all_text(document: Document) -> str:
+    return repr(document.sections) + document.subject + repr(document.facts)
+
+
+def _canvas(document: Document, styles: Styles, *given: Any, **named: Any) -> Any:
+    """A canvas that knows at the end how many pages there are, and then draws their edges."""
+    from reportlab.pdfgen.canvas import Canvas
+
+    class Counted(Canvas):  # type: ignore[misc]
+        def __init__(self, *given: Any, **named: Any) -> None:
+            super().__init__(*given, **named)
+            self.pages: list[dict[str, Any]] = []
+
+        def showPage(self) -> None:  # noqa: N802
+            self.pages.append(dict(self.__dict__))
+            self._startPage()
+
+        def save(self) -> None:
+            for number, page in enumerate(self.pages, start=1):
+                self.__dict__.update(page)
+                _edges(self, document, styles, number, len(self.pages))
+                Canvas.showPage(self)
+            Canvas.save(self)
+
+    return Counted(*given, **named)
+
+
+def _edges(canvas: Any, document: Document, styles: Styles, number: int, count: int) -> None:
+    canvas.setFont(styles.regular, 7.5)
+    canvas.setFillColor(colour(COLOURS["quiet"]))
+    canvas.setStrokeColor(colour(COLOURS["hair"]))
+    if number > 1:
+        canvas.drawString(18 * MM, 284 * MM, f"{document.title} · {document.subject}")
+        canvas.line(18 * MM, 282 * MM, 192 * MM, 282 * MM)
+    canvas.line(18 * MM, 13.5 * MM, 192 * MM, 13.5 * MM)
+    canvas.drawString(18 * MM, 9.5 * MM, document.footer)
+    canvas.drawRightString(192 * MM, 9.5 * MM, f"{number} / {count}")
+
+
+def _title(document: Document, styles: Styles) -> list[Any]:
+    from reportlab.platypus import HRFlowable, Spacer
+
+    rule = HRFlowable(width="100%", thickness=2, color=colour(COLOURS["blue"]), spaceAfter=3 * MM)
+    words = [styles.text(escaped(document.title.upper()), "over"), styles.text(escaped(document.subject), "title")]
+    cells = [
+        [styles.text(escaped(name), "fact_name"), styles.text(escaped(value), "fact")] for name, value in document.facts
+    ]
+    cells += [[]] * (-len(cells) % 4 or 4 * (not cells))
+    rows = [cells[i : i + 4] for i in range(0, len(cells), 4)]
+    return [
+        rule,
+        *words,
+        _grid(rows, [WIDTH / 4] * 4, [("LINEABOVE", (0, 0), (-1, 0)), ("LINEBELOW", (0, -1), (-1, -1))]),
+        Spacer(1, 5 * MM),
+    ]
+
+
+def _grid(rows: Sequence[Sequence[Any]], widths: Sequence[float], lines: Sequence[tuple[Any, ...]] = ()) -> Any:
+    """Cells without more lines than are named, millimetres wide."""
+    from reportlab.platypus import Table as Cells
+
+    drawn = [(*line, 0.5, colour(COLOURS["hair"])) for line in lines]
+    look = [("VALIGN", (0, 0), (-1, -1), "TOP"), ("LEFTPADDING", (0, 0), (-1, -1), 0), *drawn]
+    return Cells([list(row) for row in rows], [width * MM for width in widths], style=look, hAlign="LEFT")
+
+
+def _section(number: int, section: ReportSection, styles: Styles) -> list[Any]:
+    from reportlab.platypus import CondPageBreak, KeepTogether, PageBreak
+
+    accent = hexed(COLOURS["blue"])
+    head = styles.text(f'<font color="{accent}">{number}</font>&nbsp;&nbsp;&nbsp;{escaped(section.title)}', "heading")
+    begin = [PageBreak()] if section.own_page else [CondPageBreak(45 * MM)]
+    first, *rest = [_block(block, styles) for block in section.blocks]
+    # what is kept together with the heading must not be nested
+    kept = first[0]._content if isinstance(first[0], KeepTogether) else first[:1]
+    return [*begin, KeepTogether([head, *kept]), *first[1:], *(part for parts in rest for part in parts)]
+
+
+def _block(block: Block, styles: Styles) -> list[Any]:
+    match block:
+        case Paragraph(text, kind):
+            return [styles.text(text, kind or "body")]
+        case Bullets(items):
+            return [styles.text(item, "bullet", bulletText="•") for item in items]
+        case Code(text):
+            return [_code(text, styles)]
+        case Banner():
+            return [_banner(block, styles)]
+        case Table():
+            return _table(block, styles)
+        case Across(figures):
+            return _across(figures, styles)
+        case ReportFigure():
+            return [_together(_figure(block, styles, WIDTH * block.width))]
+
+
+def _code(text: str, styles: Styles) -> Any:
+    from reportlab.platypus import XPreformatted
+
+    lines = [line[i : i + TYPE] for line in text.splitlines() for i in range(0, max(len(line), 1), TYPE)]
+    return XPreformatted(escaped("\n".join(lines)), styles.of["code"])
+
+
+def _banner(banner: Banner, styles: Styles) -> Any:
+    from reportlab.platypus import Table as Cells
+
+    shade = colour(COLOURS[banner.status])
+    words = [
+        styles.text(f'<font color="{hexed(COLOURS[banner.status])}">{banner.title}</font>', "banner"),
+        styles.text(banner.text, "body"),
+    ]
+    look = [
+        ("BACKGROUND", (0, 0), (-1, -1), colour(COLOURS["tint"])),
+        ("LINEBEFORE", (0, 0), (0, -1), 3, shade),
+        ("LEFTPADDING", (0, 0), (-1, -1), 10),
+        ("TOPPADDING", (0, 0), (-1, -1), 7),
+    ]
+    return Cells([[words]], [WIDTH * MM], style=look, spaceAfter=4 * MM)
+
+
+def _table(table: Table, styles: Styles) -> list[Any]:
+    from reportlab.platypus import KeepTogether
+    from reportlab.platypus import Table as Cells
+
+    def line(row: Sequence[str], kind: str) -> list[Any]:
+        return [styles.cell(cell, kind, i < table.left) for i, cell in enumerate(row)]
+
+    body = [line(row, "strong" if i in table.strong else "cell") for i, row in enumerate(table.rows)]
+    shares = table.widths or [1.0] * len(table.head)
+    widths = [WIDTH * MM * share / sum(shares) for share in shares]
+    ink, faint = colour(COLOURS["text"]), colour(COLOURS["hair"])
+    look: list[Any] = [
+        ("VALIGN", (0, 0), (-1, -1), "TOP"),
+        ("VALIGN", (0, 0), (-1, 0), "BOTTOM"),
+        ("LINEABOVE", (0, 0), (-1, 0), 0.7, ink),
+        ("LINEBELOW", (0, 0), (-1, 0), 0.7, ink),
+        ("LINEBELOW", (0, 1), (-1, -2), 0.4, faint),
+        ("LINEBELOW", (0, -1), (-1, -1), 0.7, ink),
+        *((f"{side}PADDING", (0, 0), (-1, -1), pad) for side, pad in (("LEFT", 2), ("RIGHT", 3))),
+        *((f"{side}PADDING", (0, 0), (-1, -1), 2.2) for side in ("TOP", "BOTTOM")),
+        *(("BACKGROUND", (0, i + 1), (-1, i + 1), colour(COLOURS["tint"])) for i in table.strong),
+    ]
+    cells = Cells([line(table.head, "head"), *body], widths, style=look, repeatRows=1, hAlign="LEFT")
+    after = [styles.text(table.note, "note")] if table.note else [styles.gap(4)]
+    whole = [styles.text(table.caption, "caption"), cells, *after]
+    return [KeepTogether(whole)] if len(body) < 20 else whole
+
+
+def _across(figures: Sequence[ReportFigure], styles: Styles) -> list[Any]:
+    half = WIDTH / 2 - 3
+    cells = [_figure(one, styles, half) for one in figures] + [[]] * (len(figures) % 2)
+    return [_grid([cells[i : i + 2]], [WIDTH / 2] * 2) for i in range(0, len(cells), 2)]
+
+
+def _together(parts: list[Any]) -> Any:
+    """On one page."""
+    from reportlab.platypus import KeepTogether
+
+    return KeepTogether(parts)
+
+
+def _figure(figure: ReportFigure, styles: Styles, width: float) -> list[Any]:
+    """width : mm."""
+    from reportlab.platypus import Image
+
+    caption = styles.text(figure.caption, "figure_caption")
+    if figure.missing:
+        return [styles.text(escaped(figure.missing), "missing"), caption]
+    wide, high = figure.size
+    height = min(width * high / wide, TALLEST)
+    image = Image(io.BytesIO(figure.image), height * wide / high * MM, height * MM, hAlign="LEFT")
+    return [image, *(_scale(figure.scale, styles, width) if figure.scale else ()), caption]
+
+
+def _scale(scale: Scale, styles: Styles, width: float) -> list[Any]:
+    from reportlab.platypus import Table as Cells
+
+    count, share = len(scale.colours), width * MM
+    look: list[Any] = [("BACKGROUND", (i, 0), (i, 0), colour(one)) for i, one in enumerate(scale.colours)]
+    bands = Cells([[""] * count], [share / count] * count, [3.2 * MM], style=look, hAlign="LEFT")
+    ends = len(scale.labels)
+    kinds = ["scale_left", *["scale"] * (ends - 2), "scale_right"]
+    words = [styles.text(escaped(text), kind) for text, kind in zip(scale.labels, kinds, strict=True)]
+    bare = [(f"{side}PADDING", (0, 0), (-1, -1), 0) for side in ("LEFT", "RIGHT", "TOP", "BOTTOM")]
+    # the words in between stand at borders of the bands: half a cell is left for the first and the last
+    step = share / (ends - 1)
+    labels = Cells([words], [step / 2, *[step] * (ends - 2), step / 2], style=bare, hAlign="LEFT")
+    return [styles.text(escaped(scale.title), "scale_title"), bands, labels]

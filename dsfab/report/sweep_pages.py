@@ -1,0 +1,297 @@
+"""The page, the contact sheet and the pictures of a sweep."""
+
+import io
+import json
+import shlex
+import threading
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from html import escape
+from importlib.resources import files
+from io import BytesIO
+from math import isfinite
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dsfab.core.errors import DsfabError
+from dsfab.core.messages import sentence
+from dsfab.design import draft
+from dsfab.design.design import Design
+from dsfab.export import replacing, write_chunks
+from dsfab.preset.file import overridden
+from dsfab.render import light
+from dsfab.render.drawing import Annotations, Stage, on_page, rendered, set_stage
+from dsfab.render.lettering import PAPER
+from dsfab.render.opengl import require_rendering
+from dsfab.render.scene import Body, Scene
+from dsfab.render.view import named_side, up_axis
+from dsfab.report.contact_sheet import SHEET_NAME, Tile, columns, contact_sheet
+from dsfab.report.html_pages import style
+from dsfab.study import ALTERNATIVE_WORDS, design_alternatives, losing_line
+from dsfab.study.sweeps.folder import SweepFolder, best, feasible, pareto, picture_of
+from dsfab.study.sweeps.metrics import ABOUT
+from dsfab.study.sweeps.plan import Plan
+from dsfab.study.sweeps.runs import RunRow
+from dsfab.study.variations import short_names, spelled_value
+
+if TYPE_CHECKING:
+    from PIL.Image import Image
+
+
+MEMBERS = np.array(PAPER.members, dtype=np.uint8)
+
+_stages = threading.local()
+"""Of each thread: the last surface, how it was drawn, and its empty stage."""
+
+
+def require_view(name: str) -> None:
+    """Raise DsfabError for a view that is not known, before anything is made."""
+    if name != "iso":  # for which the surface is asked
+        named_side(np.eye(3), np.array([0.0, 0.0, 1.0]), name)
+
+
+@dataclass(frozen=True)
+class SheetDrawer:
+    """Draws the cut sheet of a design as PNG; `size` in pixels, `view` as in `dsfab preview`. It travels to workers.
+
+    The camera stands where the uncut surface fills the page: designs of one surface can be laid over each other.
+    Raises DsfabError where nothing can be drawn, and for views that are not known.
+    """
+
+    size: tuple[int, int]
+    view: str
+
+    def __call__(self, made: Design) -> bytes:
+        from PIL import Image
+
+        sheet = made.sheet.surface
+        stage = self._stage(made)
+        body = Body(sheet.V, sheet.F, MEMBERS, casts=True)
+        stage = replace(stage, bodies=[body])
+        with Scene(stage.bodies, stage.centre, stage.radius) as scene:
+            picture: Image.Image = rendered(scene, stage, PAPER, self.size, light.QUICK)
+        file = io.BytesIO()
+        picture.save(file, format="PNG", optimize=False)
+        return file.getvalue()
+
+    def _stage(self, made: Design) -> Stage:
+        """Where the camera stands and where the ground lies, found once for each surface."""
+        if getattr(_stages, "of", None) != (id(made.surface), self):
+            require_rendering()
+            surface, load = made.surface, made.load
+            up = up_axis(surface.V, surface, load)
+            side = named_side(surface.V, up, self.view)
+            whole = Body(surface.V, surface.F, MEMBERS, casts=True)
+            half = made.preset.statics.thickness / 2
+            stage = set_stage(whole, side, up, half, Annotations(surface, load, layers=()), PAPER, self.size)
+            stage = replace(stage, view=on_page([whole], side, self.size, words=False))
+            if side.towards @ up < 0:  # from below one looks through the ground
+                stage = replace(stage, level=None)
+            # the surface is kept, so that no other gets its id
+            _stages.of, _stages.surface, _stages.stage = (id(made.surface), self), surface, stage
+        stage_there: Stage = _stages.stage
+        return stage_there
+
+
+PAGE_EVERY = 30.0
+"""Seconds after which the page is written again while a sweep runs."""
+
+TILES = 240
+"""Pictures on the contact sheet; of more runs, the best of these are shown."""
+
+TILE_WIDE = 260
+"""Pixels across a tile."""
+
+USUAL = (("compliance", "compliance_quick", "displacement"), ("mass", "sheet_mass", "kept_share", "area"))
+"""What is looked at first, if it was measured: how stiff, and how heavy."""
+
+FEW = 10
+"""Numbers of runs that a line names."""
+
+PAGE = "index.html"
+
+
+def headline(plan: Plan) -> str:
+    """The metric by which runs are called good when nobody says otherwise: what is searched for, or the stiffness."""
+    if plan.search is not None:
+        return plan.search.metric
+    return next((name for name in USUAL[0] if name in plan.measured), plan.measured[0])
+
+
+def against(plan: Plan) -> str:
+    """The metric that it is drawn against."""
+    first, measured = headline(plan), plan.measured
+    others = [name for name in measured if name != first]
+    return next((name for name in USUAL[1] if name in others), others[0] if others else first)
+
+
+class SweepPages:
+    """Writes index.html now and then while a sweep runs, and all that is to be seen at its end."""
+
+    def __init__(self, folder: SweepFolder) -> None:
+        self._folder, self._written = folder, time.monotonic()
+
+    def now_and_then(self) -> None:
+        """Write the page if the last one is old."""
+        if time.monotonic() - self._written > PAGE_EVERY:
+            self._page(self._folder.rows())
+            self._written = time.monotonic()
+
+    def write(self) -> None:
+        """The page and the contact sheet."""
+        rows = self._folder.rows()
+        self._page(rows)
+        if any(picture_of(row) for row in rows):
+            with replacing(self._folder.path / SHEET_NAME) as temporary:
+                _sheet(self._folder, rows).save(temporary, format="PNG")
+
+    def _page(self, rows: list[RunRow]) -> None:
+        plan = self._folder.plan
+        text = page(self._folder, rows, headline(plan), against(plan))
+        with replacing(self._folder.path / PAGE) as temporary:
+            write_chunks(temporary, [text.encode()])
+
+
+def _sheet(folder: SweepFolder, rows: list[RunRow]) -> "Image":
+    """The runs side by side in the order of their numbers; of very many, the best."""
+    plan = folder.plan
+    shown = [row for row in rows if row.state in ("done", "failed", "killed")]
+    which = f"{len(shown)} runs"
+    if len(shown) > TILES:
+        chosen = {row.number for row in best(rows, headline(plan), plan.limits)[:TILES]}
+        shown = [row for row in shown if row.number in chosen]
+        which = f"the best {len(shown)} of {len(rows)} runs by {headline(plan)}"
+    tiles = [_tile(folder.path, row, headline(plan)) for row in shown]
+    across = columns(
+        len(tiles),
+        [len(axis.listed()) for axis in plan.axes] if plan.sampling == "grid" and plan.search is None else [],
+    )
+    wide, high = (int(word) for word in plan.size.split("x"))
+    line = "   ·   ".join(key for axis in plan.axes for key in axis.keys)
+    return contact_sheet(tiles, f"{folder.preset.name}, {which}", line, across, TILE_WIDE, wide / high, PAPER)
+
+
+def _tile(folder: Path, row: RunRow, metric: str) -> Tile:
+    from PIL import Image
+
+    picture, name = None, picture_of(row)
+    if name:
+        try:
+            picture = (folder / name).read_bytes()
+            with Image.open(BytesIO(picture)) as image:
+                image.load()
+        except OSError:  # taken away or spoilt by hand: the numbers are still there
+            picture = None
+    short = short_names(list(row.changes))
+    parameters = [(short[key], _brief(value)) for key, value in row.changes.items()]
+    if metric in row.metrics:
+        parameters.insert(0, (f"{row.metrics[metric]:.3g} {ABOUT[metric].unit}".strip(), ""))
+    return Tile(row.number, tuple(parameters), "", picture, row.error or "no picture")
+
+
+def _brief(value: Any) -> str:
+    return f"{value:.4g}" if isinstance(value, float) else spelled_value(value)
+
+
+def summary(folder: SweepFolder) -> str:
+    """A few lines at the end: what became of the runs, the best, the front, and the files."""
+    rows, plan = folder.rows(), folder.plan
+    metric, other = headline(plan), against(plan)
+    done, failed, killed = (sum(row.state == state for row in rows) for state in ("done", "failed", "killed"))
+    left = len(rows) - done - failed - killed
+    more = f", {killed} killed" * (killed > 0) + f", {left} left" * (left > 0)
+    lines = [f"{len(rows)} runs: {done} done, {failed} failed{more}"]
+    if plan.constraints:
+        meets = sum(feasible(row, plan.limits) for row in rows)
+        lines.append(f"{meets} of them meet {', '.join(plan.constraints)}")
+    if ranked := best(rows, metric, plan.limits):
+        lines.append(f"best {metric}: {ranked[0].metrics[metric]:.4g} (run {ranked[0].number})")
+        lines.append(f"{len(pareto(rows, metric, other, plan.limits))} runs on the front of {metric} against {other}")
+    files = [PAGE, "results.csv", "results.parquet", SHEET_NAME]
+    return "\n".join([*lines, *(f"  {folder.path / name}" for name in files if (folder.path / name).is_file())])
+
+
+def best_loss(folder: SweepFolder) -> str:
+    """What the best run of a search loses to, as a sentence; '' where it loses to nothing, or nothing was found.
+
+    Where the runs did not measure it, the best one is made again to see.
+    """
+    ranked = best(folder.rows(), headline(folder.plan), folder.plan.limits)
+    if not ranked:
+        return ""
+    row, names = ranked[0], [f"over_{name}" for name in ALTERNATIVE_WORDS]
+    if all(name in row.metrics for name in names) and max(row.metrics[name] for name in names) <= 1:
+        return ""
+    try:
+        found = design_alternatives(draft(overridden(folder.preset, row.changes)))
+    except DsfabError:
+        return ""  # the run says why
+    lost = losing_line(found)
+    return sentence(f"the best is run {row.number}, and {lost}") if lost else ""
+
+
+def missing_runs(folder: SweepFolder) -> str:
+    """Of how many runs nothing is known, and which were killed; '' where there is none. Those that failed are known."""
+    rows = folder.rows()
+    killed = [row.number for row in rows if row.state == "killed"]
+    missing = len(killed) + sum(row.state in ("waiting", "running") for row in rows)
+    if not missing:
+        return ""
+    few = ", ".join(map(str, killed[:FEW])) + ", ..." * (len(killed) > FEW)
+    why = f" (killed: {few})" if killed else ""
+    return f"{missing} of {len(rows)} runs {'is' if missing == 1 else 'are'} missing{why}"
+
+
+def page(folder: SweepFolder, rows: Sequence[RunRow], stiff: str, heavy: str) -> str:
+    """index.html, which opens offline; `stiff` and `heavy` are the metrics that it draws against each other at first.
+
+    Pictures are files beside it, named relative to it; everything else is inside. Runs that failed, or have no value
+    of a metric, are shown as such. See sweep_page.html for how it works.
+    """
+    facts = json.dumps(_facts(folder, rows, stiff, heavy), ensure_ascii=False, separators=(",", ":"), allow_nan=False)
+    template = files("dsfab.report").joinpath("sweep_page.html").read_text(encoding="utf-8")
+    title = escape(f"{folder.preset.name}, {len(rows)} runs")
+    return (
+        template.replace("{{title}}", title)
+        .replace("{{style}}", style())
+        .replace("{{facts}}", facts.replace("</", "<\\/"))
+    )
+
+
+def _facts(folder: SweepFolder, rows: Sequence[RunRow], stiff: str, heavy: str) -> dict[str, Any]:
+    """What the page knows."""
+    plan = folder.plan
+    keys = list(dict.fromkeys(key for row in rows for key in row.changes))
+    short = short_names(keys)
+    wide, high = (int(word) for word in plan.size.split("x"))
+    return {
+        "name": folder.preset.name,
+        "command": shlex.join(["dsfab", "sweep", str(folder.path)]) + " --build ",
+        "inputs": [{"key": key, "short": short[key]} for key in keys],
+        "metrics": [
+            {"name": name, "unit": ABOUT[name].unit, "better": ABOUT[name].better, "says": ABOUT[name].says}
+            for name in plan.measured
+        ],
+        "x": heavy,
+        "y": stiff,
+        "constraints": list(plan.constraints),
+        "size": [wide, high],
+        "runs": [_run(row, keys, plan.measured, feasible(row, plan.limits)) for row in rows],
+    }
+
+
+def _run(row: RunRow, keys: Sequence[str], metrics: Sequence[str], meets: bool) -> list[Any]:
+    values = [row.metrics.get(name) for name in metrics]
+    return [
+        row.number,
+        row.state,
+        [row.changes.get(key) for key in keys],
+        [value if value is not None and isfinite(value) else None for value in values],
+        int(meets),
+        row.seconds and round(row.seconds, 3),
+        picture_of(row),
+        row.error,
+    ]

@@ -1,0 +1,205 @@
+"""Captions of the paper as checks: rings, spokes and links counted on the phases of both families."""
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy.sparse import coo_array
+from scipy.sparse.csgraph import connected_components
+
+from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.design import Design
+from dsfab.reproduction.renditions import Rendition
+from dsfab.surface import Surface, edge_table
+
+RINGS, SPOKES = 2, 4
+"""A web has so many rings at least, each crossed by so many lines of the other family."""
+
+
+@dataclass(frozen=True)
+class Web:
+    """Rings of one family around a load, the innermost first, by how many lines of the other family cross each.
+
+    family : of the rings; '' where there are none.
+    """
+
+    family: str = ""
+    crossed: tuple[int, ...] = ()
+
+    @property
+    def is_web(self) -> bool:
+        """Enough rings with enough spokes."""
+        return sum(count >= SPOKES for count in self.crossed) >= RINGS
+
+    @property
+    def sentence(self) -> str:
+        """What was measured, as the end of a caption."""
+        rings = [count for count in self.crossed if count >= SPOKES]
+        if self.is_web:
+            spokes = f"{min(rings)} to {max(rings)}" if min(rings) < max(rings) else f"{rings[0]}"
+            return (
+                f"a radial web: {len(rings)} rings of the {self.family} family around the load, each crossed by "
+                f"{spokes} spokes"
+            )
+        if not self.crossed:
+            return "no web here, because no line of either family closes around the load"
+        counted = f"{len(self.crossed)} ring{'s' * (len(self.crossed) > 1)} of the {self.family} family"
+        return (
+            f"no web here, because {len(rings)} of {counted} around the load {'is' if len(rings) == 1 else 'are'} "
+            f"crossed by {SPOKES} spokes or more ({', '.join(map(str, self.crossed))}), and a web takes {RINGS}"
+        )
+
+
+def web(surface: Surface, phases: Floats, load: Bools, held: Bools) -> Web:
+    """The better web of the two that either family may draw.
+
+    phases : (n, 2) of the major and minor family, whole numbers in the middle of members.
+    load, held : (n,) vertices under the load, and at supports.
+    """
+    found = []
+    for k, name in enumerate(("major", "minor")):
+        levels = _levels(phases[:, k])
+        regions = [_around(surface, phases[:, k], level, load, held) for level in levels]
+        rings = sorted((int(r.sum()), level, r) for level, r in zip(levels, regions, strict=True) if r is not None)
+        crossed = tuple(_crossings(surface, phases[:, k] - z, phases[:, 1 - k], r) for _, z, r in rings)
+        found.append(Web(name if crossed else "", crossed))
+    return max(found, key=lambda one: (sum(c >= SPOKES for c in one.crossed), len(one.crossed)))
+
+
+def links(surface: Surface, phases: Floats, first: Bools, second: Bools) -> tuple[int, int]:
+    """How many middle lines of the major and of the minor family run unbroken from one set of vertices to another."""
+    both = [0, 0]
+    for k, z in enumerate(phases.T):
+        for level in _levels(z):
+            faces, label = _lines(surface, z - level)
+            one, other = (label[marked[surface.F[faces]].any(axis=1)] for marked in (first, second))
+            both[k] += len(np.intersect1d(one, other))
+    return both[0], both[1]
+
+
+def design_phases(design: Design) -> Floats:
+    """(n, 2) phases of a design whose stripes lie on modes."""
+    given, modes = design.pattern, (design.diffusion.major, design.diffusion.minor)
+    x = np.stack([family.mode(number) for family, number in zip(modes, given.mode, strict=True)], axis=1)
+    return np.asarray(x * np.array(given.frequency) + np.array(given.phase))
+
+
+def loaded_patches(surface: Surface, loaded: Bools) -> list[Bools]:
+    """(n,) each: the connected parts of the loaded vertices, the largest first."""
+    a, b = surface.edges.ends.T
+    both = loaded[a] & loaded[b]
+    label = _labels(a[both], b[both], surface.n)
+    names, count = np.unique(label[loaded], return_counts=True)
+    return [loaded & (label == name) for name in names[np.argsort(-count, kind="stable")]]
+
+
+def _levels(z: Floats) -> Ints:
+    return np.arange(np.ceil(z.min()), np.floor(z.max()) + 1).astype(int)
+
+
+def _labels(a: Ints, b: Ints, n: int) -> Ints:
+    return np.asarray(connected_components(coo_array((np.ones(len(a)), (a, b)), (n, n)), directed=False)[1])
+
+
+def _around(surface: Surface, z: Floats, level: int, load: Bools, held: Bools) -> Bools | None:
+    """(n,) the part of the surface with the load in it, if the line z = level parts it from every support, as a disc
+    without a hole; else None."""
+    a, b = surface.edges.ends.T
+    above = z >= level
+    same = above[a] == above[b]
+    label = _labels(a[same], b[same], surface.n)
+    inside = np.unique(label[load])
+    if len(inside) != 1:  # the line runs under the load
+        return None
+    region = label == inside[0]
+    return region if not region[held].any() and _is_disc(surface, region) else None
+
+
+def _is_disc(surface: Surface, region: Bools) -> bool:
+    """Whether the faces that touch a region of vertices make a disc, away from the boundary of the surface."""
+    faces = surface.F[region[surface.F].any(axis=1)]
+    rim = surface.edges.ends[surface.edges.boundary]
+    return not region[rim].any() and len(np.unique(faces)) - len(edge_table(faces).ends) + len(faces) == 1
+
+
+def _crossings(surface: Surface, ring: Floats, z: Floats, region: Bools) -> int:
+    """How many middle lines of the other family cross the line ring = 0 that bounds a region: on each face the line's
+    two ends are found, and the whole numbers of z between these are counted."""
+    F = surface.F
+    faces = np.flatnonzero(region[F].any(axis=1) & ~region[F].all(axis=1))
+    at = np.empty((len(faces), 3))
+    p, q = ring[F[faces]], z[F[faces]]
+    inside = region[F[faces]]
+    for side in range(3):
+        other = (side + 1) % 3
+        cut = inside[:, side] != inside[:, other]
+        with np.errstate(divide="ignore", invalid="ignore"):
+            t = p[:, side] / (p[:, side] - p[:, other])
+        at[:, side] = np.where(cut, q[:, side] + t * (q[:, other] - q[:, side]), np.nan)
+    low, high = np.nanmin(at, axis=1), np.nanmax(at, axis=1)
+    return int((np.floor(high) - np.floor(low)).sum())
+
+
+def _lines(surface: Surface, z: Floats) -> tuple[Ints, Ints]:
+    """The faces that the line z = 0 crosses, and for each the number of its connected part."""
+    above = z >= 0
+    side = above[surface.F]
+    faces = np.flatnonzero(side.any(axis=1) & ~side.all(axis=1))
+    of = surface.edges.of[faces]
+    cut = side[faces] != np.roll(side[faces], -1, axis=1)
+    pair = np.sort(np.where(cut, of, -1), axis=1)[:, 1:]
+    return faces, _labels(pair[:, 0], pair[:, 1], len(surface.edges.ends))[pair[:, 0]]
+
+
+def nearby(surface: Surface, marked: Bools, rows: int = 1) -> Bools:
+    """(n,) marked vertices (n,) and so many rows of vertices around them."""
+    found = marked.copy()
+    a, b = surface.edges.ends.T
+    for _ in range(rows):
+        reach = found[a] | found[b]
+        found[a[reach]] = found[b[reach]] = True
+    return found
+
+
+ANGLE, EVENNESS = 60.0, 3.0
+"""A grid's members cross at so many degrees at least, and the P95 of their spacing is so many times the P5 at most."""
+
+MOST = 0.995
+"""A structure that brings less than so much of its load to a support is not praised without a word on that."""
+
+
+def finding(claim: str, made: Rendition) -> str:
+    """What was measured of a claim (see `PaperFigure`), as a clause; '' where nothing is claimed or nothing was made.
+
+    made : a rendition whose stripes lie on modes.
+    """
+    if not claim or made.design is None:
+        return ""
+    if claim == "grid":
+        return _grid(made)
+    design = made.design
+    phases, loads = design_phases(design), loaded_patches(design.surface, design.load.loaded)
+    if claim == "web":
+        told = web(design.surface, phases, loads[0], design.load.held).sentence
+    else:
+        told = _beams(design, phases, loads, between=claim == "beams")
+    return f"{told}; it carries {made.carried:.0%} of the load" if made.carried < MOST else told
+
+
+def _beams(design: Design, phases: Floats, loads: list[Bools], between: bool) -> str:
+    """Lines that run unbroken from the load to the supports, or from one load to another one."""
+    surface = design.surface
+    first, second = (loads[0], loads[-1]) if between else (np.logical_or.reduce(loads), design.load.held)
+    found = links(surface, phases, nearby(surface, first), nearby(surface, second))
+    where = "from one load to the other" if between else "from the load to the supports"
+    if not any(found):
+        return f"no beam here, because no line of either family runs unbroken {where}"
+    name = "a beam" if sum(found) == 1 else "beams"
+    return f"{name}: {found[0]} major and {found[1]} minor lines run unbroken {where}"
+
+
+def _grid(made: Rendition) -> str:
+    told = f"members cross at {made.crossing:.0f} degrees or more, and P95 over P5 of their spacing is "
+    told += f"{made.evenness:.3g}"
+    if made.crossing >= ANGLE and made.evenness <= EVENNESS:
+        return f"a grid: {told}"
+    return f"no even grid here, because {told} (a grid: {ANGLE:g} degrees, {EVENNESS:g})"

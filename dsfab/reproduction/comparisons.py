@@ -1,0 +1,236 @@
+"""Comparisons of the paper: truss limit, anisotropy, von Mises stress, earlier work, and editing speed."""
+
+import time
+from collections.abc import Callable, Mapping
+from contextlib import suppress
+from dataclasses import replace
+from pathlib import Path
+from statistics import median
+from typing import Any
+
+import numpy as np
+
+from dsfab.core.errors import DsfabError
+from dsfab.design import Design, draft
+from dsfab.diffusion import Modes
+from dsfab.preset.file import overridden
+from dsfab.render import PAPER as RENDER_PAPER
+from dsfab.render.picture import Look, picture
+from dsfab.reproduction import drawing
+from dsfab.reproduction.drawing import SMALL, PaperComparison, PaperPicture, paper_picture, previewer_of, save_picture
+from dsfab.reproduction.earlier_methods import StressLine, integrated_design, ribbons, traced
+from dsfab.reproduction.upsampling import upsampled_beside_exact
+from dsfab.results import DiffusionResult
+from dsfab.slicing.measures.pattern_quality import PatternQuality
+from dsfab.study.baselines.structures import as_mode
+
+BAND = 0.25
+"""Width of a traced line as it is drawn, over the distance from one to the next."""
+
+LIFT = 0.1
+"""Of that distance: lines lie so far above the surface, to be seen."""
+
+
+def beside_earlier(design: Design, folder: Path, shown: Mapping[str, PaperPicture]) -> PaperComparison:
+    """As many stripes by diffusion, by one field over directions that are chosen on every face, and as traced lines."""
+    name = design.preset.name
+    other, lines = integrated_design(design), traced(design)
+    rows = []
+    for show, title in (("major", "Major stripes"), ("minor", "Minor stripes"), ("structure", "Structure")):
+        drawn = paper_picture(other, folder, show, f"{name}-integrated", f"{title}, integrated")
+        rows.append(tuple(one for one in (shown.get(f"{name}-{show}.webp"), drawn) if one))
+    crosses = shown.get(f"{name}-directions.webp")
+    rows.append(tuple(one for one in (crosses, _lines_picture(design, folder, lines)) if one))
+    both = [*lines[0], *lines[1]]
+    words = (
+        "Earlier methods choose a direction on every face and integrate one field over all of them, or trace lines one "
+        "after another. Where directions part or turn round a point, no choice of signs is right everywhere; diffusion "
+        "makes no choice, and the paper says that its stripes are more regular there. "
+        f"{_compared(design, other)}"
+        f"Traced as far apart as the stripes: {len(both)} lines, {sum(line.loose for line in both)} of whose ends lie "
+        "inside the surface, for they came too near to another line or to where no direction is clear."
+    )
+    return PaperComparison("Beside earlier work", words, tuple(rows))
+
+
+def _lines_picture(design: Design, folder: Path, lines: tuple[list[StressLine], list[StressLine]]) -> PaperPicture:
+    surface, title = design.surface, "Lines traced along the principal directions"
+    V, F, family = [surface.V], [surface.F], [np.full(surface.m, 2)]
+    for k, one in enumerate(lines):
+        if not one:
+            continue
+        apart = surface.area / sum(line.length for line in one)
+        points, faces = ribbons(surface, one, BAND * apart, LIFT * apart)
+        F.append(faces + sum(map(len, V)))
+        V.append(points)
+        family.append(np.full(len(faces), k))
+    file = f"{design.preset.name}-traced.webp"
+    look = Look(SMALL, palette=replace(RENDER_PAPER, families=RENDER_PAPER.tints))
+    try:
+        drawn = picture(np.vstack(V), np.vstack(F), family=np.concatenate(family), look=look)
+    except DsfabError as error:
+        return PaperPicture("", title, str(error))
+    save_picture(drawn, folder / file)
+    return PaperPicture(file, title, "Major red, minor blue.")
+
+
+def _compared(design: Design, other: Design) -> str:
+    """What was measured of stripes by diffusion and of integrated ones, and in how many numbers diffusion is better."""
+    try:
+        own, rival = (one.quality(symmetry=False) for one in (design, other))
+    except DsfabError as error:
+        return f"Nothing can be measured ({error}). "
+    better = sum(a < b for a, b in zip(_numbers(own), _numbers(rival), strict=True))
+    return (
+        f"Measured, by diffusion: {_regular(own)}. Integrated: {_regular(rival)}. "
+        f"Diffusion is the better one in {better} of these {len(_numbers(own))} numbers. "
+    )
+
+
+def _numbers(found: PatternQuality) -> tuple[float, ...]:
+    """The smaller, the better."""
+    both = found.major, found.minor
+    return (
+        *(one.deviation for one in both),
+        *(one.evenness for one in both),
+        -found.crossing_angle,
+        float(found.dead_ends),
+    )
+
+
+def _regular(found: PatternQuality) -> str:
+    major, minor = found.major, found.minor
+    return (
+        f"members lie {major.deviation:.0f} and {minor.deviation:.0f} degrees off the stress (major and minor, in the "
+        f"mean), cross at {found.crossing_angle:.0f} degrees or more, P95/P5 of their spacing is {major.evenness:.1f} "
+        f"and {minor.evenness:.1f}, and {found.dead_ends} ends lie in the air"
+    )
+
+
+CHANGES: Mapping[str, Mapping[str, Any]] = {
+    "As the preset says": {},
+    "Both frequencies 25": {"pattern.major.frequency": 25.0, "pattern.minor.frequency": 25.0},
+    "Both thresholds -0.4: wider": {"pattern.major.threshold": -0.4, "pattern.minor.threshold": -0.4},
+}
+"""What is shown of the same modes."""
+
+FRAMES = 24
+"""Changes of a frequency that are drawn; the first two prepare what is drawn with."""
+PAPER = 37
+"""Frames a second that the paper tells of its editor, on a laptop of 2015."""
+
+
+def edited(design: Design, folder: Path) -> PaperComparison:
+    """Pictures of one pattern under other numbers, and frames a second while they change, as the paper tells of Bob."""
+    title = "Frequency and thickness, edited"
+    try:
+        with previewer_of(design) as previewer:
+            row = []
+            for number, (name, changes) in enumerate(CHANGES.items(), 1):
+                previewer.set(changes)
+                file = f"{design.preset.name}-edited-{number}.webp"
+                save_picture(previewer.picture(drawing.SMALL, quality=drawing.LIGHT, words=False), folder / file)
+                row.append(PaperPicture(file, name, size=drawing.SMALL))
+                previewer.display(design.preset)
+
+            def change(number: int) -> None:
+                previewer.set({"pattern.major.frequency": design.preset.pattern.major.frequency + 0.1 * number})
+                previewer.frame(drawing.LARGE)
+
+            rate, renderer = frames_a_second(change), previewer.renderer
+    except DsfabError as error:
+        return PaperComparison(title, f"Nothing can be drawn: {error}.", ())
+    words = (
+        "A slider changes a few numbers of the pattern and solves nothing anew. Each change was drawn whole, "
+        f"{rate:.3g} times a second by the clock, at {drawing.LARGE[0]} by {drawing.LARGE[1]} pixels, of "
+        f"{design.surface.m:,} triangles, by {renderer}. The paper tells {PAPER}, on a graphics card; `dsfab edit bob` "
+        "opens the editor, and `dsfab bench --preview` counts more sizes on your machine."
+    )
+    return PaperComparison(title, words, (tuple(row),))
+
+
+def frames_a_second(change: Callable[[int], None]) -> float:
+    """How often something is changed and drawn: by the median of `FRAMES` times, but for the first two."""
+    taken = list[float]()
+    for number in range(FRAMES):
+        begin = time.perf_counter()
+        change(number)
+        taken.append(time.perf_counter() - begin)
+    return 1 / median(taken[2:])
+
+
+RATIOS = (1.0, 10.0, 100.0)
+"""The anisotropies that are compared."""
+
+
+def comparisons(design: Design, folder: Path, shown: Mapping[str, PaperPicture]) -> list[PaperComparison]:
+    """The comparisons that the paper draws on this figure; pictures that are there already are shown again."""
+    name = design.preset.name
+    if name == "hanging_bar":
+        return [_michell(design, shown), _ratios(design, folder)]
+    if name == "sphere":
+        return [_one_family(design, folder, shown), upsampled_beside_exact(design, folder)]
+    if name == "bridge":
+        return [beside_earlier(design, folder, shown)]
+    if name == "bob":
+        words = "What the statics find on Bob: the stress gathers between the head and the feet."
+        again = tuple(shown[file] for file in ("bob-loads.webp", "bob-vonmises.webp") if file in shown)
+        return [PaperComparison("Bob under his load", words, (again,)), edited(design, folder)]
+    return []
+
+
+def _michell(design: Design, shown: Mapping[str, PaperPicture]) -> PaperComparison:
+    """From the principal directions to a truss: the two families, the gradients that they lie across, and both."""
+    name = design.preset.name
+    rows = (("directions", "structure"), ("major-mode", "major"), ("minor-mode", "minor"))
+    pictures = (tuple(shown[file] for one in row if (file := f"{name}-{one}.webp") in shown) for row in rows)
+    told = "what is kept cannot be cut"
+    with suppress(DsfabError):
+        found = design.quality(symmetry=False)
+        told = (
+            f"members lie {found.deviation:.1f} degrees off the principal directions in the mean, of the family that "
+            f"is further off, and cross at {found.crossing_angle:.0f} degrees or more"
+        )
+    words = (
+        "In the stiffest frame of so much material each member lies along a principal direction of the stress, and the "
+        "families cross at right angles [Michell 1904]. Stripes lie across the gradient of their mode, so modes whose "
+        f"gradients follow the directions give such a frame. Here {told}."
+    )
+    return PaperComparison("Towards the Michell truss", words, tuple(pictures))
+
+
+def _ratios(design: Design, folder: Path) -> PaperComparison:
+    """The same design with little and much anisotropy."""
+    rows = []
+    for show, name in (("major_mode", "major mode 1"), ("minor_mode", "minor mode 1"), ("structure", "structure")):
+        row = []
+        for r in RATIOS:
+            other = draft(overridden(design.preset, {"diffusion.r": r}), old=design)
+            row.append(paper_picture(other, folder, show, f"r{r:g}-{design.preset.name}", f"r = {r:g}, {name}"))
+        rows.append(tuple(row))
+    words = (
+        "With r = 1 the stress is not heard and both families have the same modes; the larger r, the closer modes, "
+        "and with them stripes, keep to the principal directions."
+    )
+    return PaperComparison("The effect of the anisotropy r", words, tuple(rows))
+
+
+def _one_family(design: Design, folder: Path, shown: Mapping[str, PaperPicture]) -> PaperComparison:
+    """Stripes along the von Mises stress, between those of the two families."""
+    value = as_mode(design.surface, design.statics.answers.stress.largest)
+    modes = Modes(np.zeros(1), value[:, None])
+    changed = overridden(design.preset, {"pattern.major.mode": 1, "pattern.minor.mode": 1})
+    along = DiffusionResult(design.diffusion.tensors, modes, modes)
+    kept: dict[str, Any] = {"surface": design.surface, "statics": design.statics, "pattern": design.pattern}
+    striped = Design.known(changed, diffusion=along, **kept)
+    name = design.preset.name
+    field = shown.get(f"{name}-vonmises.webp")
+    stripes = paper_picture(striped, folder, "major", f"{name}-vonmises", "Stripes along the von Mises stress")
+    pairs = [tuple(shown.get(f"{name}-{family}{end}.webp") for end in ("-mode", "")) for family in ("major", "minor")]
+    columns = (pairs[0], (field, stripes), pairs[1])
+    rows = tuple(tuple(one for column in columns if (one := column[i])) for i in range(2))
+    words = (
+        "Stripes of the same frequency along the von Mises stress, a single field: it hardly changes away from the "
+        "poles, and neither do its stripes. The families of the diffusion give rings and meridians everywhere."
+    )
+    return PaperComparison("Why not stripes along the von Mises stress?", words, rows)

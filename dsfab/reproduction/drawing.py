@@ -1,0 +1,101 @@
+"""One picture of a figure of the paper, in its file: what is shown, how large, and from where it is seen."""
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from dsfab.core.errors import DsfabError
+from dsfab.design import Design
+from dsfab.render.colouring import Bar
+from dsfab.render.light import LightQuality
+from dsfab.render.previewer import Previewer
+from dsfab.render.scene import Bytes
+
+SMALL, LARGE = (560, 420), (1120, 840)
+"""Pixels of the pictures of the steps, and of the structure: twice what the page gives them, for sharp screens."""
+
+LIGHT = LightQuality(8, 24, 5, 896, 512, (0.006, 0.035))
+"""Between a picture that stands alone and one of a hundred."""
+
+VIEWS = {
+    "pavilion": "25,35",
+    "camel_none": "20,25",
+    "camel_head": "20,52",
+    "camel_nose": "40,20",
+    "camel_ears": "60,35",
+    "climbing_hold": "210,25",
+    "mouse": "40,40",
+    "boys_surface": "30,25",
+}
+"""From where a figure is seen, if its best side (see `dsfab.render.view`) hides what its caption says."""
+
+MARKS = ("loads", "supports", "person", "gradients")
+"""What is drawn beside a surface; gradients on modes alone."""
+SCALE = {"pavilion": "tree"}
+"""What stands beside a figure in place of a person, as in the paper."""
+
+
+@dataclass(frozen=True, eq=False)
+class PaperPicture:
+    """A picture in its file, or why there is none.
+
+    file  : its name in the page's folder; '' without one.
+    title : what it is.     words: what it tells, or why it is not there.     bar: what explains its colours.
+    """
+
+    file: str
+    title: str
+    words: str = ""
+    bar: Bar | None = None
+    size: tuple[int, int] = SMALL
+
+
+@dataclass(frozen=True, eq=False)
+class PaperComparison:
+    """Pictures side by side, in rows, as the paper compares them."""
+
+    title: str
+    words: str
+    rows: tuple[tuple[PaperPicture, ...], ...]
+
+
+def paper_picture(design: Design, folder: Path, show: str, stem: str, title: str = "") -> PaperPicture:
+    """One picture of a design, in a file named by `stem` and what it shows."""
+    size = LARGE if show == "structure" and not title else SMALL
+    title = title or _title(design, show)
+    file = f"{stem}-{show.replace('_', '-')}.webp"
+    try:
+        with previewer_of(design, show) as previewer:
+            pixels = previewer.picture(size, quality=LIGHT, words=False)
+            words, bar = previewer.words, previewer.bar
+    except DsfabError as error:
+        return PaperPicture("", title, str(error))
+    save_picture(pixels, folder / file)
+    return PaperPicture(file, title, words, bar, size)
+
+
+def previewer_of(design: Design, show: str = "structure") -> Previewer:
+    """What draws a figure from its side, with what stands beside it; to be closed."""
+    name = design.preset.name
+    marks = {*MARKS} - {"person"} | {SCALE.get(name, "person")}
+    return Previewer(design, show=show, view=VIEWS.get(name, "iso"), marks=marks)
+
+
+def save_picture(pixels: Bytes, path: Path) -> None:
+    """As WebP, small and without a seam to be seen."""
+    from PIL import Image
+
+    Image.fromarray(pixels).save(path, format="WEBP", quality=82, method=6)
+
+
+def _title(design: Design, show: str) -> str:
+    pattern = design.preset.pattern
+    return {
+        "structure": "Structure",
+        "loads": "Surface, loads and supports",
+        "directions": "Principal directions",
+        "vonmises": "Von Mises stress",
+        "major_mode": f"Mode {pattern.major.mode} of the major family",
+        "minor_mode": f"Mode {pattern.minor.mode} of the minor family",
+        "major": "Major stripes",
+        "minor": "Minor stripes",
+    }[show]

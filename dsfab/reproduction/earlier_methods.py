@@ -1,0 +1,244 @@
+"""Earlier methods: one field integrated over chosen directions, and lines traced along principal stresses."""
+
+from dataclasses import dataclass
+from typing import Literal, NamedTuple
+
+import numpy as np
+from scipy.sparse import coo_array, csr_array, eye_array
+from scipy.sparse.csgraph import breadth_first_order, connected_components, minimum_spanning_tree
+from scipy.spatial import cKDTree
+
+from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.core.sparse import factorise
+from dsfab.design import Design
+from dsfab.diffusion import Modes, diffusion_operator
+from dsfab.results import DiffusionResult
+from dsfab.study.verdict.estimates import quantile
+from dsfab.surface import Surface, hat_gradients
+
+SOFT = 1e-9
+"""Of the stiffness of the field, against a constant: pieces of a surface have no common height."""
+
+
+class DrawnFamily(NamedTuple):
+    """A family on a mode: its diffusion tensors D (m, 3, 3), the number and the values (n,) of its mode, and how many
+    stripes there are for each unit of it."""
+
+    D: Floats
+    number: int
+    mode: Floats
+    frequency: float
+
+
+def drawn_families(design: Design) -> tuple[DrawnFamily, DrawnFamily]:
+    """Both families of a design on modes that are given by number."""
+    found, pattern = design.diffusion, design.preset.pattern
+    major, minor = (
+        DrawnFamily(D, number := int(own.mode), modes.mode(number), own.frequency)
+        for D, modes, own in (
+            (found.tensors.major, found.major, pattern.major),
+            (found.tensors.minor, found.minor, pattern.minor),
+        )
+    )
+    return major, minor
+
+
+def integrated_design(design: Design) -> Design:
+    """A design on modes that are given by number, both replaced by integrated fields, with as many stripes a metre."""
+    surface, tensors, modes = design.surface, design.diffusion.tensors, []
+    for family in drawn_families(design):
+        field = integrated_field(surface, across(family.D), ~tensors.isotropic)
+        field *= typical_slope(surface, family.mode) / typical_slope(surface, field)
+        modes.append(Modes(np.zeros(family.number), np.repeat(field[:, None], family.number, axis=1)))
+    made = DiffusionResult(tensors, *modes)
+    return Design.known(design.preset, surface=surface, statics=design.statics, diffusion=made)
+
+
+def along(D: Floats) -> Floats:
+    """(m, 3) unit directions in which tensors D (m, 3, 3) let the most through: stripes run along them."""
+    return np.asarray(np.linalg.eigh(D)[1][:, :, 2])
+
+
+def across(D: Floats) -> Floats:
+    """(m, 3) unit directions in the faces' planes in which tensors D (m, 3, 3) let the least through.
+
+    Of the three eigenvalues 0, 1 and r that is the one in the middle; stripes lie across it.
+    """
+    return np.asarray(np.linalg.eigh(D)[1][:, :, 1])
+
+
+def integrated_field(surface: Surface, direction: Floats, clear: Bools) -> Floats:
+    """(n,) metres: the field u whose gradient is nearest to the directions, in the mean square over clear faces.
+
+    direction : (m, 3) units up to sign.    clear : (m,) faces that have one; on others the field is as flat as can be.
+    """
+    wanted = signed(surface, direction) * clear[:, None]
+    pull = np.einsum("mik,mk->mi", hat_gradients(surface), wanted) * surface.areas[:, None]
+    K = diffusion_operator(surface, np.broadcast_to(np.eye(3), (surface.m, 3, 3)))
+    K = csr_array(K + SOFT * K.diagonal().mean() * eye_array(surface.n))
+    b: Floats = np.bincount(surface.F.ravel(), pull.ravel(), minlength=surface.n).astype(np.float64)
+    return np.asarray(factorise(K, surface.V)(b))
+
+
+def signed(surface: Surface, direction: Floats) -> Floats:
+    """(m, 3) the directions with signs that agree from face to face along that tree of faces which turns the least."""
+    i, j = surface.edges.pairs.T // 3
+    dot = np.einsum("ek,ek->e", direction[i], direction[j])
+    turn = coo_array((1.0 + 1e-6 - np.abs(dot), (i, j)), shape=(surface.m, surface.m)).tocsr()
+    tree = minimum_spanning_tree(turn)
+    count, piece = connected_components(tree, directed=False)
+    out = direction.copy()
+    for k in range(count):
+        order, before = breadth_first_order(tree, int(np.argmax(piece == k)), directed=False)
+        for face in order[1:].tolist():
+            if out[face] @ out[before[face]] < 0:
+                out[face] = -out[face]
+    return out
+
+
+def typical_slope(surface: Surface, value: Floats) -> float:
+    """The median over the area of the length of the gradient of (n,) values, per metre."""
+    slope = np.linalg.norm(np.einsum("mik,mi->mk", hat_gradients(surface), value[surface.F]), axis=1)
+    return quantile(slope, surface.areas, 0.5)
+
+
+NEAR = 0.5
+"""Of the distance asked: nearer to another line a line ends."""
+
+SHORT = 1.0
+"""Lines shorter than this many distances are left out; their place counts as taken."""
+
+ROUND = 3.0
+"""Distances along a line after which it is looked for whether it comes back to itself."""
+
+TURN = 0.5
+"""Cosine of the largest turn from face to face: at a sharper one the directions are none."""
+
+End = Literal["boundary", "inside", "round"]
+
+
+@dataclass(frozen=True, eq=False)
+class StressLine:
+    """points : (k, 3) metres, in order; the first again at the end where it came round.
+    faces  : (k - 1,) the face of each piece.
+    loose  : how many of its ends lie inside the surface.
+    """
+
+    points: Floats
+    faces: tuple[int, ...]
+    loose: int
+
+    @property
+    def length(self) -> float:
+        """Metres."""
+        return float(np.linalg.norm(np.diff(self.points, axis=0), axis=1).sum())
+
+
+def traced(design: Design) -> tuple[list[StressLine], list[StressLine]]:
+    """The lines of both families, as far apart as the stripes are in the median, of a design on modes by number."""
+    surface, clear = design.surface, ~design.diffusion.tensors.isotropic
+    major, minor = (
+        stress_lines(surface, along(one.D), clear, 1 / (one.frequency * typical_slope(surface, one.mode)))
+        for one in drawn_families(design)
+    )
+    return major, minor
+
+
+def stress_lines(surface: Surface, direction: Floats, clear: Bools, apart: float) -> list[StressLine]:
+    """Lines along a direction (m, 3), units up to sign, in faces that are clear (m,), about `apart` metres apart."""
+    walk = _Walk(surface, direction, clear, apart)
+    centres = surface.centroids
+    distance = np.where(clear, np.inf, 0.0)
+    lines = []
+    while (seed := int(np.argmax(distance))) >= 0 and distance[seed] > apart:
+        line = walk.line(seed)
+        distance = np.minimum(distance, cKDTree(np.vstack([line.points, centres[seed]])).query(centres)[0])
+        if line.length > SHORT * apart:
+            lines.append(line)
+            walk.others = cKDTree(np.vstack([each.points for each in lines]))
+    return lines
+
+
+@dataclass(eq=False)
+class _Walk:
+    """Through the faces of a surface, along their directions, away from the lines that are there."""
+
+    surface: Surface
+    direction: Floats
+    clear: Bools
+    apart: float
+    others: cKDTree | None = None
+
+    def line(self, seed: int) -> StressLine:
+        """From the middle of a face, both ways."""
+        start = self.surface.centroids[seed]
+        ahead, faces, end = self._half(seed, start, self.direction[seed])
+        if end == "round":
+            return StressLine(np.array(ahead), tuple(faces), loose=0)
+        behind, back, other = self._half(seed, start, -self.direction[seed])
+        loose = (end == "inside") + (other == "inside")
+        return StressLine(np.array(behind[:0:-1] + ahead), (*back[::-1], *faces), loose)
+
+    def _half(self, face: int, start: Floats, t: Floats) -> tuple[list[Floats], list[int], End]:
+        """Points from the start on, the face of each piece, and where the line ends."""
+        points, runs, faces, entered = [start], [0.0], list[int](), -1
+        while True:
+            half_edge, p = self._exit(face, points[-1], t, entered)
+            if half_edge < 0:
+                break
+            runs.append(runs[-1] + float(np.linalg.norm(p - points[-1])))
+            points.append(p)
+            faces.append(face)
+            passed = int(np.searchsorted(runs, runs[-1] - ROUND * self.apart))
+            if (back := self._came_back(points[:passed], p)) is not None:
+                came = back * 2 < passed
+                return ([*points, start], [*faces, face], "round") if came else (points, faces, "inside")
+            entered = int(self.surface.edges.twins[half_edge])
+            if entered < 0:
+                return points, faces, "boundary"
+            if not self.clear[face := entered // 3] or self._is_near(p):
+                break
+            turned = self.direction[face] * np.sign(self.direction[face] @ t)
+            if turned @ t < TURN:
+                break
+            t = turned
+        return points, faces, "inside"
+
+    def _came_back(self, passed: list[Floats], p: Floats) -> int | None:
+        """Which of the points that a line passed long ago it has come near to again, if any."""
+        if not passed:
+            return None
+        far = np.linalg.norm(np.array(passed) - p, axis=1)
+        best = int(np.argmin(far))
+        return best if far[best] < NEAR * self.apart else None
+
+    def _exit(self, face: int, p: Floats, t: Floats, entered: int) -> tuple[int, Floats]:
+        """The half-edge by which a ray leaves a face, and where; -1 where it would go back through where it came."""
+        corners = self.surface.V[self.surface.F[face]]
+        outward = np.cross(np.roll(corners, -1, axis=0) - corners, self.surface.normals[face])
+        speed = outward @ t
+        ways = [k for k in range(3) if speed[k] > 0 and 3 * face + k != entered]
+        if not ways:
+            return -1, p
+        far = [max(float((corners[k] - p) @ outward[k]) / speed[k], 0.0) for k in ways]
+        best = int(np.argmin(far))
+        return 3 * face + ways[best], p + far[best] * t
+
+    def _is_near(self, p: Floats) -> bool:
+        reach = NEAR * self.apart
+        return self.others is not None and bool(self.others.query(p, distance_upper_bound=reach)[0] < reach)
+
+
+def ribbons(surface: Surface, lines: list[StressLine], width: float, lift: float) -> tuple[Floats, Ints]:
+    """Lines as flat bands above the surface: (n, 3) vertices, metres, and (m, 3) faces."""
+    V, F, count = [], [], 0
+    for line in lines:
+        normal = surface.normals[[*line.faces, line.faces[-1]]]
+        side = np.cross(normal, np.gradient(line.points, axis=0))
+        side *= width / 2 / np.maximum(np.linalg.norm(side, axis=1, keepdims=True), 1e-300)
+        k = len(line.points)
+        V += [line.points + lift * normal + side, line.points + lift * normal - side]
+        i = count + np.arange(k - 1)
+        F += [np.stack([i, i + k, i + 1], axis=1), np.stack([i + 1, i + k, i + k + 1], axis=1)]
+        count += 2 * k
+    return np.vstack(V), np.vstack(F)

@@ -1,0 +1,162 @@
+"""The figures of the paper, made: numbers and sentences about each, and its pictures."""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+from statistics import median
+
+from dsfab.core.errors import DsfabError, SurfaceError
+from dsfab.design import Design, Log, draft
+from dsfab.preset.file import load_preset, overridden
+from dsfab.preset.model import Preset
+from dsfab.reproduction.captions import finding
+from dsfab.reproduction.comparisons import comparisons
+from dsfab.reproduction.drawing import PaperComparison, PaperPicture, paper_picture
+from dsfab.reproduction.published import PaperFigure
+from dsfab.reproduction.renditions import Rendition, renditions
+from dsfab.results import Piece
+
+STEPS = ("loads", "directions", "vonmises", "major_mode", "major", "minor_mode", "minor")
+"""What is shown of every figure beside its structure, in the order of the method."""
+
+
+RUNS = 3
+"""Seconds are medians of so many runs."""
+
+FINER = 0.8
+"""A mesh that is too coarse for a shape is made with edges so many times as long."""
+
+WAYS = {
+    "letter": "The paper to the letter",
+    "preset": "The preset",
+    "stripes": "dsfab's stripes",
+}
+"""What each rendition is called."""
+
+
+@dataclass(frozen=True, eq=False)
+class RenditionPicture:
+    """A rendition of a figure, its picture, and what was found of the paper's claim, or ''.
+
+    edge : metres, of the mesh that was used; 0 where it could not be made.
+    """
+
+    rendition: Rendition
+    picture: PaperPicture
+    found: str = ""
+    edge: float = 0.0
+
+
+@dataclass(frozen=True, eq=False)
+class FigurePictures:
+    """A figure as it came out; `error` says why it could not be made, and the rest is empty then.
+
+    seconds : see `processor_seconds`.      carried: how the loads reach the supports.
+    coarser : its edges are so many times as long as the preset's own.
+    """
+
+    figure: PaperFigure
+    vertices: int = 0
+    triangles: int = 0
+    seconds: Mapping[str, float] | None = None
+    carried: str = ""
+    notes: tuple[str, ...] = ()
+    shown: tuple[PaperPicture, ...] = ()
+    comparisons: tuple[PaperComparison, ...] = ()
+    ways: tuple[RenditionPicture, ...] = ()
+    coarser: float = 1.0
+    error: str = ""
+
+    @property
+    def structure(self) -> PaperPicture | None:
+        """The picture of the structure, which comes first."""
+        return self.shown[0] if self.shown else None
+
+
+def make_figure(figure: PaperFigure, folder: Path, coarser: float = 1.0) -> FigurePictures:
+    """Make a figure and write its pictures into `folder`; what cannot be made says so in its place.
+
+    coarser : the preset's edges times this, or less where no such mesh has all details: quicker, and rougher.
+    """
+    try:
+        design, coarser = coarsened(load_preset(figure.preset), coarser)
+        made = renditions(design)
+        carried, notes = _carried(made[1])
+        shown = tuple(paper_picture(design, folder, show, figure.preset) for show in ("structure", *STEPS))
+        compared = tuple(comparisons(design, folder, {one.file: one for one in shown}))
+        ways = tuple(_told(_pictured(figure, one, folder, shown[0])) for one in made)
+    except DsfabError as error:
+        return FigurePictures(figure, error=str(error))
+    surface, seconds = design.surface, processor_seconds(design)
+    return FigurePictures(figure, surface.n, surface.m, seconds, carried, notes, shown, compared, ways, coarser)
+
+
+def _told(way: RenditionPicture) -> RenditionPicture:
+    """What is told of a rendition, without the design, which is large: figures come from other processes."""
+    design = way.rendition.design
+    edge = float(design.preset.surface.model_dump()["edge"]) if design else 0.0
+    return replace(way, rendition=replace(way.rendition, design=None), edge=edge)
+
+
+def processor_seconds(design: Design) -> dict[str, float]:
+    """By row of the paper's Table 2: seconds of the processor, all cores together, the median of `RUNS` runs from the
+    surface to the modes. Other programs on the same cores hardly change them, but the clock of the processor does."""
+    runs = []
+    for _ in range(RUNS):
+        log = Log(None, clock=time.process_time)
+        Design.known(design.preset, log, surface=design.surface).until("diffusion")
+        runs.append(log.seconds)
+    return {row: median(run[row] for run in runs) for row in runs[0]}
+
+
+def coarsened(preset: Preset, coarser: float) -> tuple[Design, float]:
+    """A preset up to its pattern with edges so many times as long as its own, or as many as leave the shape its details
+    and its loads a vertex; and how many these are.
+
+    Raises DsfabError for what fails on the preset's own mesh as well.
+    """
+    edge = preset.surface.model_dump()["edge"]
+    while True:
+        try:
+            return draft(overridden(preset, {"surface.edge": coarser * edge}) if coarser != 1 else preset), coarser
+        except SurfaceError:
+            if coarser <= 1:
+                raise
+            coarser = max(FINER * coarser, 1.0)
+
+
+def _pictured(figure: PaperFigure, made: Rendition, folder: Path, shipped: PaperPicture) -> RenditionPicture:
+    """With its picture: that of the preset is there already."""
+    if made.name == "preset":
+        return RenditionPicture(made, replace(shipped, title=WAYS[made.name]), finding(figure.claim, made))
+    if made.design is None:
+        return RenditionPicture(made, PaperPicture("", WAYS[made.name], made.refused))
+    picture = paper_picture(made.design, folder, "structure", f"{figure.preset}-{made.name}", WAYS[made.name])
+    found = finding(figure.claim, made) if made.name == "letter" else ""
+    return RenditionPicture(made, picture, found)
+
+
+def _carried(made: Rendition) -> tuple[str, tuple[str, ...]]:
+    """How the cut sheet carries its loads, in a sentence, and what was noted; nothing needs to be thickened."""
+    if made.design is None:
+        return f"it cannot be built: {made.refused}", ()
+    slicing, notes = made.design.slicing, made.design.notes
+    share = slicing.sheet.surface.area / made.design.surface.area
+    told = f"{share:.0%} of the surface is kept, in {_count(len(slicing.pieces))}; {_reached(slicing.pieces)}"
+    return told, tuple(f"{note.stage}: {note.text}" for note in notes)
+
+
+def _count(pieces: int) -> str:
+    return "one piece" if pieces == 1 else f"{pieces} pieces"
+
+
+def _reached(pieces: Sequence[Piece]) -> str:
+    loaded = [piece for piece in pieces if piece.loaded]
+    if not loaded:
+        lost = sum(not piece.held for piece in pieces)
+        return f"the load is spread, and {f'{_count(lost)} reach no support' if lost else 'all of it is supported'}"
+    lost = sum(not piece.held for piece in loaded)
+    if lost:
+        return f"{lost} of {_count(len(loaded))} that carry a load reach no support"
+    return f"the loads reach the supports through {_count(len(loaded))}"

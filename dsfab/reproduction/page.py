@@ -1,0 +1,408 @@
+"""The page of `dsfab reproduce`: every figure with its renditions, measures and seconds, and the claim."""
+
+import base64
+import io
+import re
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from html import escape
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dsfab.core.messages import bounded
+from dsfab.render.colouring import Bar
+from dsfab.report.html_pages import html_page, image, why
+from dsfab.reproduction.drawing import PaperComparison, PaperPicture
+from dsfab.reproduction.figures import RUNS, WAYS, FigurePictures
+from dsfab.reproduction.published import Parameters, Timings
+from dsfab.reproduction.renditions import Rendition
+from dsfab.reproduction.volumes import RIVALS
+
+Row = Mapping[str, Any]
+"""A row of sphere_volumes.json."""
+
+OURS = ("row", "design", "stripes")
+OTHERS = (("isotropic", "the best isotropic stripes"), ("thinner", "a thinner sheet"))
+"""Whose stiffness is told over whose."""
+
+
+def claim_section(rows: Sequence[Row]) -> str:
+    """The section of the page about the sphere; '' without rows."""
+    if not rows:
+        return ""
+    known = {(row["name"], row["volume"]): row for row in rows}
+    shares = sorted({row["volume"] for row in rows})
+    head = "".join(f"<th>{share:.0%}</th>" for share in shares)
+    lines = []
+    for name in (name for name in RIVALS if any(key[0] == name for key in known)):
+        cells = "".join(_cell(known.get((name, share))) for share in shares)
+        lines.append(f"<tr><th>{escape(RIVALS[name])}</th>{cells}</tr>")
+    words = (
+        "<p>The paper's claim, tested: how stiff is a sphere of one mass, held at a pole and pressed at the other?</p>"
+        f"<ul>{''.join(f'<li>{line}</li>' for line in _words(known, shares))}</ul><p>{_verdicts(rows)} The numbers are "
+        'in <a href="sphere_volumes.json">its data</a>, again by <code>dsfab reproduce sphere --volumes</code>.</p>'
+    )
+    table = (
+        '<table class="measured"><caption>Compliance, mJ, of the share of the surface that is kept, with its bound'
+        f"</caption><tr><th></th>{head}</tr>{''.join(lines)}</table>"
+    )
+    image = '<img src="sphere_volumes.svg" alt="Compliance over mass on the sphere" style="max-width: 54rem">'
+    return f'<section id="volumes"><h2>Compliance over mass</h2>{words}{table}{image}</section>'
+
+
+def stiffness(own: Row | None, rival: Row | None) -> tuple[float, float, float] | None:
+    """How many times as stiff one is as another, and the least and the most of it by the bounds of both; None where
+    either does not carry its loads."""
+    if not own or not rival or not own["compliance_J"] or not rival["compliance_J"]:
+        return None
+    ratio = rival["compliance_J"] / own["compliance_J"]
+    mine, theirs = (float(row.get("bound") or 0.0) for row in (own, rival))
+    return ratio, ratio * (1 - theirs) / (1 + mine), ratio * (1 + theirs) / (1 - mine)
+
+
+def _cell(row: Row | None) -> str:
+    """A compliance with its bound, in italics where the verdict is not that it passes; why is its title."""
+    if not row or not row["compliance_J"]:
+        reason = (row or {}).get("error") or "not judged"
+        return f'<td title="{escape(reason, quote=True)}">not carried</td>'
+    value, bound = 1000 * row["compliance_J"], row.get("bound")
+    told = bounded(value, bound) if bound else f"{value:.3g}"
+    if row["verdict"] != "pass":
+        told = f"<i>{told}</i>"
+    return f'<td title="{escape(row["reason"], quote=True)}">{told}</td>'
+
+
+def _words(known: Mapping[tuple[str, float], Row], shares: Sequence[float]) -> Iterator[str]:
+    """A line for each of ours over isotropic stripes and over a thinner sheet, whoever wins."""
+    for name in OURS:
+        for other, called in OTHERS:
+            told = []
+            for share in shares:
+                if found := stiffness(known.get((name, share)), known.get((other, share))):
+                    ratio, least, most = found
+                    alike = " (too close to tell)" if least <= 1 <= most else ""
+                    how = f"{ratio:.3g} times as stiff" if ratio >= 1 else f"{1 / ratio:.3g} times as soft"
+                    told.append(f"{how} at {share:.0%}{alike}")
+            if told:
+                yield f"{RIVALS[name][0].upper()}{RIVALS[name][1:]} against {called}: {', '.join(told)}."
+
+
+def _verdicts(rows: Sequence[Row]) -> str:
+    """How well the numbers are known, and what is not."""
+    judged = [row for row in rows if row["compliance_J"]]
+    sure = [row for row in judged if row["verdict"] == "pass"]
+    if not sure:
+        return "Every number is of one solve on the cut mesh; none is a verdict of finer and finer meshes."
+    least, most = (f"{100 * end(row['bound'] for row in sure):.1f}" for end in (min, max))
+    told = (
+        f"{len(sure)} of {len(judged)} numbers are verdicts that pass, of finer and finer meshes, known to {least} to "
+        f"{most} %; all are about thin sheets."
+    )
+    open_ones = [f"{RIVALS[row['name']]} at {row['volume']:.0%}" for row in judged if row["verdict"] != "pass"]
+    return told + (f" Without a verdict, in italics: {', '.join(open_ones)}." if open_ones else "")
+
+
+COLUMNS = (
+    ("kept", "share of the surface that is material, loose pieces among it"),
+    ("pieces", "of the drawn pattern; in brackets those that reach no support"),
+    ("loads carried", "share of the loads that stand on pieces which reach a support"),
+    ("over the uncut sheet", "compliance, of one solve each; of cut sheets 15 % off at most"),
+    ("over a thinner sheet", "compliance over that of an uncut sheet of the same mass: above 1 it is the softer one"),
+    ("off the stress", "degrees between members and principal directions, of the family that is further off"),
+    ("P95 / P5 spacing", "1 where members are evenly spaced, of the family that is less even"),
+)
+"""What is measured, and what it means."""
+
+
+def measured(made: FigurePictures, coarser: float) -> str:
+    """The pictures of the renditions, a table of what was measured, departures, and the command."""
+    if not made.ways:
+        return ""
+    name = made.figure.preset
+    cells = "".join(picture_cell(one.picture, name) for one in made.ways)
+    head = "".join(f'<th title="{escape(words)}">{escape(column)}</th>' for column, words in COLUMNS)
+    rows = "".join(_row(one.rendition) for one in made.ways)
+    findings = "".join(
+        f"<p><b>{escape(WAYS[one.rendition.name])}:</b> {escape(one.found)}.</p>" for one in made.ways if one.found
+    )
+    return (
+        f'{findings}<div class="compared ways" style="--across: {len(made.ways)}">{cells}</div>'
+        f'<table class="measured"><caption>Measured, again by {again(name, coarser)}</caption>'
+        f"<tr><th></th>{head}</tr>{rows}</table>{_built(made)}"
+    )
+
+
+def again(name: str, coarser: float) -> str:
+    """The command that makes a figure of the page again, with all that is measured on it."""
+    return f"<code>{escape(f'dsfab reproduce {name}' + (f' --coarser {coarser:g}' if coarser != 1 else ''))}</code>"
+
+
+def rendition_facts(made: Rendition) -> tuple[str, ...]:
+    """The cells of a rendition under `COLUMNS`, in words."""
+    if made.refused:
+        return ("none", *("" for _ in COLUMNS[1:]))
+    pieces = f"{made.pieces} ({made.loose} loose)" if made.loose else f"{made.pieces}"
+    return (
+        f"{made.share:.0%}",
+        pieces,
+        "no load" if np.isnan(made.carried) else f"{made.carried:.0%}",
+        _ratio(made.over_uncut),
+        _ratio(made.over_thinner),
+        f"{made.deviation:.1f}",
+        f"{made.evenness:.3g}",
+    )
+
+
+def _row(made: Rendition) -> str:
+    cells = "".join(f"<td>{escape(cell)}</td>" for cell in rendition_facts(made))
+    return f"<tr><th>{escape(WAYS[made.name])}</th>{cells}</tr>"
+
+
+def _ratio(x: float) -> str:
+    """A ratio of compliances in words."""
+    return "no load" if np.isnan(x) else "not carried" if np.isinf(x) else f"{x:.3g}"
+
+
+def _built(made: FigurePictures) -> str:
+    """Where each departs from the paper, and how its structure is built."""
+    lines = []
+    for way in made.ways:
+        one = way.rendition
+        told = one.refused or "; ".join(one.departures) or "no departure but the scale of the modes"
+        told += f"; not carried: {one.uncarried}" if one.uncarried else ""
+        mesh = f" --set surface.edge={way.edge:.6g}" if made.coarser != 1 and way.edge else ""
+        lines.append(
+            f'<p class="quiet"><b>{escape(WAYS[one.name])}</b>: {escape(told)}. '
+            f"<code>dsfab build {escape(made.figure.preset + mesh + one.command)}</code></p>"
+        )
+    return "".join(lines)
+
+
+def picture_cell(shown: PaperPicture, name: str, kind: str = "") -> str:
+    inside = image(shown.file, f"{name}: {shown.title}", shown.size) if shown.file else why(shown.words)
+    if shown.file:
+        inside = f'<a href="{shown.file}">{inside}</a>'
+    words = f"<small>{escape(shown.words)}</small>" if shown.file and shown.words else ""
+    bar = _bar(shown.bar) if shown.bar else ""
+    return f'<figure class="{kind}">{inside}<figcaption><b>{escape(shown.title)}</b>{bar}{words}</figcaption></figure>'
+
+
+def _bar(bar: Bar) -> str:
+    """The scale of colours, with what stands at its ends."""
+    colours = ", ".join(f"rgb({r:.0f}, {g:.0f}, {b:.0f})" for r, g, b in bar.colours)
+    left, right = (f"{label} {name}".strip() for label, name in zip(bar.labels[::2], bar.names, strict=True))
+    strip = f'<i style="background: linear-gradient(to right, {colours})"></i>'
+    return f'<span class="bar">{escape(left)}{strip}{escape(right)}</span>'
+
+
+PAGE_NAME = "index.html"
+
+TIMED = ("membrane", "bending", "statics", "stress", "diffusion", "modes")
+"""The columns of Table 2 in seconds."""
+
+FACTS_AT = 4
+"""The words about a figure fill the place after its structure and three pictures: then families begin a row."""
+
+PARAMETERS = (
+    ("&gamma;", "force magnitude"),
+    ("r", "anisotropy"),
+    ("a", "major mode"),
+    ("b", "minor mode"),
+    ("m<sub>U</sub>", "major threshold"),
+    ("m<sub>W</sub>", "minor threshold"),
+    ("&alpha;<sub>U</sub>", "major frequency"),
+    ("&alpha;<sub>W</sub>", "minor frequency"),
+    ("&beta;<sub>U</sub>", "major phase"),
+    ("&beta;<sub>W</sub>", "minor phase"),
+)
+"""Columns of Table 1, as the paper writes them and in words."""
+
+
+@dataclass(frozen=True)
+class PageFacts:
+    """What the page says about itself: how much coarser than the presets it is, what made it, and how busy that was."""
+
+    coarser: float
+    machine: str
+    load: str = ""
+
+
+def page(figures: Sequence[FigurePictures], about: PageFacts, volumes: Sequence[Mapping[str, Any]] = ()) -> str:
+    """The whole page; its pictures are files beside it. volumes : rows of sphere_volumes.json, whose chart is shown."""
+    compared = [
+        _comparison(one, again(figure.figure.preset, about.coarser)) for figure in figures for one in figure.comparisons
+    ]
+    sections = [_section(figure, about.coarser) for figure in figures]
+    body = [_header(about), _overview(figures), *sections, *compared, claim_section(volumes)]
+    return html_page("The paper's figures, made again", "\n".join(body), STYLE)
+
+
+def pictures_of(folder: Path) -> set[str]:
+    """Names of the pictures that the page in a folder shows; of an earlier page, for none of them to be left behind."""
+    try:
+        return set(re.findall(r'src="([\w.-]+\.webp)"', (folder / PAGE_NAME).read_text(encoding="utf-8")))
+    except (OSError, UnicodeDecodeError):
+        return set()
+
+
+def _header(about: PageFacts) -> str:
+    load = f"; {escape(about.load)}" if about.load else ""
+    rough = "" if about.coarser == 1 else f" The meshes are {about.coarser:g} times coarser than the presets' own."
+    return (
+        "<header><h1>The paper's figures, made again</h1><p>A. Madan, A. Jacobson and D. I. W. Levin, "
+        "<i>Diffusion Structures for Architectural Stripe Pattern Generation</i>: every result from its surface to its "
+        "structure, with the parameters of the paper's Table 1. Where a surface of the paper cannot be had, one of "
+        "dsfab's own stands in. Arrows are loads, cones supports; crosses are red along tension and blue along "
+        "compression; a mode runs from teal through zero to ochre, green arrows lie along its gradient, "
+        "and stripes across. Structures are drawn before pieces that reach no support are dropped.</p>"
+        "<p>Every figure is made three ways: the paper to the letter, the preset that dsfab ships, and dsfab's own "
+        "stripes; beneath them stands what was measured, where each departs from the paper, and the command that makes "
+        "it again. One departure is everywhere: the paper does not say how its modes are scaled, and dsfab's are as "
+        "large as on a sphere of radius 1 of the same area. Captions say what was measured.</p>"
+        f'<p class="quiet">Made by <code>dsfab reproduce</code>: {escape(about.machine)}.{rough} Seconds are those of '
+        f"the processor, all cores together, the median of {RUNS} runs{load}. The paper's stand above them, those of a "
+        "laptop of 2015 (dual-core i5): it gives one row for each mesh.</p></header>"
+    )
+
+
+def _overview(figures: Sequence[FigurePictures]) -> str:
+    tiles = []
+    for made in figures:
+        shown, name = made.structure, made.figure.preset
+        inside = image(shown.file, f"{name}, structure", shown.size) if shown and shown.file else why("not made")
+        tiles.append(f'<a href="#{name}">{inside}<span>{escape(made.figure.label)}</span> {escape(name)}</a>')
+    return f'<nav aria-label="All figures">{"".join(tiles)}</nav>'
+
+
+def _section(made: FigurePictures, coarser: float) -> str:
+    figure = made.figure
+    head = (
+        f'<section id="{figure.preset}"><h2>{escape(figure.preset)} <span>{escape(figure.label)}</span></h2>'
+        f"<p>{escape(figure.caption)}</p>"
+    )
+    if made.error:
+        return f"{head}{why(f'Not made: {made.error}')}</section>"
+    shown = [picture_cell(one, figure.preset, "large" if i == 0 else "") for i, one in enumerate(made.shown)]
+    cells = "".join([*shown[:FACTS_AT], _facts(made, coarser), *shown[FACTS_AT:]])
+    return f'{head}{measured(made, coarser)}<div class="steps">{cells}</div>{_tables(made)}</section>'
+
+
+def _facts(made: FigurePictures, coarser: float) -> str:
+    figure = made.figure
+    edge = "" if coarser == 1 else " (on its own mesh)"
+    finer = f"No mesh {coarser:g} times coarser has all its details: it was made {made.coarser:.3g} times coarser."
+    lines = [escape(f"{made.carried[0].upper()}{made.carried[1:]}.")]
+    if made.coarser != coarser:
+        lines.append(finer)
+    if figure.stand_in:
+        lines.append(f"The surface stands in for the paper's: {escape(figure.stand_in)}.")
+    lines += [f'<span class="quiet">Note on {escape(note)}.</span>' for note in made.notes]
+    lines.append(f"<code>dsfab build {figure.preset}</code>{edge}")
+    return f'<div class="facts">{"".join(f"<p>{line}</p>" for line in lines)}</div>'
+
+
+def _tables(made: FigurePictures) -> str:
+    row = made.figure.row
+    first = _parameters(row) if row else "<p>Table 1 has no row for it.</p>"
+    return f'<div class="tables">{first}{_seconds(made, made.figure.timings)}</div>'
+
+
+def _parameters(row: Parameters) -> str:
+    values = (row.gamma, row.r, *row.modes, *row.thresholds, *row.frequencies, *row.phases)
+    head = "".join(f'<th title="{words}">{sign}</th>' for sign, words in PARAMETERS)
+    cells = "".join(f"<td>{value:g}</td>" for value in values)
+    return f"<table><caption>Table 1</caption><tr>{head}</tr><tr>{cells}</tr></table>"
+
+
+def _seconds(made: FigurePictures, paper: Timings) -> str:
+    theirs: dict[str, float | None] = {name: getattr(paper, name) for name in TIMED}
+    given = made.seconds or {}
+    ours: dict[str, float | None] = {name: given.get(name) for name in TIMED}
+    head = "".join(f"<th>{word}</th>" for word in ("", "|V|", "|T|", *(name.capitalize() for name in TIMED), "Sum"))
+    lines = [_timing("paper", paper.vertices, paper.triangles, theirs)]
+    lines.append(_timing("dsfab", made.vertices, made.triangles, ours))
+    return f"<table><caption>Table 2, seconds</caption><tr>{head}</tr>{''.join(lines)}</table>"
+
+
+def _timing(who: str, vertices: int, triangles: int, seconds: dict[str, float | None]) -> str:
+    known = [value for value in seconds.values() if value is not None]
+    cells = "".join("<td>n/a</td>" if value is None else f"<td>{value:.3f}</td>" for value in seconds.values())
+    return f"<tr><th>{who}</th><td>{vertices:,}</td><td>{triangles:,}</td>{cells}<td>{sum(known):.3f}</td></tr>"
+
+
+def _comparison(one: PaperComparison, command: str) -> str:
+    """command : what makes it again."""
+    rows = "".join(
+        f'<div class="compared" style="--across: {len(row)}">{"".join(picture_cell(s, one.title) for s in row)}</div>'
+        for row in one.rows
+    )
+    words = f'<p>{escape(one.words)}</p><p class="quiet">Again by {command}</p>'
+    return f"<section><h2>{escape(one.title)}</h2>{words}{rows}</section>"
+
+
+STYLE = """
+body { max-width: 96rem; } h1 { margin: 0 0 .6rem; }
+h2 span, nav span { font-weight: 400; color: var(--quiet); } h2 span { margin-left: .5rem; font-size: 1rem; }
+header p, section > p { max-width: 54rem; margin: .35rem 0 1rem; }
+.quiet { font-size: .9rem; } small { color: var(--quiet); }
+nav { display: grid; grid-template-columns: repeat(auto-fill, minmax(12.5rem, 1fr)); gap: 1.2rem; margin: 2rem 0; }
+nav a { color: inherit; text-decoration: none; font-size: .9rem; } nav a:hover { text-decoration: underline; }
+section { border-top: 1px solid var(--hair); padding-top: 1.6rem; margin-top: 3rem; }
+.steps, .compared { display: grid; gap: 1.4rem 1.2rem; grid-template-columns: repeat(4, minmax(0, 1fr)); }
+.compared { grid-template-columns: repeat(var(--across), minmax(0, 24rem)); margin-top: 1rem; }
+.large { grid-column: span 2; grid-row: span 2; }
+@media (max-width: 60rem) { .steps { grid-template-columns: repeat(2, minmax(0, 1fr)); } }
+figcaption { font-size: .86rem; line-height: 1.4; padding-top: .35rem; }
+figcaption b { display: block; font-weight: 600; } small { display: block; }
+.bar { display: flex; gap: .5rem; align-items: center; margin: .15rem 0; font-variant-numeric: tabular-nums; }
+.bar i { flex: 0 1 7rem; height: .5rem; }
+section > .why { aspect-ratio: auto; padding: 2rem; }
+.facts { font-size: .92rem; padding-top: .4rem; } .facts p { margin: 0 0 .55rem; }
+.tables { margin-top: 1.6rem; display: flex; flex-wrap: wrap; gap: 1rem 3rem; overflow-x: auto; }
+.measured th { white-space: normal; } .measured th:first-child { text-align: left; min-width: 11rem; }
+.measured { margin: 1rem 0 1.2rem; font-size: .86rem; } .ways { margin-bottom: 1rem; }
+.tables th:first-child, .tables td:first-child { padding-left: 0; } .tables td + td { padding-left: .6rem; }
+@media print { section { break-inside: avoid; } }
+"""
+"""What is its own: four pictures in a row, the structure as large as four."""
+
+
+SMALL_NAME = "small.html"
+
+QUALITY = 60
+"""Of the pictures, in WebP's hundred."""
+
+LINKED = re.compile(r'<a href="[\w.-]+\.webp">(<img[^>]*>)</a>')
+PICTURE = re.compile(r'src="([\w.-]+\.(?:webp|svg))"')
+
+
+def small_page(text: str, folders: Sequence[Path]) -> str:
+    """A page with its pictures, of half as many pixels a side, in the text; they lead to no larger ones.
+
+    text : the page whose pictures lie in one of the `folders`.
+    """
+    known: dict[str, str] = {}
+
+    def inside(found: re.Match[str]) -> str:
+        name = found.group(1)
+        if name not in known:
+            known[name] = _data(next(path for folder in folders if (path := folder / name).is_file()))
+        return f'src="{known[name]}"'
+
+    return PICTURE.sub(inside, LINKED.sub(r"\1", text))
+
+
+def _data(path: Path) -> str:
+    """A picture as an address that holds it; drawings keep every line."""
+    if path.suffix == ".svg":
+        return f"data:image/svg+xml;base64,{base64.b64encode(path.read_bytes()).decode()}"
+    from PIL import Image
+
+    buffer = io.BytesIO()
+    with Image.open(path) as picture:
+        size = max(picture.width // 2, 1), max(picture.height // 2, 1)
+        half = picture.convert("RGB").resize(size, Image.Resampling.LANCZOS)
+    half.save(buffer, format="WEBP", quality=QUALITY, method=6)
+    return f"data:image/webp;base64,{base64.b64encode(buffer.getvalue()).decode()}"

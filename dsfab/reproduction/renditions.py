@@ -1,0 +1,197 @@
+"""A figure of the paper made in three ways, and what is measured of each: to the letter, by its preset, and best.
+
+All three have the same surface, supports and loads. What is measured is told beside the picture, so that no caption
+has to be believed.
+"""
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from shlex import quote
+from typing import Any
+
+import numpy as np
+
+from dsfab.core.errors import DsfabError
+from dsfab.design import Design, draft
+from dsfab.preset.file import overridden
+from dsfab.preset.model import Preset
+from dsfab.statics import solve_for
+from dsfab.surface import pieces
+
+LETTER: Mapping[str, Any] = {
+    "diffusion.labelling": "magnitude",
+    "statics.law": "stvk",
+    "pattern.keep": 0.0,
+    "pattern.rim": 0.0,
+    "pattern.width": {"rule": "plain"},
+}
+"""What the paper says, where a preset may depart from it; modes, frequencies and phases are those of Table 1 anyway."""
+
+DEPARTURES: Mapping[str, tuple[Any, str]] = {
+    "diffusion.labelling": (
+        "magnitude",
+        "families labelled by the sign of their stress (signed), not by its magnitude",
+    ),
+    "statics.law": ("stvk", "the law of a thin sheet (plane_stress), not St. Venant-Kirchhoff with a rigid normal"),
+    "pattern.keep": (0.0, "material kept around loads and supports"),
+    "pattern.rim": (0.0, "a rim kept along the boundary"),
+}
+"""By key: the paper's value, and in words what another one means."""
+
+SHARES = (0.3, 0.5)
+"""Between these shares of material stripes are made: a preset of modes may leave less, or next to no opening, and where
+over half is kept stripes are no lattice any more."""
+
+
+@dataclass(frozen=True, eq=False)
+class Rendition:
+    """A figure in one way, and what was measured; `refused` says why there is nothing, and the numbers are nan then.
+
+    name : letter, preset or stripes.           departures : from the paper, in words.
+    settings     : what is set besides the preset, by key: with these `dsfab build` makes it again.
+    share        : of the surface that is kept, all that is drawn.     pieces : of it;    loose : that reach no support.
+    carried      : share of the loads that stand on pieces which reach a support; nan without loads.
+    over_uncut   : compliance over that of the uncut sheet, of one solve each with the elements that rank (the cut sheet
+                   up to 15 % off); infinite where the loads are not carried.
+    over_thinner : the same over that of a thinner sheet of the same mass.
+    deviation    : degrees off the principal directions, of the family that is further off.
+    evenness     : P95 over P5 of the spacing, of the family that is less even.
+    crossing     : degrees, the smallest angle between members that cross.
+    uncarried    : why the loads are not carried, where `over_uncut` is infinite.
+    """
+
+    name: str
+    settings: Mapping[str, Any]
+    departures: tuple[str, ...] = ()
+    design: Design | None = None
+    share: float = np.nan
+    pieces: int = 0
+    loose: int = 0
+    carried: float = np.nan
+    over_uncut: float = np.nan
+    over_thinner: float = np.nan
+    deviation: float = np.nan
+    evenness: float = np.nan
+    crossing: float = np.nan
+    uncarried: str = ""
+    refused: str = ""
+
+    @property
+    def command(self) -> str:
+        """What makes this structure from the shipped preset, without the preset's name."""
+        return "".join(f" --set {quote(f'{key}={_toml(value)}')}" for key, value in self.settings.items())
+
+
+def renditions(design: Design) -> tuple[Rendition, ...]:
+    """The paper to the letter, the preset as it is, and evenly spaced stripes.
+
+    These have as much material as the preset, where that is within `SHARES`.
+
+    design : up to its pattern, of a preset of the paper.
+    """
+    uncut: dict[str, float] = {}
+    letter = measured_rendition("letter", design, LETTER, uncut)
+    shipped = measured_rendition("preset", design, {}, uncut)
+    share = float(np.clip(np.nan_to_num(shipped.share, nan=0.5), *SHARES))
+    # frequency 0 lets stripes be a twelfth of the surface's side apart: those of a preset on modes have none
+    stripes = {
+        "pattern.method": "stripes",
+        "pattern.width": {"rule": "graded", "solid_fraction": round(share, 3)},
+        "pattern.major": {"frequency": 0.0},
+        "pattern.minor": {"frequency": 0.0},
+    }
+    return letter, shipped, measured_rendition("stripes", design, stripes, uncut)
+
+
+def departures(preset: Preset) -> tuple[str, ...]:
+    """In words, where a preset is not the paper to the letter."""
+    told = []
+    for key, (paper, words) in DEPARTURES.items():
+        section, name = key.split(".")
+        if (value := getattr(getattr(preset, section), name)) != paper:
+            told.append(f"{words} ({value:g} m)" if isinstance(value, float) else words)
+    if preset.pattern.method == "stripes":
+        told.append("evenly spaced stripes along the stress, as wide as it is large, in place of modes")
+    return tuple(told)
+
+
+def measured_rendition(
+    name: str, old: Design, settings: Mapping[str, Any], known: dict[str, float] | None = None
+) -> Rendition:
+    """One rendition, measured; with the stages of `old` before the first section that the settings change.
+
+    known : compliance of the uncut sheet by law, of renditions of the same surface, for which it is added.
+    """
+    try:
+        preset = overridden(old.preset, dict(settings)) if settings else old.preset
+        design = draft(preset, old=old)
+        # pieces that reach no support are a result here: they are counted before they are dropped
+        drawn = draft(overridden(preset, {"slicing.loose": "keep"}), old=design)
+        listed, quality = drawn.slicing.pieces, design.quality(symmetry=False)
+    except DsfabError as error:
+        return Rendition(name, settings, refused=str(error))
+    share = drawn.sheet.surface.area / old.surface.area
+    uncut, thinner, uncarried = _compliances(design, share, {} if known is None else known)
+    return Rendition(
+        name,
+        settings,
+        departures(preset),
+        design,
+        share,
+        len(listed),
+        sum(not piece.held for piece in listed),
+        _carried(drawn),
+        uncut,
+        thinner,
+        quality.deviation,
+        quality.evenness,
+        quality.crossing_angle,
+        uncarried,
+    )
+
+
+def _carried(drawn: Design) -> float:
+    """Share of the loads on pieces that reach a support; nan without loads.
+
+    drawn : with its loose pieces. A load whose own material was cut away stands on what is nearest, as everywhere.
+    """
+    if not any(load.force.any() for load in drawn.statics.loads(drawn.preset.followed).values()):
+        return np.nan
+    try:
+        loads = drawn.cut_loads.values()
+    except DsfabError:  # no material near the load, or no support is left
+        return 0.0
+    sheet = drawn.sheet.surface
+    _, label = pieces(sheet.F, sheet.edges)
+    held = np.zeros(sheet.n, dtype=bool)
+    held[sheet.F[np.array([piece.held for piece in drawn.slicing.pieces])[label]]] = True
+    size = sum(np.linalg.norm(load.force, axis=1) for load in loads)
+    return min(float(np.sum(size[held]) / np.sum(size)), 1.0)
+
+
+def _compliances(design: Design, share: float, known: dict[str, float]) -> tuple[float, float, str]:
+    """Of the cut sheet, over the uncut sheet and over a thinner one of the same share; nan without loads, infinite with
+    the reason where they are not carried."""
+    statics, weights = design.preset.statics, design.preset.followed
+    whole = design.statics.loads(weights)
+    if not any(load.force.any() for load in whole.values()):
+        return np.nan, np.nan, ""
+
+    def compliance(surface: Any, thickness: float, loads: Mapping[str, Any]) -> float:
+        answers = solve_for(statics.sheet(thickness).on(surface), loads, "ranking")
+        return sum(weight * answers[name].compliance for name, weight in weights.items())
+
+    try:
+        own = compliance(design.sheet.surface, statics.thickness, design.cut_loads)
+    except DsfabError as error:
+        return np.inf, np.inf, str(error)
+    if statics.law not in known:
+        known[statics.law] = compliance(design.surface, statics.thickness, whole)
+    return own / known[statics.law], own / compliance(design.surface, share * statics.thickness, whole), ""
+
+
+def _toml(value: Any) -> str:
+    """A value as --set takes it, without a space."""
+    if isinstance(value, Mapping):
+        return "{" + ",".join(f"{key}={_toml(each)}" for key, each in value.items()) + "}"
+    return f'"{value}"' if isinstance(value, str) else f"{value:g}"

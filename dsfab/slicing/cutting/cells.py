@@ -1,0 +1,279 @@
+"""`Cells`: convex polygons on shared vertices, their triangulation, and values snapped onto levels."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsfab.core.arrays import Bools, Floats, Ints, sorted_order
+
+CHUNK = 1 << 13
+"""Polygons measured together: as many as the processor's cache takes."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cells:
+    """Polygons as (c + 1,) `start` and (h,) `corner`: polygon i has the corners corner[start[i] : start[i + 1]]."""
+
+    start: Ints
+    corner: Ints
+
+    @classmethod
+    def triangles(cls, F: Ints) -> "Cells":
+        """The faces F (m, 3) as polygons."""
+        return cls(np.arange(0, 3 * len(F) + 1, 3), F.ravel())
+
+    @cached_property
+    def sizes(self) -> Ints:
+        """(c,) number of corners."""
+        return np.diff(self.start)
+
+    @cached_property
+    def owner(self) -> Ints:
+        """(h,) the polygon of each slot."""
+        return np.repeat(np.arange(len(self.sizes)), self.sizes)
+
+    @cached_property
+    def following(self) -> Ints:
+        """(h,) the next slot around the same polygon."""
+        slot = np.arange(1, len(self.corner) + 1)
+        slot[self.start[1:] - 1] = self.start[:-1]
+        return slot
+
+    def ahead(self, values: NDArray[Any]) -> NDArray[Any]:
+        """Values (h,) on the slots, seen from the slot before: those of the next one around the same polygon."""
+        result: NDArray[Any] = np.empty_like(values)
+        result[:-1] = values[1:]
+        result[self.start[1:] - 1] = values[self.start[:-1]]
+        return result
+
+    def reduced(self, ufunc: np.ufunc, values: NDArray[Any]) -> NDArray[Any]:
+        """(c,) the values (h,) on the slots of each polygon brought together by `ufunc`."""
+        if len(values) == 3 * len(self.sizes):  # triangles only
+            a, b, c = values.reshape(-1, 3).T
+            return np.asarray(ufunc(ufunc(a, b), c))
+        return ufunc.reduceat(values, self.start[:-1])
+
+    def sides(self, active: Bools) -> tuple[Ints, Ints]:
+        """First and last vertex (s,) of every side of the active polygons (c,)."""
+        a, b = self.corner, self.ahead(self.corner)
+        if active.all():
+            return a, b
+        on = np.flatnonzero(active[self.owner])
+        return a[on], b[on]
+
+    def slots(self, which: Ints) -> Ints:
+        """The slots of the polygons (k,) of this list, polygon by polygon."""
+        sizes = self.sizes[which]
+        ends = np.cumsum(sizes)
+        return np.asarray(np.repeat(self.start[which] - (ends - sizes), sizes) + np.arange(int(sizes.sum())))
+
+    def some(self, which: Ints) -> "Cells":
+        """The polygons (k,) of this list alone."""
+        return Cells(np.concatenate([[0], np.cumsum(self.sizes[which])]), self.corner[self.slots(which)])
+
+    def _run(self, begin: int, end: int) -> "Cells":
+        start = self.start[begin : end + 1]
+        return Cells(start - start[0], self.corner[start[0] : start[-1]])
+
+    def areas(self, X: Floats) -> tuple[Floats, Floats]:
+        """(c,) areas of the polygons, and (c,) the squared distance of the farthest corner from the first."""
+        if len(self.sizes) > CHUNK:
+            parts = [self._run(k, k + CHUNK).areas(X) for k in range(0, len(self.sizes), CHUNK)]
+            area, reach = (np.concatenate(column) for column in zip(*parts, strict=True))
+            return area, reach
+        base = np.repeat(self.corner[self.start[:-1]], self.sizes)
+        spoke = (X.take(self.corner, axis=0) - X.take(base, axis=0)).T
+        x, y, z = spoke
+        u, v, w = (self.ahead(column) for column in spoke)
+        twice = [np.add.reduceat(part, self.start[:-1]) for part in (y * w - z * v, z * u - x * w, x * v - y * u)]
+        reach = np.maximum.reduceat(x * x + y * y + z * z, self.start[:-1])
+        return 0.5 * np.sqrt(twice[0] ** 2 + twice[1] ** 2 + twice[2] ** 2), reach
+
+
+LARGEST = 9
+"""Polygons with more corners are first halved by a chord: the dynamic programme takes a time cubic in the corners."""
+
+
+def triangulate(cells: Cells, X: Floats) -> tuple[Ints, Ints]:
+    """Triangles (m, 3) that fill the convex polygons, oriented alike, and the polygon (m,) of each, ascending.
+
+    X : (n, 3) positions. Polygons may have straight corners (180 degrees) but must have an area: then no triangle is
+    without area, and no side of a polygon is passed over, so that neighbours fit.
+    """
+    waiting: dict[int, list[tuple[Ints, Ints]]] = {}
+    for size in np.flatnonzero(np.bincount(cells.sizes)).tolist():
+        which = np.flatnonzero(cells.sizes == size)
+        waiting[size] = [(cells.corner[cells.start[which][:, None] + np.arange(size)], which)]
+    triangles, owners = [], []
+    while waiting:
+        size = max(waiting)
+        parts = waiting.pop(size)
+        polygons, owner = (np.concatenate(column) for column in zip(*parts, strict=True))
+        if size > LARGEST:
+            for half, whose in _halves(polygons, owner, X):
+                waiting.setdefault(half.shape[1], []).append((half, whose))
+        else:
+            for k in range(0, len(polygons), CHUNK):
+                T, row = _best_triangles(polygons[k : k + CHUNK], X)
+                triangles.append(T)
+                owners.append(owner[k : k + CHUNK][row])
+    T, owner = np.concatenate(triangles), np.concatenate(owners)
+    order = sorted_order(owner)
+    return T[order], owner[order]
+
+
+def _quality(a: Floats, b: Floats, c: Floats) -> Floats:
+    """(g,) 4 sqrt(3) area / (sum of squared sides): 1 for equilateral triangles, 0 without area [Bank, Smith 1997].
+
+    a, b, c : (3, g) corners.
+    """
+    u, v = b - a, c - a
+    w = v - u
+    squares = sum((s[0] * s[0] + s[2] * s[2]) + s[1] * s[1] for s in (u, v, w))
+    x, y, z = u[1] * v[2] - u[2] * v[1], u[2] * v[0] - u[0] * v[2], u[0] * v[1] - u[1] * v[0]
+    return np.asarray(2 * np.sqrt(3) * np.sqrt(x * x + y * y + z * z) / np.maximum(squares, 1e-300))
+
+
+def _best_triangles(polygons: Ints, X: Floats) -> tuple[Ints, Ints]:
+    """Triangles of polygons (g, size) and the row of each: dynamic programme over sub-polygons i, i + 1, ..., j.
+
+      k          best[i, j] = max over k of min(best[i, k], best[k, j], quality(i, k, j)):
+     / \\         the triangle on the chord i-j, and what is best on its two other sides.
+    i---j
+    """
+    g, size = polygons.shape
+    if size == 3:
+        return polygons, np.arange(g)
+    P = [np.ascontiguousarray(X.take(column, axis=0).T) for column in polygons.T]
+    best = {(i, i + 1): np.full(g, np.inf) for i in range(size - 1)}
+    apex = np.zeros((size, size, g), dtype=np.int64)
+    for span in range(2, size):
+        for i in range(size - span):
+            j = i + span
+            worst = np.stack(
+                [np.minimum(np.minimum(best[i, k], best[k, j]), _quality(P[i], P[k], P[j])) for k in range(i + 1, j)]
+            )
+            apex[i, j] = i + 1 + worst.argmax(axis=0)
+            best[i, j] = worst.max(axis=0)
+    return _chosen_triangles(polygons, apex)
+
+
+def _chosen_triangles(polygons: Ints, apex: Ints) -> tuple[Ints, Ints]:
+    g, size = polygons.shape
+    found, rows = [], []
+    chords = [(np.arange(g), np.zeros(g, dtype=np.int64), np.full(g, size - 1))]
+    while chords:
+        row, i, j = chords.pop()
+        open_ = j - i >= 2
+        row, i, j = row[open_], i[open_], j[open_]
+        if len(row):
+            k = apex[i, j, row]
+            found.append(np.stack([polygons[row, i], polygons[row, k], polygons[row, j]], axis=1))
+            rows.append(row)
+            chords += [(row, i, k), (row, k, j)]
+    return np.concatenate(found), np.concatenate(rows)
+
+
+def _halves(polygons: Ints, owner: Ints, X: Floats) -> list[tuple[Ints, Ints]]:
+    """Each polygon (g, size) cut by the chord whose smaller side has the largest area, as groups of equal size."""
+    size = polygons.shape[1]
+    spoke = X[polygons] - X[polygons[:, :1]]
+    fan = np.linalg.norm(np.cross(spoke[:, :-1], spoke[:, 1:]), axis=2)
+    upto = np.concatenate([np.zeros((len(fan), 1)), np.cumsum(fan, axis=1)], axis=1)
+    i, j = np.triu_indices(size, 2)
+    i, j = i[j - i < size - 1], j[j - i < size - 1]  # the pair 0, size - 1 is a side
+    corner = np.linalg.norm(np.cross(spoke[:, i], spoke[:, j]), axis=2)
+    ear = upto[:, j] - upto[:, i] - corner  # twice the area of i, i + 1, ..., j
+    choice = np.minimum(ear, upto[:, -1:] - ear).argmax(axis=1)
+    groups = []
+    for c in np.unique(choice):
+        rows = np.flatnonzero(choice == c)
+        ring = np.arange(size)
+        inner, outer = ring[i[c] : j[c] + 1], np.concatenate([ring[: i[c] + 1], ring[j[c] :]])
+        groups += [(polygons[rows][:, inner], owner[rows]), (polygons[rows][:, outer], owner[rows])]
+    return groups
+
+
+SNAP_FLOOR = 1e-9
+"""Least snap fraction, applied also at snap = 0: lines nearer to a vertex go through it."""
+ROUNDING = 8
+"""Values within this many units in the last place of the largest value are on a level, however flat the field."""
+TIP = 1e-3
+"""Where both edges of a stripe of varying width come closer than this share of a side, they meet (or than the snap
+fraction, if that is less)."""
+
+
+def nearest(x: Floats, levels: Floats) -> Floats:
+    """(n,) the level nearest to each value x (n,); levels (k,) ascend."""
+    at = np.searchsorted(levels, x)
+    below, above = levels[np.maximum(at - 1, 0)], levels[np.minimum(at, len(levels) - 1)]
+    closest: Floats = np.where(np.abs(x - below) < np.abs(above - x), below, above)
+    return closest
+
+
+def snapped(
+    x: Floats, levels: Floats, sides: tuple[Ints, Ints], difference: Floats, fraction: float, free: Bools
+) -> Floats:
+    """A copy of x (n,) with free values (n,) within `fraction` of their edges' largest range of a level (k,) moved
+    onto it.
+
+    sides : the values at both ends of each edge.    difference : the range of each edge.
+    """
+    level = nearest(x, levels)
+    gap = np.abs(x - level)
+    maybe = gap <= fraction * difference.max(initial=0.0) + _rounding(x)  # most are not, and need no closer look
+    on = np.flatnonzero(maybe[sides[0]] | maybe[sides[1]])
+    reach = ranges(len(x), (sides[0][on], sides[1][on]), difference[on])
+    near = maybe & free & (gap <= fraction * reach + _rounding(x))
+    moved: Floats = np.where(near, level, x)
+    return moved
+
+
+def snapped_together(x: Floats, levels: Floats, reach: Floats, fraction: float) -> Floats:
+    """A copy of x (n, 2), two fields on the same levels: the value relatively nearer to a level moves onto it.
+
+    reach : (n, 2) the largest range of each over the edges at a vertex.
+
+    The other moves by as much, so that a stripe keeps its width, but not across a level of its own. Fields at a
+    constant distance move as a single field with the levels of both would.
+    """
+    level = np.stack([nearest(x[:, i], levels) for i in (0, 1)], axis=1)
+    steps, limit = level - x, fraction * reach + _rounding(x)
+    gap = np.abs(steps)
+    share = gap * limit[:, ::-1]
+    tie = (share[:, 0] == share[:, 1]) & (steps[:, 0] > steps[:, 1])  # upwards, as `nearest` does
+    first = (share[:, 0] < share[:, 1]) | tie
+    chosen = np.stack([first, ~first], axis=1)
+    step = np.where(chosen, steps, 0).sum(axis=1)
+    near = np.any(chosen & (gap <= limit), axis=1)
+    bounded = np.concatenate([[-np.inf], levels, [np.inf]])
+    low = bounded[np.searchsorted(levels, x, side="right")]
+    high = bounded[np.searchsorted(levels, x, side="left") + 1]
+    other = np.clip(x + step[:, None], low, high)
+    moved: Floats = np.where(near[:, None], np.where(chosen, level, other), x)
+    return moved
+
+
+def settled_cells(cells: Cells, y: Floats, levels: Floats) -> tuple[Bools, Bools]:
+    """(c,) polygons that are material, and (c,) void, wherever the levels of two fields run; y (h, 2) at the slots."""
+    width, begins = y[:, 0] - y[:, 1], cells.start[:-1]
+    gap = np.diff(levels).max(initial=0.0)
+    within = (y[:, 0] >= levels[0]) & (y[:, 1] < levels[-1])
+    wide = (width >= gap - _rounding(y)) & within
+    return np.logical_and.reduceat(wide, begins), np.maximum.reduceat(width, begins) <= _rounding(y)
+
+
+def ranges(n: int, sides: tuple[Ints, Ints], difference: Floats) -> Floats:
+    """(n,) the largest difference over the sides at each vertex."""
+    reach = np.zeros(n)
+    for end in sides:
+        np.maximum.at(reach, end, difference)
+    return reach
+
+
+def _rounding(x: Floats) -> float:
+    """What a constant field may be off by, once an earlier cut has interpolated it."""
+    return float(ROUNDING * np.spacing(np.abs(x).max()))

@@ -1,0 +1,294 @@
+"""`cut`: a surface cut exactly along level lines of linear fields, and cells of a sheet that are cut again."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+from numpy.typing import ArrayLike
+from scipy.sparse import csr_array, vstack
+
+from dsfab.core.arrays import Bools, Floats, Ints, first, sorted_order
+from dsfab.core.errors import PatternError, SurfaceError
+from dsfab.slicing.cutting.cells import SNAP_FLOOR, TIP, Cells, ranges, settled_cells, snapped_together, triangulate
+from dsfab.slicing.cutting.corner_fields import corner_band
+from dsfab.slicing.cutting.loose_ends import Tidy, tidied, with_closed, with_meeting_ends
+from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
+from dsfab.slicing.cutting.sheet import Sheet
+from dsfab.slicing.cutting.split import Snapping, Split, clean_split
+from dsfab.slicing.cutting.straight_bars import with_straight_bars
+from dsfab.slicing.cutting.stubs import without_stubs
+from dsfab.surface import Surface, corners_of, faces_at
+from dsfab.surface.fields import CornerField, Divided, DividedField
+from dsfab.surface.mesh import ZERO_AREA
+
+LEVEL_GAP = 1e-6
+"""Levels closer than this share of the field's range count as equal: thinner stripes are neither made nor left out."""
+
+
+Field = Floats | CornerField | DividedField
+
+
+def cut(
+    surface: Surface,
+    fields: Sequence[Field],
+    levels: Sequence[ArrayLike],
+    snap: float = 0.05,
+    tidy: Tidy | None = None,
+) -> Sheet:
+    """All cells of a surface cut along the given levels of several fields, material and void together.
+
+    fields : values on the vertices, linear over each face; any unit. (n,) each, or (n, 2) for stripes whose width
+             varies over a face: two fields z + d and z - d, levels at the middles of the stripes. A `CornerField` is
+             the same for stripes that no value at a vertex serves for all faces around it. A `DividedField` is linear
+             over parts of faces; all of them have one division, and come before any `CornerField`.
+    levels : ascending values for each field. Strip j of a field has j levels below it; odd strips are material, the
+             union over the fields is. Two equal levels (see `LEVEL_GAP`) enclose nothing and are left out.
+             Of two fields, material is where the first has more levels below it than the second: |z - level| < d.
+    snap   : fraction of a vertex's largest edge range (0 to 0.4). A value closer to a level than that is moved onto it
+             first, which moves a line by at most this fraction of an edge and avoids slivers. 0 is for exact areas; a
+             floor of `SNAP_FLOOR` always holds, and where a cell would still have no area its corners are moved too.
+
+    tidy   : what to take off where stripes lead nowhere; None leaves them.
+
+    A cell that is material by an earlier field is not cut by later ones. A face that lies on a level wholly is void.
+    Returns the cells in the order of their parent faces; the first n vertices are the uncut ones.
+    Raises PatternError for values that are not finite, levels out of order, a snap out of range, or cells that have no
+    area whatever is moved.
+    """
+    return sheet_of(cut_polygons(surface, fields, levels, snap, tidy))
+
+
+def sheet_of(mesh: PolygonMesh) -> Sheet:
+    """The polygons of `cut_polygons` filled with triangles; raises PatternError as `cut` does."""
+    cut_surface, cell = filled_polygons(mesh.cells, mesh.X, mesh.parent)
+    return Sheet(cut_surface, mesh.parent[cell], mesh.family[cell], mesh.weights, mesh.stubs)
+
+
+def material_area(
+    surface: Surface,
+    fields: Sequence[Field],
+    levels: Sequence[ArrayLike],
+    snap: float = 0.05,
+    tidy: Tidy | None = None,
+) -> float:
+    """Area of the material of `cut` with the same arguments (fields (n,), levels (k,)), square metres; cells are not
+    filled."""
+    return cut_polygons(surface, fields, levels, snap, tidy).material_area
+
+
+def cut_polygons(
+    surface: Surface,
+    fields: Sequence[Field],
+    levels: Sequence[ArrayLike],
+    snap: float = 0.05,
+    tidy: Tidy | None = None,
+) -> PolygonMesh:
+    """What `cut` divides the surface into, before it is filled with triangles."""
+    values = [_checked_field(surface, k, f) for k, f in enumerate(fields)]
+    steps = [_checked_levels(k, x, wanted) for k, (x, wanted) in enumerate(zip(values, levels, strict=True))]
+    if not 0 <= snap <= 0.4:
+        raise PatternError(f"snap = {snap} must lie between 0 and 0.4")
+    divided, on_parts = _division(fields)
+    mesh, beside = PolygonMesh.of(surface, divided), list[Bools]()
+    for k, (field, x, lines) in enumerate(zip(fields, values, steps, strict=True)):
+        blank = np.zeros(surface.m, dtype=bool)
+        if isinstance(field, CornerField):
+            mesh, material = corner_band(mesh, field, lines, snap, _tip(snap), surface.size)
+            blank = field.blank
+        else:
+            y = on_parts[k] if isinstance(field, DividedField) else np.asarray(mesh.weights @ x)
+            splits, material = _plain(mesh, y, lines, snap, surface.size)
+            for split in splits:
+                mesh = mesh.after(split)
+                on_parts = {j: split.extended(y) for j, y in on_parts.items() if j > k}
+        mesh = mesh.with_material(k, material, blank)
+        if tidy:
+            beside.append(_beside(surface, blank))
+            mesh = replace(mesh, again=mesh.again | tidy.ends(mesh, k, blank | beside[k]))
+    if not tidy:
+        return mesh
+    mesh = with_meeting_ends(mesh, fields, steps)
+    nodes = (mesh.also == mesh.family) & ~mesh.void
+    mesh, stubs = without_stubs(tidied(with_closed(mesh, tidy.closed), tidy), nodes, tidy)
+    nodes = (mesh.also == mesh.family) & ~mesh.void
+    near = np.array(beside)[mesh.family, mesh.parent]  # of what is void it says nothing
+    mesh, straight = with_straight_bars(mesh, nodes, near, tidy, surface.size)
+    return replace(mesh, stubs=stubs + straight)
+
+
+def _beside(surface: Surface, faces: Bools) -> Bools:
+    """(m,) faces that share a vertex with some (m,), and are none of them."""
+    return faces_at(surface.F, corners_of(surface.F, faces, surface.n)) & ~faces
+
+
+def _division(fields: Sequence[Field]) -> tuple[Divided | None, dict[int, Floats]]:
+    """What faces are divided into, if they are; and by number the fields on that."""
+    on_parts = {k: field for k, field in enumerate(fields) if isinstance(field, DividedField)}
+    if not on_parts:
+        return None, {}
+    divided = next(iter(on_parts.values())).divided
+    if any(field.divided is not divided for field in on_parts.values()):
+        raise ValueError("all divided fields must be on one division")
+    if any(isinstance(field, CornerField) for field in fields[: max(on_parts)]):
+        raise ValueError("divided fields must come before corner fields")
+    return divided, {k: field.x for k, field in on_parts.items()}
+
+
+def _tip(snap: float) -> float:
+    return min(max(snap, LEVEL_GAP), TIP)
+
+
+def _plain(mesh: PolygonMesh, x: Floats, lines: Floats, snap: float, size: float) -> tuple[list[Split], Bools]:
+    """The splits of the void polygons by one plain field or two, with values x at the vertices of the polygons, and
+    which of the resulting ones are material."""
+    if x.ndim == 2:
+        return _band(mesh.cells, mesh.X, x, lines, mesh.void | mesh.again, snap, size)
+    split = clean_split(mesh.cells, mesh.X, x, lines, mesh.void | mesh.again, Snapping(snap, size))
+    return [split], (split.strip > 0) & (split.strip % 2 == 1)
+
+
+def _band(
+    cells: Cells, X: Floats, x: Floats, levels: Floats, void: Bools, snap: float, size: float
+) -> tuple[list[Split], Bools]:
+    """Two splits of the void cells, by x[:, 0] and by x[:, 1], and which of the resulting cells they make material.
+
+    Where x[:, 0] - x[:, 1] stays over the gap of the levels, or under zero, nothing is cut.
+
+            x[:, 0] = level . ' material
+        . '        ' .                      The two lines of a stripe meet where it ends in a tip: there the second
+          void         x[:, 1] = level      split finds the vertex of the first one on its level.
+    """
+    if not len(levels):
+        return [], np.zeros(len(void), dtype=bool)
+    solid, empty = settled_cells(cells, x[cells.corner], levels)
+    solid, active = void & solid, void & ~solid & ~empty
+    a, b = cells.sides(active)
+    reach = np.stack([ranges(len(x), (a, b), np.abs(x[a, i] - x[b, i])) for i in (0, 1)], axis=1)
+    x = snapped_together(x, levels, reach, max(snap, SNAP_FLOOR))
+    tip, every = Snapping(_tip(snap), size), np.ones(len(levels), dtype=bool)
+    one = clean_split(cells, X, x[:, 0], levels, active, tip, above=~every)
+    X, second = one.extended(X), one.extended(x[:, 1])
+    two = clean_split(one.cells, X, second, levels, active[one.source], tip, above=every)
+    more = one.strip[two.source] > two.strip
+    return [one, two], solid[one.source][two.source] | more
+
+
+def filled_polygons(cells: Cells, X: Floats, parent: Ints) -> tuple[Surface, Ints]:
+    """The polygons filled with triangles, and the polygon (m',) of each triangle, ascending.
+
+    Raises PatternError when triangles without area are left; it names their parent faces (c,).
+    """
+    F, cell = triangulate(cells, X)
+    try:
+        return Surface(X, F), cell
+    except SurfaceError as refused:
+        a, b, c = (X[F[:, i]] for i in range(3))
+        areas = 0.5 * np.linalg.norm(np.cross(b - a, c - a), axis=1)
+        bad = np.flatnonzero(areas <= ZERO_AREA * np.sum(np.ptp(X, axis=0) ** 2))
+        raise PatternError(
+            f"{len(bad)} of {len(F)} cells have no area (in faces {first(np.unique(parent[cell[bad]]))}); "
+            "raise snap or the pinch radius, or remesh these faces if they are slivers themselves"
+        ) from refused
+
+
+def _checked_field(surface: Surface, k: int, field: Field) -> Floats:
+    """The values of a field at the vertices."""
+    if isinstance(field, DividedField):
+        if (field.divided.whole.n, field.divided.whole.m) != (surface.n, surface.m):
+            raise ValueError(f"field {k} is on the parts of another surface")
+        return field.at_vertices
+    x = field.x if isinstance(field, CornerField) else np.asarray(field, dtype=np.float64)
+    if x.shape not in ((surface.n,), (surface.n, 2)):
+        raise ValueError(f"field {k} must have shape ({surface.n},) or ({surface.n}, 2), got {x.shape}")
+    bad = np.flatnonzero(~np.isfinite(x.reshape(surface.n, -1)).all(axis=1))
+    if len(bad):
+        raise PatternError(f"field {k} is not finite at {len(bad)} of {surface.n} vertices (first: {first(bad)})")
+    return x
+
+
+def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:
+    """The levels without equal ones: of a group of equal levels one stays if they are odd in number, else none.
+
+    For two fields one of each group stays.
+    """
+    wanted = np.asarray(levels, dtype=np.float64)
+    if wanted.ndim != 1 or not np.isfinite(wanted).all() or (np.diff(wanted) < 0).any():
+        raise PatternError(f"the levels of field {k} must be finite and ascending")
+    if not len(wanted):
+        return wanted
+    begins = np.flatnonzero(np.diff(wanted, prepend=-np.inf) > LEVEL_GAP * np.ptp(field))
+    if field.ndim == 2:
+        return np.asarray(wanted[begins])
+    distinct: Floats = wanted[begins[np.diff(begins, append=len(wanted)) % 2 == 1]]
+    return distinct
+
+
+@dataclass(frozen=True, eq=False)
+class Recut:
+    """Cells (k,) of a sheet, ascending, their vertices (v,) of it, ascending, and both as a mesh of polygons."""
+
+    sheet: Sheet
+    cells: Ints
+    vertices: Ints
+    mesh: PolygonMesh
+
+    @classmethod
+    def of(cls, sheet: Sheet, cells: Ints) -> "Recut":
+        """Cells (k,) of a sheet and those beside them, which get new vertices on their sides."""
+        surface = sheet.surface
+        near = np.zeros(surface.m, dtype=bool)
+        near[cells] = True
+        one, two = surface.edges.pairs.T // 3
+        some = near[one] | near[two]
+        near[one[some]] = near[two[some]] = True
+        which = np.flatnonzero(near)
+        vertices, F = np.unique(surface.F[which], return_inverse=True)
+        triangles, X = Cells.triangles(F.reshape(-1, 3)), surface.V[vertices]
+        mesh = PolygonMesh.plain(F, triangles, X, sheet.weights[vertices], sheet.parent[which], sheet.family[which])
+        return cls(sheet, which, vertices, mesh)
+
+    def together(self, mesh: PolygonMesh, source: Ints) -> Sheet:
+        """All cells of the sheet, in their order, these ones replaced by the polygons that they became.
+
+        source : (c,) the place in `cells` of each polygon.
+        """
+        sheet, surface, new = self.sheet, self.sheet.surface, len(mesh.X) - len(self.vertices)
+        number = np.concatenate([self.vertices, surface.n + np.arange(new)])
+        stay = np.ones(surface.m, dtype=bool)
+        stay[self.cells] = False
+        others = np.flatnonzero(stay)
+        start = np.concatenate([3 * np.arange(len(others)), 3 * len(others) + mesh.cells.start])
+        cells = Cells(start, np.concatenate([surface.F[others].ravel(), number[mesh.cells.corner]]))
+        came = np.concatenate([others, self.cells[source]])
+        order = sorted_order(came)
+        X = np.concatenate([surface.V, mesh.X[len(self.vertices) :]])
+        weights = csr_array(vstack([sheet.weights, mesh.weights[len(self.vertices) :]], format="csr"))
+        cells, parent = cells.some(order), sheet.parent[came[order]]
+        family = np.concatenate([sheet.family[others], mesh.family])[order]
+        done, cell = filled_polygons(cells, X, parent)
+        return Sheet(done, parent[cell], family[cell], weights)
+
+
+def divided_at_vertices(sheet: Sheet, uncut: Surface, field: DividedField) -> Floats:
+    """(n',) or (n', 2) a field that is linear over parts of the faces of `uncut`, at the vertices of a sheet."""
+    divided, F = field.divided, sheet.surface.F
+    found = sheet.carry(field.at_vertices)
+    parts = divided.new()
+    order = np.argsort(divided.parent[parts], kind="stable")
+    parts = parts[order]
+    parents = divided.parent[parts]
+    face = np.full(sheet.surface.n, -1)
+    inside = np.isin(sheet.parent, parents)
+    face[F[inside]] = sheet.parent[inside][:, None]
+    vertex = np.flatnonzero(face >= 0)
+    at = np.stack([np.asarray(sheet.weights[vertex, uncut.F[face[vertex], c]]).ravel() for c in range(3)], axis=1)
+    begin, end = (np.searchsorted(parents, face[vertex], side=side) for side in ("left", "right"))
+    count = end - begin
+    of = np.repeat(np.arange(len(vertex)), count)
+    part = parts[np.repeat(begin - (np.cumsum(count) - count), count) + np.arange(int(count.sum()))]
+    own = np.einsum("ki,kij->kj", at[of], np.linalg.inv(divided.corners(part)))
+    order = np.lexsort([-own.min(axis=1), of])
+    best = order[np.concatenate([[True], np.diff(of[order]) > 0])] if len(order) else order
+    corners = field.x[divided.surface.F[part[best]]]
+    found[vertex[of[best]]] = np.einsum("kc,kc...->k...", own[best], corners)
+    return found

@@ -1,0 +1,370 @@
+"""Polygons split along the level lines of one field, without new polygons of zero area."""
+
+from dataclasses import dataclass, fields
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from dsfab.core.arrays import Bools, Floats, Ints, grouped, sorted_order
+from dsfab.slicing.cutting.cells import SNAP_FLOOR, Cells, nearest, snapped
+from dsfab.surface.mesh import ZERO_AREA
+
+
+@dataclass(frozen=True, eq=False)
+class Split:
+    """What `split_cells` gives.
+
+    cells  : the new polygons, on the old vertices followed by the new ones.
+    source : (c',) the old polygon that each new one is a part of.
+    strip  : (c',) how many levels lie below a new polygon; -1 for those that were not to be cut.
+    low, high, t : (k,) new vertex i lies at (1 - t) low + t high of two old vertices, 0 < t < 1.
+    side, level  : (k,) the slot of a side that a new vertex lies on, of the polygons before, and the level there.
+    """
+
+    cells: Cells
+    source: Ints
+    strip: Ints
+    low: Ints
+    high: Ints
+    t: Floats
+    side: Ints
+    level: Floats
+
+    @classmethod
+    def none(cls, cells: Cells, active: Bools) -> "Split":
+        """The polygons as they are, the active ones (c,) in strip 0."""
+        no, none = np.empty(0, dtype=np.int64), np.empty(0)
+        return cls(cells, np.arange(len(cells.sizes)), np.where(active, 0, -1), no, no, none, no, none)
+
+    def extended(self, old: Floats) -> Floats:
+        """Values (n, ...) on the old vertices, followed by the interpolated ones on the new vertices."""
+        t = self.t.reshape(-1, *[1] * (old.ndim - 1))
+        return np.concatenate([old, (1 - t) * old[self.low] + t * old[self.high]])
+
+    def blend(self, n: int) -> csr_array:
+        """(k, n) sparse weights of the new vertices on the n old ones."""
+        k = len(self.t)
+        data = np.stack([1 - self.t, self.t], axis=1).ravel()
+        columns = np.stack([self.low, self.high], axis=1).ravel()
+        return csr_array((data, columns, np.arange(0, 2 * k + 1, 2)), shape=(k, n))
+
+
+@dataclass(frozen=True, eq=False)
+class SideValues:
+    """A field at both ends of every side of polygons, (h,) each: as the polygon sees it that the side belongs to.
+
+    foreign : (k,) sides whose polygon cannot tell, and takes what the other one on the edge sees.
+    own     : (h,) the field at the slots.
+    """
+
+    start: Floats
+    end: Floats
+    foreign: Ints
+    own: Floats
+
+    @classmethod
+    def of(cls, cells: Cells, x: Floats) -> "SideValues":
+        """Of a field x (n,) on the vertices."""
+        return cls.at(cells, x[cells.corner])
+
+    @classmethod
+    def at(cls, cells: Cells, y: Floats, foreign: Bools | None = None) -> "SideValues":
+        """Of values y (h,) at the slots."""
+        if foreign is None or not foreign.any():
+            return cls(y, cells.ahead(y), np.empty(0, dtype=np.int64), y)
+        start, end = y.copy(), cells.ahead(y)
+        ends = end.copy()
+        a, b = cells.corner, cells.ahead(cells.corner)
+        which = np.flatnonzero(foreign)
+        on = np.zeros(int(a.max()) + 1, dtype=bool)
+        on[a[which]] = on[b[which]] = True
+        near = np.flatnonzero(on[a] & on[b])  # no other side is on an edge of these
+        p, q = a[near], b[near]
+        order, begins, edge = grouped(np.minimum(p, q) * len(on) + np.maximum(p, q))
+        first = np.minimum.reduceat(np.where(foreign[near], len(a), near)[order], begins)[edge]
+        mate = first[foreign[near]]
+        alone = mate == len(a)
+        start[which[alone]] = end[which[alone]] = y[~foreign].min(initial=0.0)
+        some, mate = which[~alone], mate[~alone]
+        same = a[some] == a[mate]
+        start[some], end[some] = np.where(same, y[mate], ends[mate]), np.where(same, ends[mate], y[mate])
+        return cls(start, end, which, y)
+
+    def places(self, cells: Cells, levels: Floats, only: Ints | None = None) -> tuple[Ints, Ints]:
+        """(h,) where the values at the start and at the end of every side are; see `_places`.
+
+        only : the sides of some polygons (k,) where it is wanted; 0 on all others.
+        """
+        if only is not None:
+            start, end = np.zeros((2, len(self.start)), dtype=np.int64)
+            start[only], end[only] = _places(self.start[only], levels), _places(self.end[only], levels)
+            return start, end
+        own = _places(self.own, levels)
+        start, end = own, cells.ahead(own)
+        if len(self.foreign):
+            start = own.copy()
+            start[self.foreign] = _places(self.start[self.foreign], levels)
+            end[self.foreign] = _places(self.end[self.foreign], levels)
+        return start, end
+
+
+@dataclass(frozen=True, eq=False)
+class _Sides:
+    """Where levels cross the sides of polygons, (h,) each.
+
+    low   : how many levels are not above the lower end: the strip in which a side starts.
+    count : how many levels lie strictly between its ends; 0 where no active polygon has the side.
+    first : the first new vertex on it, counted from the lower end, the same for all polygons with this side.
+    up    : whether it runs from the lower to the higher end.    flat : whether it lies wholly on a level.
+    along : whether it meets its new vertices in their order.
+
+        lower end o------x-------x----o higher end      low = 2, count = 2, new vertices first + 0, first + 1
+                     2   |   3   |  4                   strips 2, 3, 4
+                      levels[2] levels[3]
+    """
+
+    low: Ints
+    count: Ints
+    first: Ints
+    up: Bools
+    flat: Bools
+    along: Bools
+
+    def at(self, slots: Ints) -> "_Sides":
+        return _Sides(*(getattr(self, field.name)[slots] for field in fields(self)))
+
+
+class _Between(NamedTuple):
+    """New vertices (k,): at (1 - t) low + t high of two old ones, on a side and a level."""
+
+    low: Ints
+    high: Ints
+    t: Floats
+    side: Ints
+    level: Floats
+
+
+def split_cells(
+    cells: Cells,
+    n: int,
+    x: SideValues,
+    levels: Floats,
+    active: Bools,
+    above: Bools | None = None,
+    live: Bools | None = None,
+) -> Split:
+    """Cut the active polygons on n vertices along every level of a field on their sides, each along straight chords.
+
+    Where two polygons see a field differently, by its sign or by what carries levels to levels, they see the same
+    crossings of their common edge.
+
+    levels : (l,) strictly ascending. Polygons that are not active get the new vertices of the sides that they share
+             with active ones, and stay whole. A side that lies on a level goes with the side before it.
+    above  : (l,) whether a polygon that lies on a level with all its corners gets the strip above it or the one below;
+             when left out, the even one of the two, which is void.
+    live   : (h,) all sides of the edges that get new vertices whether a polygon is active there or not.
+    """
+    above = np.arange(len(levels)) % 2 == 1 if above is None else above
+    only = None
+    if live is not None and not active.any():  # polygons that are not on these edges stay as they are
+        only = cells.slots(np.flatnonzero(cells.reduced(np.logical_or, live)))
+    ends = x.places(cells, levels, only)
+    least, most = (cells.reduced(np.minimum, ends[0]) + 1) // 2, cells.reduced(np.maximum, ends[0]) // 2
+    if len(x.foreign):
+        least = np.minimum(least, (cells.reduced(np.minimum, ends[1]) + 1) // 2)
+        most = np.maximum(most, cells.reduced(np.maximum, ends[1]) // 2)
+    strip = np.where(most < least, most + above[np.minimum(most, len(levels) - 1)], least)  # of those that stay whole
+    strip[~active] = -1
+    which = np.flatnonzero(most > least)
+    slots = cells.slots(which)
+    crossed = Cells(np.concatenate([[0], np.cumsum(cells.sizes[which])]), cells.corner[slots])
+    sides, new = _sides(crossed, n, x, levels, active[which], slots, ends, live)
+    cut = active[which] | (crossed.reduced(np.maximum, sides.count) > 0)
+    if not cut.all():
+        some = np.flatnonzero(cut)
+        sides, crossed, which = sides.at(crossed.slots(some)), crossed.some(some), which[some]
+    part, label = _subdivided(crossed, sides)
+    label[~active[which][part.owner]] = -1
+    return _merged(cells, strip, which, _grouped(part, label, len(levels)), new)
+
+
+def _places(x: Floats, levels: Floats) -> Ints:
+    """Where values are: 2 k in strip k, above k levels; 2 k + 1 on levels[k]."""
+    below = np.searchsorted(levels, x)
+    return np.asarray(2 * below + (levels[np.minimum(below, len(levels) - 1)] == x))
+
+
+def _sides(
+    cells: Cells,
+    n: int,
+    x: SideValues,
+    levels: Floats,
+    active: Bools,
+    slots: Ints,
+    places: tuple[Ints, Ints],
+    live: Bools | None,
+) -> tuple[_Sides, _Between]:
+    """The crossings of all sides, and the new vertices: each edge once, so that its polygons share them.
+
+    slots : (h,) of all polygons, those of the `cells`: x, `places` of its values and `live` belong to all.
+    """
+    a, b = cells.corner, cells.ahead(cells.corner)
+    start, end, one, two = x.start[slots], x.end[slots], places[0][slots], places[1][slots]
+    up = start < end
+    low, high = (np.minimum(one, two) + 1) // 2, np.maximum(one, two) // 2
+    crossed = np.flatnonzero(high > low)
+    p, q = a[crossed], b[crossed]
+    order, begins, edge = grouped(np.minimum(p, q) * n + np.maximum(p, q))
+    some = crossed[order[begins]]
+    wanted = active[cells.owner[crossed]]
+    if live is not None:
+        wanted = wanted | live[slots[crossed]]
+    if len(x.foreign) and len(some):  # the first that sees for itself
+        foreign = np.zeros(len(x.start), dtype=bool)
+        foreign[x.foreign] = True
+        rank = np.where(foreign[slots[crossed]], len(a), 0) + np.arange(len(crossed))
+        some = crossed[np.minimum.reduceat(rank[order], begins) % len(a)]
+    cut = np.logical_or.reduceat(wanted[order], begins) if len(some) else some > 0
+    levels_on = np.where(cut, high[some] - low[some], 0)
+    begin = np.cumsum(levels_on) - levels_on
+    new = np.repeat(np.arange(len(some)), levels_on)
+    value = levels[low[some][new] + np.arange(len(new)) - begin[new]]
+    p, q, least, most = (
+        np.where(up[some], pair[0][some], pair[1][some])[new] for pair in ((a, b), (b, a), (start, end), (end, start))
+    )
+    count, first, along = np.zeros_like(a), np.zeros_like(a), up.copy()
+    count[crossed], first[crossed] = levels_on[edge], n + begin[edge]
+    along[crossed] = a[crossed] == np.where(up[some], a[some], b[some])[edge]
+    sides = _Sides(low, count, first, up, high < low, along)
+    return sides, _Between(p, q, (value - least) / (most - least), slots[some][new], value)
+
+
+def _subdivided(cells: Cells, sides: _Sides) -> tuple[Cells, Ints]:
+    """The same polygons with the new vertices as corners, and the strip of each side.
+
+    A side on a level gets the strip of the last other side before it, around its polygon, which must have one.
+    """
+    count = sides.count + 1
+    offset = np.concatenate([[0], np.cumsum(count)])
+    side = np.repeat(np.arange(len(count)), count)
+    step = np.arange(offset[-1]) - offset[side]  # 0 at the old corner, then 1, 2, ... along the side
+    climbed = np.where(sides.up[side], step, sides.count[side] - step)
+    corner = sides.first[side] + np.where(sides.along[side], step - 1, sides.count[side] - step)
+    corner[offset[:-1]] = cells.corner
+    strip, divided = sides.low[side] + climbed, Cells(offset[cells.start], corner)
+    return divided, _carried_over(divided, strip, sides.flat[side])
+
+
+def _carried_over(cells: Cells, strip: Ints, flat: Bools) -> Ints:
+    """Strips with those of the flat sides replaced by that of the last other side before them."""
+    if not flat.any():
+        return strip
+    slot = np.where(flat, -1, np.arange(len(strip)))
+    source = np.maximum.accumulate(slot)
+    before = source < cells.start[:-1][cells.owner]  # none in this polygon yet: its last one
+    source[before] = cells.reduced(np.maximum, slot)[cells.owner[before]]
+    return np.asarray(strip[source])
+
+
+def _grouped(sides: Cells, strip: Ints, level_count: int) -> tuple[Cells, Ints, Ints]:
+    """Polygons of one strip each: the sides of one strip of one polygon, closed by chords.
+
+        b            Sides a-b and c-d are of strip 1. Each gives its first corner, and its last one too
+      / |  strip 2   where the next side is of another strip (b and d): a b c d is the new polygon, with
+    a   |            the chords b-c and d-a.
+    |   c
+    d /   strip 0
+    """
+    key = sides.owner * (level_count + 2) + strip + 1
+    order = sorted_order(key)
+    leaves = (strip[sides.following] != strip)[order]
+    at = np.cumsum(1 + leaves) - (1 + leaves)
+    corner = np.empty(len(order) + int(leaves.sum()), dtype=np.int64)
+    corner[at] = sides.corner[order]
+    corner[at[leaves] + 1] = sides.corner[sides.following[order[leaves]]]
+    begins = np.flatnonzero(np.diff(key[order], prepend=-1))
+    found = key[order][begins]
+    start = np.append(at[begins], len(corner))
+    return Cells(start, corner), found // (level_count + 2), found % (level_count + 2) - 1
+
+
+def _merged(cells: Cells, strip: Ints, which: Ints, made: tuple[Cells, Ints, Ints], new: _Between) -> Split:
+    """All polygons in order, some of them (k,) replaced by what was `made` of them; strip : (c,) of the others."""
+    pieces, of, label = made
+    count = np.ones(len(strip), dtype=np.int64)
+    count[which] = np.bincount(of, minlength=len(which))
+    replaced = np.zeros(len(strip), dtype=bool)
+    replaced[which] = True
+    source = np.repeat(np.arange(len(count)), count)
+    at = np.flatnonzero(replaced[source])
+    strips, sizes = strip[source], cells.sizes[source]
+    strips[at], sizes[at] = label, pieces.sizes
+    start, begin = np.concatenate([[0], np.cumsum(sizes)]), cells.start[source]
+    begin[at] = len(cells.corner) + pieces.start[:-1]
+    slots = np.repeat(begin - start[:-1], sizes) + np.arange(start[-1])
+    corner = np.concatenate([cells.corner, pieces.corner])[slots]
+    return Split(Cells(start, corner), source, strips, *new)
+
+
+CELL_AREA = 1e3 * ZERO_AREA
+"""A cell under this share of the squared size is not made (a margin over what `Surface` refuses)."""
+FLATNESS = 1e-12
+"""Nor is one whose area is under this share of its squared diameter: its corners lie on one line."""
+ROUNDS = 12
+"""How often vertices of cells that would have no area are moved before it is given up."""
+
+
+class Snapping(NamedTuple):
+    """How values are moved onto levels before a cut.
+
+    fraction : of an edge's range.    size : of the surface, metres.    hold : vertices whose value is never moved.
+    """
+
+    fraction: float
+    size: float
+    hold: Ints | None = None
+
+
+def clean_split(
+    cells: Cells,
+    X: Floats,
+    x: Floats,
+    levels: Floats,
+    active: Bools,
+    snapping: Snapping,
+    above: Bools | None = None,
+) -> Split:
+    """`split_cells` of field x (n,) on vertices X (n, 3) after snapping; no new cell is without area (see `CELL_AREA`,
+    `FLATNESS`).
+
+    Values move onto levels only, never across one, so that the cut stays a cut of convex polygons by chords that do not
+    cross.    active, above : see `split_cells`.
+    """
+    snap, size, hold = snapping
+    if not len(levels) or not active.any():
+        return Split.none(cells, active)
+    free = np.ones(len(x), dtype=bool)
+    free[[] if hold is None else hold] = False
+    a, b = cells.sides(active)
+    x = snapped(x, levels, (a, b), np.abs(x[a] - x[b]), max(snap, SNAP_FLOOR), free)
+    for _ in range(ROUNDS):
+        split = split_cells(cells, len(x), SideValues.of(cells, x), levels, active, above)
+        corners = collapsed_corners(split, split.extended(X), size)
+        corners = corners[corners < len(x)]
+        stray = corners[(x[corners] != nearest(x[corners], levels)) & free[corners]]
+        if not len(stray):
+            break
+        x[stray] = nearest(x[stray], levels)
+    return split
+
+
+def collapsed_corners(split: Split, X: Floats, size: float) -> Ints:
+    """(k,) vertices, of X (n, 3), of the cells that a split made without area; those left whole do not count."""
+    divided = np.flatnonzero(np.bincount(split.source)[split.source] > 1)
+    if not len(divided):
+        return divided
+    cells = split.cells.some(divided)
+    area, squared_reach = cells.areas(X)
+    bad = area <= np.maximum(CELL_AREA * size**2, FLATNESS * squared_reach)
+    return np.unique(cells.corner[bad[cells.owner]])

@@ -1,0 +1,229 @@
+"""Straight bars between two crossings in place of stripes that miss each other at a node."""
+
+from dataclasses import dataclass, replace
+from typing import Self
+
+import numpy as np
+
+from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.slicing.cutting.loose_ends import Tidy, between_crossings, limit
+from dsfab.slicing.cutting.polygon_mesh import PolygonMesh, meeting
+from dsfab.slicing.cutting.sheet import VOID
+from dsfab.slicing.cutting.split import Snapping, clean_split
+from dsfab.slicing.cutting.stubs import with_crossings
+from dsfab.surface import connected
+
+OBLIQUE = 0.4
+"""No bar touches a member along more than so many times less than its width: it is a share of that length."""
+STEEP = 1.0
+"""No bow is steeper than this: it would not be the graph of a cubic."""
+SAMPLES = 21
+"""Places at which that is looked at."""
+TINY = 1e-12
+
+
+@dataclass(frozen=True, eq=False)
+class FairBar:
+    """A bar between two contacts as it will be.
+
+    cells : (c,) the polygons that it is now.    ends : (2, 3) the middles of its contacts, metres.
+    across, normal : (3,) unit.    half : (2,) metres across to its sides, at each end.
+    bow   : (2,) a, b: its middle is t (1 - t) (a + b t) metres to the left at the share t of its length.
+    """
+
+    cells: Bools
+    ends: Floats
+    across: Floats
+    normal: Floats
+    half: tuple[float, float]
+    bow: tuple[float, float] = (0.0, 0.0)
+
+    @classmethod
+    def of(cls, mesh: PolygonMesh, cells: Bools) -> Self | None:
+        """The straight bar of polygons (c,), as wide as the narrower contact; None where it has not two contacts, or
+        touches a member obliquely."""
+        contacts = _contacts(mesh, cells)
+        if len(contacts) != 2:
+            return None
+        ends, step = contacts.mean(axis=1), np.diff(contacts, axis=1)[:, 0]
+        here = cells[mesh.cells.owner]
+        spoke, ahead = (mesh.X[at[here]] - ends[0] for at in (mesh.cells.corner, mesh.cells.ahead(mesh.cells.corner)))
+        normal = np.cross(spoke, ahead).sum(axis=0)
+        normal /= np.linalg.norm(normal)
+        axis = ends[1] - ends[0]
+        across = np.cross(normal, axis / max(float(np.linalg.norm(axis)), TINY))
+        across /= max(float(np.linalg.norm(across)), TINY)
+        widths, lengths = np.abs(step @ across), np.linalg.norm(step, axis=1)
+        if (widths < OBLIQUE * lengths).any():
+            return None
+        return cls(cells, ends, across, normal, (float(widths.min()) / 2,) * 2)
+
+    def bent(self, mesh: PolygonMesh) -> Self | None:
+        """The bar with the bow and the widths that its walls have in the mean, by least squares; None where that is
+        steep against the line between its ends."""
+        start, end = _walls(mesh, self.cells)
+        t, y = self._places((start + end) / 2)
+        ahead = (end - start) @ np.cross(self.across, self.normal)
+        side = np.where(ahead > 0, -1, 1)  # counter-clockwise around it: ahead along its right side
+        here, weight = (t > 0) & (t < 1), np.sqrt(np.abs(ahead))
+        basis = np.stack([t * (1 - t), t**2 * (1 - t), side * (1 - t), side * t], axis=1)
+        (a, b, *half), *_ = np.linalg.lstsq((basis * weight[:, None])[here], (y * weight)[here], rcond=None)
+        new = replace(self, bow=(float(a), float(b)), half=(float(half[0]), float(half[1])))
+        steepest = np.abs(new._middle(np.linspace(0, 1, SAMPLES))[1]).max()
+        return new if steepest < STEEP and min(half) > 0 else None
+
+    @property
+    def width(self) -> float:
+        """Metres, in the mean."""
+        return sum(self.half)
+
+    def heights(self, X: Floats) -> Floats:
+        """(2, k) metres of places X (k, 3) inside each of its sides."""
+        t, y = self._places(X)
+        t = np.clip(t, 0, 1)
+        middle, slope = self._middle(t)
+        half = self.half[0] + (self.half[1] - self.half[0]) * t
+        return np.array([half + y - middle, half - y + middle]) / np.hypot(1, slope)
+
+    def beside(self, X: Floats) -> Bools:
+        """(k,) which places X (k, 3) lie between the contacts, or not farther beyond them than the bar is wide."""
+        beyond = self.width / self.length
+        t, _ = self._places(X)
+        return np.asarray((t > -beyond) & (t < 1 + beyond))
+
+    def off(self, mesh: PolygonMesh) -> float:
+        """How far its outline leaves the one that it is to have at most, over its width."""
+        corners = np.unique(mesh.cells.corner[self.cells[mesh.cells.owner]])
+        return float(-self.heights(mesh.X[corners]).min()) / self.width
+
+    @property
+    def length(self) -> float:
+        """Metres from contact to contact."""
+        return max(float(np.linalg.norm(self.ends[1] - self.ends[0])), TINY)
+
+    def _places(self, X: Floats) -> tuple[Floats, Floats]:
+        """(k,) shares of its length at which places X (k, 3) are, and (k,) metres to the left of the straight line."""
+        away = X - self.ends[0]
+        return away @ (self.ends[1] - self.ends[0]) / self.length**2, away @ self.across
+
+    def _middle(self, t: Floats) -> tuple[Floats, Floats]:
+        """(k,) metres to the left at shares t (k,) of its length, and how steep it is there."""
+        (a, b), both = self.bow, t * (1 - t)
+        return both * (a + b * t), ((1 - 2 * t) * (a + b * t) + both * b) / self.length
+
+
+def _walls(mesh: PolygonMesh, bar: Bools) -> tuple[Floats, Floats]:
+    """(k, 3) metres: where the sides of polygons (c,) begin and end beyond which is void, counter-clockwise."""
+    mine, beyond = bar[mesh.cells.owner], mesh.beyond
+    wall = np.flatnonzero(mine & (beyond >= 0) & mesh.void[beyond])
+    return mesh.X[mesh.cells.corner[wall]], mesh.X[mesh.cells.ahead(mesh.cells.corner)[wall]]
+
+
+def _contacts(mesh: PolygonMesh, bar: Bools) -> Floats:
+    """(k, 2, 3) metres: where each stretch begins and ends along which polygons (c,) touch other material, seen
+    counter-clockwise around them; none where they touch an edge of the surface."""
+    cells, mine, beyond = mesh.cells, bar[mesh.cells.owner], mesh.beyond
+    held = np.flatnonzero(mine & (beyond >= 0) & ~mesh.void[beyond] & ~bar[beyond])
+    if (mine & (beyond < 0)).any() or not len(held):
+        return np.empty((0, 2, 3))
+    start, end = cells.corner[held], cells.ahead(cells.corner)[held]
+    count, place = connected(len(held), *meeting(np.zeros_like(held), np.stack([start, end], axis=1), len(mesh.X)))
+    found = []
+    for k in range(count):
+        first, last = np.setdiff1d(start[place == k], end[place == k]), np.setdiff1d(end[place == k], start[place == k])
+        if len(first) != 1 or len(last) != 1:  # around it, or in one point with another
+            return np.empty((0, 2, 3))
+        found.append(mesh.X[[first[0], last[0]]])
+    return np.array(found)
+
+
+ASKEW = 0.25
+"""Bars whose outline is nearer to the straight one than this share of their width stay as they are."""
+UNEVEN = 0.12
+"""So do those that bend, if their outline is nearer than this to that with an even bow."""
+FAR = 1.5
+"""And those whose outline is farther from it than this: members that bend otherwise, or that another one touches."""
+SNAP = 0.02
+"""Vertices nearer to a straight side than this share of the width are on it: no slivers."""
+LARGER = 2.5
+"""A bar may not become so many times as large or as small."""
+ALIKE = 0.05
+"""Bars of which these shares differ by less may be the same but for the mesh."""
+
+
+def with_straight_bars(
+    mesh: PolygonMesh, nodes: Bools, near: Bools, tidy: Tidy, size: float
+) -> tuple[PolygonMesh, int]:
+    """The mesh with bars through nodes (c,) between two contacts drawn straight, and those near singular points (c,)
+    with an even bow; and at how many places.
+
+    size : of the surface, metres.
+
+    Nothing falls apart: both contacts stay, and nothing else touches a bar.
+    """
+    nodes, near, count = nodes & ~mesh.void, near & ~mesh.void, 0
+    if not (nodes | near).any() or not mesh.void.any():
+        return mesh, count
+    bars = _askew_bars(mesh, nodes, near, tidy)
+    mark = np.full(len(nodes), -1)
+    for k, bar in enumerate(bars):
+        mark[bar.cells] = k
+    for k, bar in enumerate(bars):
+        better, label = _straightened(mesh, mark == k, bar, size)
+        if better is not None:
+            mesh, mark, count = better, mark[label], count + 1
+    return mesh, count
+
+
+def _askew_bars(mesh: PolygonMesh, nodes: Bools, near: Bools, tidy: Tidy) -> list[FairBar]:
+    """Bars that are drawn anew: nodes (c,), and what touches them from one crossing to the next, straight; and other
+    stretches near singular points (c,). No two overlap.
+
+    Crossings that touch a node count as node where that makes a bar: those of stripes that overlap before they end.
+    """
+    found, taken, none = list[FairBar](), np.zeros_like(nodes), np.zeros_like(nodes)
+    for lumps, some in ((with_crossings(mesh, nodes), nodes), (nodes, nodes), (none, near)):
+        label = mesh.parts(_with_beside(mesh, lumps | some, between_crossings(mesh, tidy, lumps)))
+        for wanted in np.unique(label[some & (label >= 0) & ~taken]):
+            cells = label == wanted
+            bar = None if taken[cells].any() else FairBar.of(mesh, cells)
+            if bar is not None and some is not nodes:
+                bar = bar.bent(mesh)
+            if bar is not None:
+                found.append(bar)
+                taken |= cells
+    off = np.array([bar.off(mesh) for bar in found])
+    straight, bent, most = (limit(off, each, ALIKE) for each in (ASKEW, UNEVEN, FAR))
+    return [bar for bar, x in zip(found, off, strict=True) if (bent if any(bar.bow) else straight) < x < most]
+
+
+def _with_beside(mesh: PolygonMesh, some: Bools, part: Ints) -> Bools:
+    """(c,) polygons of the stretches (c,) of which there are some (c,), or that touch these."""
+    one, two, _ = mesh.neighbours
+    f, g = mesh.cells.owner[one], mesh.cells.owner[two]
+    near = some.copy()
+    near[np.concatenate([g[some[f]], f[some[g]]])] = True
+    return np.asarray((part >= 0) & np.isin(part, part[near & (part >= 0)]))
+
+
+def _straightened(mesh: PolygonMesh, bar: Bools, new: FairBar, size: float) -> tuple[PolygonMesh | None, Ints]:
+    """The mesh with polygons (c,) of a bar replaced by the straight one, and (c',) the polygon that each was; None
+    where that is much larger or smaller."""
+    opening = mesh.parts(mesh.void | bar)
+    inside, made, source = np.isin(opening, opening[bar]) & (opening >= 0), mesh, np.arange(len(bar))
+    for side in (0, 1):
+        x = new.heights(made.X)[side]
+        x[np.abs(x) < SNAP * new.width] = 0.0
+        inside = inside & made.cells.reduced(np.logical_or, new.beside(made.X)[made.cells.corner])
+        split = clean_split(made.cells, made.X, x, np.zeros(1), inside, Snapping(0.0, size))
+        made, source = made.after(split), source[split.source]
+        inside = inside[split.source] & (split.strip == 1)
+    old, part = bar[source], made.parts(inside)
+    filled = np.isin(part, part[old & inside]) & inside
+    area = made.cells.areas(made.X)[0]
+    sizes = sorted((float(area[old].sum()), float(area[filled].sum())))
+    if not sizes[1] < LARGER * sizes[0]:
+        return None, source
+    family = np.where(old, VOID, made.family)
+    family[filled] = np.bincount(mesh.family[bar]).argmax()
+    return replace(made, family=family, also=np.where(old & ~filled, VOID, made.also)), source

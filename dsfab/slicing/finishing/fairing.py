@@ -1,0 +1,317 @@
+"""Fair walls: wall vertices moved onto smooth curves, and long wall edges divided where they bend."""
+
+import itertools
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import csr_array, diags_array, vstack
+from scipy.sparse.linalg import spsolve
+
+from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.slicing.cutting.sheet import Sheet, three_each
+from dsfab.slicing.finishing.mesh_quality import independent
+from dsfab.slicing.finishing.walls import Walls
+from dsfab.surface import Surface
+
+CORNER = float(np.radians(25))
+"""Where a wall turns by more, it has a corner and is not one fair curve."""
+REACH = 2.0
+"""Waves of a wall that are shorter than 2 pi times so many of its segments are taken out."""
+BEND = 0.4
+"""Walls that are too short to have a change of curvature bend less the shorter they are: segments."""
+ALONG = 0.1
+"""How far vertices move along a wall counts so many times what it counts that they move across."""
+FARTHEST = 0.1
+"""No vertex moves by more than this share of the mesh edge that it lies on, or of one of its face: twice what values
+are moved by onto vertices of the mesh, at most."""
+FINEST = 0.02
+"""Vertices of a wall that are nearer to each other than this share of its segments count as so far apart."""
+SLIMMEST = 0.5
+"""Degrees; no cell gets a smaller angle, or one that is smaller than it was."""
+SLICING_ROUNDS = 8
+"""How often moves are halved where cells would become too slim, before they are left out."""
+
+
+class Freedom(NamedTuple):
+    """How vertices of walls may move. vertex : (k,).    along : (k, 2, 3) unit directions, 0 where there are fewer.
+
+    share : (k, 2, 3) what a metre along each adds to the weights of the columns `column` (k, 3).    most : (k,) metres.
+    """
+
+    vertex: Ints
+    along: Floats
+    share: Floats
+    column: Ints
+    most: Floats
+
+
+def faired_walls(sheet: Sheet) -> Sheet:
+    """The cells of a sheet, its walls between material and void as fair as the mesh lets them be.
+
+    sheet : all cells, material and void, without pinches.
+
+    Minimised is the integral of d^2 + a^6 k'^2 + b^4 k^2 over the walls between corners: d how far they move across,
+    k the curvature in the surface, a and b some segments of the wall. Circles and straight lines stay, short waves go,
+    by 1 / (1 + (a w)^6) at wave number w [a smoothing spline of third order: Reinsch 1967; Wahba 1990].
+    Cells stay in their uncut faces; vertices of the uncut surface stay where they are.
+    """
+    walls = Walls.of(sheet)
+    if not len(walls.start):
+        return sheet
+    free = _freedom(sheet, walls)
+    if not len(free.vertex):
+        return sheet
+    step = _fair_steps(sheet, walls, free)
+    move = np.einsum("kj,kji->ki", step, free.along)
+    far = np.linalg.norm(move, axis=1)
+    step = step * np.minimum(1.0, free.most / np.maximum(far, 1e-300))[:, None]
+    return _moved(sheet, free, step)
+
+
+def _freedom(sheet: Sheet, walls: Walls) -> Freedom:
+    """Vertices of walls on edges slide along these, those within faces anywhere in them, others not at all."""
+    vertex = np.unique(np.concatenate([walls.start, walls.end]))
+    return freedom(sheet, vertex, sheet.weights[vertex])
+
+
+def freedom(sheet: Sheet, vertex: Ints, weights: csr_array) -> Freedom:
+    """How vertices (k,), with rows of weights (k, n) on the uncut ones, may move; those that may not are left out."""
+    column, weight = three_each(weights)
+    held = weight > 0
+    count = held.sum(axis=1)
+    order = np.argsort(~held, axis=1, kind="stable")
+    column = np.take_along_axis(column, order, axis=1)
+    at = sheet.same_vertex()[column]
+    able = (count > 1) & ((at >= 0) | (np.arange(3) >= count[:, None])).all(axis=1)
+    a, b, c = (sheet.surface.V[at[able][:, i]] for i in range(3))
+    length = np.linalg.norm(b - a, axis=1)
+    along, share = np.zeros((2, len(length), 2, 3))
+    along[:, 0] = (b - a) / length[:, None]
+    share[:, 0, :2] = np.stack([-1 / length, 1 / length], axis=1)
+    face = count[able] == 3
+    v, x = (c - a)[face], along[face, 0]
+    lean = np.einsum("ki,ki->k", v, x)
+    y = v - lean[:, None] * x
+    height = np.linalg.norm(y, axis=1)
+    along[face, 1] = y / height[:, None]
+    lean = lean / length[face]
+    share[face, 1] = np.stack([(lean - 1) / height, -lean / height, 1 / height], axis=1)
+    return Freedom(vertex[able], along, share, column[able], FARTHEST * length)
+
+
+def _fair_steps(sheet: Sheet, walls: Walls, free: Freedom) -> Floats:
+    """(k, 2) metres along the directions of the vertices that make walls fair."""
+    n = sheet.surface.n
+    place = np.full(n, -1)
+    place[free.vertex] = np.arange(len(free.vertex))
+    corner = np.zeros(n, dtype=bool)
+    corner[walls.start[np.abs(walls.turns(sheet)) > CORNER]] = True
+    segment = (walls.total / np.diff(walls.begin))[walls.chain]
+    every = np.arange(len(walls.start))
+    (before, there), (after, too) = walls.ahead(every, every * 0 - 1), walls.ahead(every, every * 0 + 1)
+    p = np.stack([walls.start[before], walls.start, walls.end, walls.end[after]], axis=1)
+    bends = there & ~corner[walls.start]
+    changes = bends & too & ~corner[walls.end] & (p[:, 0] != p[:, 3])
+    side = _lateral(sheet, walls, p)
+    rows, right = list[csr_array](), list[Floats]()
+    for used, points, order, size in ((changes, p, 3, REACH * segment), (bends, p[:, :3], 2, BEND * segment)):
+        q, least = points[used], FINEST * segment[used]
+        c, scale = _differences(sheet.surface.V[q], least, order)
+        c = c * (size[used] ** order * np.sqrt(scale))[:, None]
+        row, value = _rows(q, c[:, :, None] * side[used][:, None], place, free)
+        rows.append(row)
+        right.append(-np.einsum("kji,kji->k", value, sheet.surface.V[q]))
+    for end in (walls.start, walls.end):
+        row, _ = _rows(end[:, None], (np.sqrt(walls.length / 2)[:, None] * side)[:, None], place, free)
+        rows.append(row)
+        right.append(np.zeros(len(end)))
+    A = csr_array(vstack(rows, format="csr"))
+    hold = ALONG * segment.mean() + np.zeros(2 * len(free.vertex))
+    x = spsolve((A.T @ A + diags_array(hold)).tocsc(), A.T @ np.concatenate(right))
+    return np.asarray(x.reshape(-1, 2) * free.along.any(axis=2))
+
+
+def _lateral(sheet: Sheet, walls: Walls, p: Ints) -> Floats:
+    """(w, 3) unit vectors in the surface across the walls."""
+    normals, V = sheet.surface.normals, sheet.surface.V
+    up = normals[walls.inside // 3] + normals[walls.outside // 3]
+    across = np.cross(up, V[p[:, 3]] - V[p[:, 0]])
+    flat = np.cross(up, V[p[:, 2]] - V[p[:, 1]])
+    size, other = (np.linalg.norm(one, axis=1)[:, None] for one in (across, flat))
+    return np.asarray(np.where(size > 0, across / np.maximum(size, 1e-300), flat / np.maximum(other, 1e-300)))
+
+
+def _differences(P: Floats, least: Floats, order: int) -> tuple[Floats, Floats]:
+    """(k, order + 1) weights of points P (k, order + 1, 3) in the derivative of that order along them, and (k,) the
+    length that each stands for."""
+    length = np.maximum(np.linalg.norm(np.diff(P, axis=1), axis=2), least[:, None])
+    u = np.concatenate([np.zeros((len(P), 1)), np.cumsum(length, axis=1)], axis=1)
+    gap = u[:, :, None] - u[:, None, :] + np.eye(order + 1)
+    factor = float(np.prod(np.arange(1, order + 1)))
+    return factor / gap.prod(axis=2), length[:, 1] if order == 3 else length.mean(axis=1)
+
+
+def _rows(q: Ints, value: Floats, place: Ints, free: Freedom) -> tuple[csr_array, Floats]:
+    """Rows over the steps of the vertices for sums of value (k, j, 3) . position of vertices q (k, j); and `value`."""
+    k, j = np.nonzero(place[q] >= 0)
+    at = place[q[k, j]]
+    data = np.einsum("pi,pci->pc", value[k, j], free.along[at])
+    row, column = np.repeat(k, 2), (2 * at[:, None] + np.arange(2)).ravel()
+    return csr_array((data.ravel(), (row, column)), shape=(len(q), 2 * len(free.vertex))), value
+
+
+def _moved(sheet: Sheet, free: Freedom, step: Floats) -> Sheet:
+    """The sheet with vertices moved by steps (k, 2), by less where cells would become slim or turn over."""
+    surface = sheet.surface
+    share = np.ones(surface.n)
+    move = np.zeros((surface.n, 3))
+    move[free.vertex] = np.einsum("kj,kji->ki", step, free.along)
+    touched = np.flatnonzero((move != 0).any(axis=1)[surface.F].any(axis=1))
+    F, normals = surface.F[touched], surface.normals[touched]
+    before = least_angles(surface.V[F], normals)
+    for attempt in itertools.count():  # what is left out may make the next cell slim: until none is
+        V = surface.V + share[:, None] * move
+        bad = least_angles(V[F], normals) < np.minimum(before, SLIMMEST)
+        if not bad.any():
+            break
+        share[F[bad]] *= 0.5 if attempt < SLICING_ROUNDS - 1 else 0.0
+    added = np.einsum("kj,kjc->kc", step, free.share) * share[free.vertex][:, None]
+    row = np.repeat(free.vertex, 3)
+    change = csr_array((added.ravel(), (row, free.column.ravel())), shape=sheet.weights.shape)
+    return replace(sheet, surface=Surface(V, surface.F), weights=csr_array(sheet.weights + change))
+
+
+def least_angles(P: Floats, normals: Floats) -> Floats:
+    """(k,) the smallest angle of triangles P (k, 3, 3), degrees; negative where one is turned over."""
+    sides = np.roll(P, -1, axis=1) - P
+    back = -np.roll(sides, 1, axis=1)
+    twice = np.einsum("ki,ki->k", np.cross(sides[:, 0], back[:, 0]), normals)
+    return np.asarray(np.degrees(np.arctan2(twice[:, None], np.einsum("kci,kci->kc", sides, back))).min(axis=1))
+
+
+BENT = float(np.radians(3))
+"""Walls are divided where they turn by more than this from end to end."""
+WALL_DIVISION_ROUNDS = 3
+"""How often: each time about halves the turns."""
+SLIM, WORSE = 4.0, 0.5
+"""Cells are not divided where the smallest angle becomes less than so many degrees, or than it was, by this factor."""
+WITHIN = 1e-3
+"""Least weight of a new vertex on each corner of its face."""
+
+
+@dataclass(frozen=True, eq=False)
+class Division:
+    """Walls (k,) of a sheet, no two of them at one cell, with the places V (k, 3) and the weights (k, n) of the new
+    vertices on them."""
+
+    wall: Ints
+    V: Floats
+    weights: csr_array
+
+    def some(self, chosen: Bools) -> "Division":
+        """Those that are marked (k,)."""
+        at = np.flatnonzero(chosen)
+        return Division(self.wall[at], self.V[at], self.weights[at])
+
+
+def divided_walls(sheet: Sheet) -> Sheet:
+    """The cells of a sheet, walls between material and void divided where they bend, so that outlines look round.
+
+    sheet : all cells, material and void, without pinches; its walls are fair.
+
+    Only walls inside of one uncut face are divided, and only where cells stay plump enough: the new vertex stays in
+    that face. Corners stay as sharp as they are.
+    """
+    for _ in range(WALL_DIVISION_ROUNDS):
+        walls = Walls.of(sheet)
+        division = _division(sheet, walls)
+        if not len(division.wall):
+            break
+        sheet = _divided(sheet, walls, division)
+    return sheet
+
+
+def _bows(sheet: Sheet, walls: Walls) -> Floats:
+    """(w,) metres that the middle of the curve through each wall's ends lies to the right of it; 0 where it hardly
+    bends."""
+    if not len(walls.start):
+        return np.empty(0)
+    turn, every = walls.turns(sheet), np.arange(len(walls.start))
+    (before, there), (after, too) = (walls.ahead(every, np.full(len(every), k)) for k in (-1, 1))
+    plain = there & (np.abs(turn) < CORNER)
+    curvature = np.zeros(len(turn))
+    curvature[plain] = (turn / ((walls.length[before] + walls.length) / 2))[plain]
+    ends = plain.astype(np.int64) + (plain[after] & too)
+    mean = (curvature + np.where(too, curvature[after], 0.0)) / np.maximum(ends, 1)
+    bent = np.abs(mean) * walls.length > BENT
+    return np.asarray(np.where(bent, mean * walls.length**2 / 8, 0.0))
+
+
+def _division(sheet: Sheet, walls: Walls) -> Division:
+    """The walls that are divided next: of two at one cell the one that bows more."""
+    bow = _bows(sheet, walls)
+    one, two = walls.inside // 3, walls.outside // 3
+    wall = np.flatnonzero((bow != 0) & (sheet.parent[one] == sheet.parent[two]))
+    wall = wall[np.argsort(-np.abs(bow[wall]), kind="stable")]
+    middle = csr_array(0.5 * (sheet.weights[walls.start[wall]] + sheet.weights[walls.end[wall]]))
+    free = freedom(sheet, np.arange(len(wall)), middle)
+    face = free.along[:, 1].any(axis=1)
+    wall, middle, along, share = wall[free.vertex], middle[free.vertex], free.along, free.share
+    V = sheet.surface.V
+    a, b = V[walls.start[wall]], V[walls.end[wall]]
+    left = np.cross(sheet.surface.normals[one[wall]], b - a) / walls.length[wall][:, None]
+    step = -bow[wall][:, None] * np.einsum("kji,ki->kj", along, left)
+    row = np.repeat(np.arange(len(wall)), 3)
+    change = (np.einsum("kj,kjc->kc", step, share).ravel(), (row, free.column.ravel()))
+    weights = csr_array(middle + csr_array(change, shape=middle.shape))
+    new = Division(wall, (a + b) / 2 + np.einsum("kj,kji->ki", step, along), weights)
+    within = np.full(len(wall), np.inf)
+    np.minimum.at(within, np.repeat(np.arange(len(wall)), np.diff(weights.indptr)), weights.data)
+    return _apart(sheet, walls, new.some(face & (within > WITHIN)))
+
+
+def _apart(sheet: Sheet, walls: Walls, new: Division) -> Division:
+    """Of divisions, the best first, those that leave cells plump, and no two of which are at one cell."""
+    new = new.some(_plump(sheet, walls, new))
+    rank = np.arange(len(new.wall))
+    cells = np.concatenate([walls.inside[new.wall], walls.outside[new.wall]]) // 3
+    return new.some(independent(np.concatenate([rank, rank]), cells, rank, sheet.surface.m))
+
+
+def _halves(sheet: Sheet, half_edge: Ints, new: Ints) -> tuple[Ints, Ints]:
+    """The cells (k, 3) before and behind new vertices (k,) on the half-edges of cells (k,)."""
+    cell, side = np.divmod(half_edge, 3)
+    a, b, c = (sheet.surface.F[cell, (side + j) % 3] for j in range(3))
+    return np.stack([a, new, c], axis=1), np.stack([new, b, c], axis=1)
+
+
+def _plump(sheet: Sheet, walls: Walls, new: Division) -> Bools:
+    """(k,) whether the four cells at each new vertex have angles that are large enough."""
+    surface = sheet.surface
+    V, number = np.concatenate([surface.V, new.V]), surface.n + np.arange(len(new.wall))
+    good = np.ones(len(new.wall), dtype=bool)
+    for h in (walls.inside[new.wall], walls.outside[new.wall]):
+        normals = surface.normals[h // 3]
+        least = WORSE * np.minimum(SLIM, least_angles(surface.V[surface.F[h // 3]], normals))
+        for F in _halves(sheet, h, number):
+            good &= least_angles(V[F], normals) >= least
+    return good
+
+
+def _divided(sheet: Sheet, walls: Walls, new: Division) -> Sheet:
+    """The sheet with new vertices behind its own, and the halves of cells one behind the other."""
+    surface = sheet.surface
+    number = surface.n + np.arange(len(new.wall))
+    F, rows, came = surface.F.copy(), list[Ints](), list[Ints]()
+    for h in (walls.inside[new.wall], walls.outside[new.wall]):
+        first, second = _halves(sheet, h, number)
+        F[h // 3] = first
+        rows.append(second)
+        came.append(h // 3)
+    source = np.concatenate([np.arange(surface.m), *came])
+    order = np.argsort(source, kind="stable")
+    source = source[order]
+    done = Surface(np.concatenate([surface.V, new.V]), np.concatenate([F, *rows])[order])
+    weights = csr_array(vstack([sheet.weights, new.weights], format="csr"))
+    return replace(sheet, surface=done, parent=sheet.parent[source], family=sheet.family[source], weights=weights)

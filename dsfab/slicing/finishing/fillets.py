@@ -1,0 +1,430 @@
+"""Fillets at the corners of openings: chords of arcs, and discs rolled into blunt tips."""
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, fields, replace
+
+import numpy as np
+
+from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.core.errors import PatternError
+from dsfab.slicing.cutting.cut import Recut
+from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
+from dsfab.slicing.cutting.sheet import Sheet
+from dsfab.slicing.cutting.split import Snapping, clean_split
+from dsfab.slicing.finishing.flat_openings import FlatOpenings, nearest_in_plane
+from dsfab.slicing.finishing.opening_corners import SMALLER, Arcs, Corners, crossing, touching_arcs, unit
+from dsfab.slicing.finishing.point_contacts import pinched_vertices
+from dsfab.slicing.finishing.walls import SHARPEST, Stretches, following
+
+BESIDE = 0.1
+"""Nearer to a foot than this share of the radius, walls are about as near to the middle as the foot."""
+NEARLY = 3e-3
+"""A wall is touched by a disc where its distance from the nearest middle exceeds the radius by less than this share."""
+AWAY = 1.2
+"""Radii from the middle at least to a vertex that is surely beyond; the nearest one is in the plane of the disc."""
+BEYOND = 0.6
+"""Walls are looked at this share of the radius beyond where a disc touches them in the flat."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stops:
+    """Where discs stop in the flat.
+
+    middle : (p, 2) metres.    before, behind : (p, 2) unit vectors from there to the walls that they touch.
+    a, b   : (p,) these walls, by their places in `FlatOpenings.wall`, and the share of each that lies before the foot.
+    """
+
+    middle: Floats
+    before: Floats
+    behind: Floats
+    a: Ints
+    b: Ints
+    share_a: Floats
+    share_b: Floats
+
+    def some(self, chosen: Bools) -> "Stops":
+        """Those that are marked (p,)."""
+        return Stops(*(getattr(self, field.name)[chosen] for field in fields(self)))
+
+
+def rolled_arcs(corners: Corners, radius: float, taken: list[Stretches]) -> Iterator[tuple[Corners, Arcs]]:
+    """Where discs of a radius, metres, stop in the openings: vertices (p,) beyond them, as corners, and the arcs (p,)
+    in the frames of these, none of which reaches over another. Those that stop at one wall, or touch none when seen in
+    space, are not listed.
+
+    Twice, for vertices near the discs and for those at the end of what lies beyond: on a curved surface one of them may
+    see the arc where the other does not. The second time without those in what is `taken` by then.
+    """
+    flat = FlatOpenings.of(corners.sheet, corners.walls)
+    loops = [np.asarray(loop) for loop in flat.room(radius).to_polygons() if len(loop) > 2]
+    if loops:
+        stop, *tips = _tips(flat, _stops(flat, loops, radius), loops, radius)
+        walls = corners.walls
+        for tip in tips:
+            wall, left = flat.wall[tip], np.ones(len(tip), dtype=bool)
+            for stretches in taken:
+                left &= ~stretches.cover(walls.chain[wall], walls.place[wall])
+            yield _seen(corners, flat, stop.some(left), tip[left], radius)
+
+
+def _seen(corners: Corners, flat: FlatOpenings, stop: Stops, tip: Ints, radius: float) -> tuple[Corners, Arcs]:
+    """The arcs in the planes that touch the surface where walls `tip` (p,) start."""
+    walls, V = corners.walls, corners.sheet.surface.V
+    wall_a, wall_b, wall = flat.wall[stop.a], flat.wall[stop.b], flat.wall[tip]
+    total, here, size = walls.total[walls.chain[wall]], walls.place[wall], np.full(len(wall), radius)
+    way_a = (here - walls.place[wall_a] - stop.share_a * walls.length[wall_a]) % total
+    way_b = (walls.place[wall_b] + stop.share_b * walls.length[wall_b] - here) % total
+    tips = Corners(corners.sheet, walls, wall, np.zeros(len(wall)), here)
+
+    def in_frame(w: Ints, share: Floats, to_wall: Floats) -> tuple[Floats, Floats]:
+        """Feet and unit normals into the void, (p, 2) in the frames of the tips."""
+        foot = walls.points(V, w, share) - tips.origin
+        inward = -np.einsum("pj,pji->pi", to_wall, flat.frame[tip])
+        p, n = (np.einsum("pi,pji->pj", x, tips.frames) for x in (foot, inward))
+        return p, unit(n)
+
+    one, two = in_frame(wall_a, stop.share_a, stop.before), in_frame(wall_b, stop.share_b, stop.behind)
+    first, exists = crossing(*one, *two, size)
+    every, more = np.arange(len(wall)), BEYOND * radius
+    lines = tips.line(every, way_a + more, back=True), tips.line(every, way_b + more, back=False)
+    arcs = touching_arcs(*lines, size, first)
+    good = np.flatnonzero(arcs.touching & exists & (arcs.angle > SHARPEST))
+    good = good[tips.some(good).stretches(arcs.some(good)).disjoint(len(good))]
+    return tips.some(good), arcs.some(good)
+
+
+def _stops(flat: FlatOpenings, loops: list[Floats], radius: float) -> Stops:
+    """Those that stop between two walls of a chain; the middles of discs lie within loops."""
+    middle, before, behind = _left_turns(loops)
+    (a, share_a), (b, share_b) = flat.touched(middle + radius * before), flat.touched(middle + radius * behind)
+    some = (flat.chain[a] == flat.chain[b]) & (a != b)
+    return Stops(middle, before, behind, a, b, share_a, share_b).some(some)
+
+
+def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
+    """Where loops turn to the left by more than `SHARPEST`, and unit vectors to the right before and behind there."""
+    empty = np.empty((0, 2))
+    points, rights = [empty], ([empty], [empty])
+    for loop in loops:
+        ahead = unit(np.roll(loop, -1, axis=0) - loop)
+        back = np.roll(ahead, 1, axis=0)
+        turn = np.arctan2(back[:, 0] * ahead[:, 1] - back[:, 1] * ahead[:, 0], (back * ahead).sum(axis=1))
+        at = turn > SHARPEST
+        points.append(loop[at])
+        for right, along in zip(rights, (back, ahead), strict=True):
+            right.append(np.stack([along[at, 1], -along[at, 0]], axis=1))
+    return np.concatenate(points), np.concatenate(rights[0]), np.concatenate(rights[1])
+
+
+def _tips(flat: FlatOpenings, stop: Stops, loops: list[Floats], radius: float) -> tuple[Stops, Ints, Ints]:
+    """Those beyond which no other disc has room; and for each two walls (p,) that start beyond, near it and far away.
+
+    Behind a neck an opening may widen again: that is no tip.
+    """
+    size = np.bincount(flat.chain)
+    begin = np.cumsum(size) - size
+    first, most = begin[flat.chain[stop.a]], size[flat.chain[stop.a]]
+    count = (stop.b - stop.a) % most
+    row = np.repeat(np.arange(len(count)), count)
+    step = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count) + 1
+    wall = first[row] + (stop.a[row] - first[row] + step) % most[row]
+    start = flat.start[wall]
+    touched = _distance(flat.start, loops)[wall] < (1 + NEARLY) * radius
+    for to_wall in (stop.before, stop.behind):
+        foot = (stop.middle + radius * to_wall)[row]
+        touched &= np.linalg.norm(start - foot, axis=1) > BESIDE * radius
+    free = np.bincount(row, touched, len(count)) == 0
+    far = np.linalg.norm(start - stop.middle[row], axis=1)
+    near = far < AWAY * radius
+    nearby, farthest = (
+        wall[order][np.unique(row[order], return_index=True)[1]]
+        for order in (np.lexsort((np.where(near, -far, far), near, row)), np.lexsort((-far, row)))
+    )
+    return stop.some(free), nearby[free], farthest[free]
+
+
+def _distance(points: Floats, loops: list[Floats]) -> Floats:
+    """(k,) of points (k, 2) from the nearest of closed loops."""
+    after = following(np.repeat(np.arange(len(loops)), [len(loop) for loop in loops]))
+    edges = np.stack([np.arange(len(after)), after], axis=1)
+    return nearest_in_plane(points, np.concatenate(loops), edges).distance
+
+
+SNAP = 2e-3
+"""Vertices nearer to a chord than this share of the radius are on it: no slivers."""
+SMALLEST = 0.02
+"""Corners with room for a smaller share of the radius stay sharp."""
+TRIES = 12
+"""Radii that are tried, each smaller than the last."""
+FARTHEST = 1.1
+"""What an arc rounds off is no farther from its corner than so many times the farther foot."""
+
+COLUMNS = ("wall", "radius", "normal", "distance", "ray", "ray_distance")
+
+
+@dataclass(frozen=True, eq=False)
+class Fillets:
+    """Chords of the arcs that are to round corners (k,), and the rays beside some: planes of outward normals (k, c, 3)
+    and (k, 2, 3), metres from the origin of space (k, c) and (k, 2). A plane that is none has a normal of 0.
+
+    Rounded off is what lies beyond a chord and within both rays. Rays are those from the middle through the feet, where
+    the walls turn away so sharply at a foot that the void beside it lies beyond the chord as well.
+
+    wall : (k,) the walls that begin at the corners.    radius : (k,) metres.
+    pair : (p, 2) an arc, and a void cell that lies beyond its chords in part, reached from the corner through others.
+    """
+
+    wall: Ints
+    radius: Floats
+    normal: Floats
+    distance: Floats
+    ray: Floats
+    ray_distance: Floats
+    pair: Ints
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return len(self.wall)
+
+    def beyond(self, arc: Ints, X: Floats) -> Floats:
+        """(p,) metres that points X (p, 3) lie beyond the chord of an arc (p,) that they are farthest beyond."""
+        return np.asarray((np.einsum("pci,pi->pc", self.normal[arc], X) - self.distance[arc]).max(axis=1))
+
+    def outside(self, arc: Ints, X: Floats) -> Floats:
+        """(p,) metres that points X (p, 3) lie outside the ray of an arc (p,) that they are farthest outside of."""
+        return np.asarray((np.einsum("pci,pi->pc", self.ray[arc], X) - self.ray_distance[arc]).max(axis=1))
+
+    def some(self, chosen: Bools) -> "Fillets":
+        """Those that are marked (k,), with their void cells."""
+        number = np.cumsum(chosen) - 1
+        pair = self.pair[chosen[self.pair[:, 0]]]
+        pair = np.stack([number[pair[:, 0]], pair[:, 1]], axis=1)
+        return Fillets(**{name: getattr(self, name)[chosen] for name in COLUMNS}, pair=pair)
+
+    @classmethod
+    def joined(cls, parts: Sequence["Fillets"]) -> "Fillets":
+        """All fillets of several, one behind the other."""
+        before = np.cumsum([0, *(part.count for part in parts)])
+        pair = np.concatenate([part.pair + [begin, 0] for part, begin in zip(parts, before[:-1], strict=True)])
+        columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS}
+        return cls(**columns, pair=pair)
+
+
+def fitting_fillets(corners: Corners, radius: float) -> Fillets:
+    """Arcs for all corners: where a disc of that radius stops, beyond which may be several; then for each of the
+    others, made smaller until they fit between the walls; without those that do not."""
+    done, taken = list[Fillets](), list[Stretches]()
+    for tips, arcs in rolled_arcs(corners, radius, taken):
+        for rays in (False, True):
+            for before in taken:
+                free = ~tips.stretches(arcs).meet(before, len(tips.first))
+                tips, arcs = tips.some(free), arcs.some(free)
+            rolled, clear = _cutting(tips, np.arange(len(tips.first)), arcs, rays)
+            done.append(rolled.some(clear))
+            taken.append(tips.some(clear).stretches(arcs.some(clear)))
+            corners = corners.beside(tips.some(clear), arcs.some(clear))
+    wanted = corners.largest(radius)
+    waiting = np.flatnonzero(wanted >= SMALLEST * radius)
+    for _ in range(TRIES):
+        arcs, factor = corners.arcs(waiting, wanted[waiting])
+        fits = factor == 1
+        fillets, clear = _cutting(corners, waiting[fits], arcs.some(fits))
+        done.append(fillets.some(clear))
+        factor[np.flatnonzero(fits)[~clear]] = SMALLER
+        wanted[waiting] *= factor
+        waiting = waiting[factor < 1]
+        waiting = waiting[wanted[waiting] >= SMALLEST * radius]
+        if not len(waiting):
+            break
+    return Fillets.joined(done)
+
+
+def _cutting(corners: Corners, at: Ints, arcs: Arcs, rays: bool = False) -> tuple[Fillets, Bools]:
+    """Chords in space for arcs at corners `at`, and which arcs are clear: beyond them is no other wall, and no end."""
+    surface, walls, beside = corners.sheet.surface, corners.walls, corners.sheet.void_beside
+    flat, distance = arcs.chords()
+    normal = np.einsum("kcj,kji->kci", flat, corners.frames[at])
+    distance = distance + np.einsum("kci,ki->kc", normal, corners.origin[at])
+    arc, cell = np.arange(len(at)), walls.inside[corners.first[at]] // 3
+    ray, ray_distance = np.zeros((len(at), 2, 3)), np.ones((len(at), 2))
+    if rays:
+        flat, ray_distance = arcs.rays()
+        ray = np.einsum("kcj,kji->kci", flat, corners.frames[at])
+        ray_distance = ray_distance + np.einsum("kci,ki->kc", ray, corners.origin[at])
+    pair = np.stack([arc, cell], axis=1)
+    fillets = Fillets(corners.first[at], arcs.radius, normal, distance, ray, ray_distance, pair)
+    seen = key = arc * surface.m + cell
+    clear = np.ones(len(at), dtype=bool)
+    edge = np.zeros(surface.n, dtype=bool)
+    edge[surface.edges.ends[surface.edges.boundary]] = True
+    edge[walls.start] = True
+    while len(key):
+        arc, cell = key // surface.m, key % surface.m
+        vertex = surface.F[cell]
+        beyond = np.stack([fillets.beyond(arc, surface.V[v]) for v in vertex.T], axis=1)
+        outside = np.stack([fillets.outside(arc, surface.V[v]) for v in vertex.T], axis=1)
+        least = SNAP * arcs.radius[arc][:, None]
+        row, c = np.nonzero((beyond > -least) & edge[vertex])
+        between = corners.between_feet(at[arc[row]], arcs.some(arc[row]), vertex[row, c])
+        out = outside[row, c]
+        stray = np.where(between, out > least[row, 0], out < -least[row, 0])
+        clear[arc[row[stray]]] = False
+        through = (np.maximum(beyond, np.roll(beyond, -1, axis=1)) > 0) & (beside[cell] >= 0)
+        through &= np.minimum(outside, np.roll(outside, -1, axis=1)) < 0
+        row, c = np.nonzero(through & clear[arc][:, None])
+        key = np.setdiff1d(arc[row] * surface.m + beside[cell][row, c], seen)
+        seen = np.concatenate([seen, key])
+    fillets = replace(fillets, pair=np.stack([seen // surface.m, seen % surface.m], axis=1))
+    return fillets, clear & _within_feet(corners, at, arcs, fillets)
+
+
+def _within_feet(corners: Corners, at: Ints, arcs: Arcs, fillets: Fillets) -> Bools:
+    """(k,) which arcs at corners `at` (k,) round off nothing farther from the corner, in its plane, than their feet.
+
+    What an arc and the walls between its feet enclose is not. At a fold the void may turn back under itself and lie
+    beyond a chord again, where no wall parts it from the corner: an arc would fill the opening all along the fold.
+    """
+    surface, (arc, cell) = corners.sheet.surface, fillets.pair.T
+    most = FARTHEST * np.maximum(arcs.way_a, arcs.way_b)
+
+    def farther(arc: Ints, X: Floats) -> Bools:
+        flat = np.einsum("p...i,pji->p...j", X - corners.origin[at[arc]][:, None], corners.frames[at[arc]])
+        return np.asarray(np.linalg.norm(flat, axis=-1) > most[arc][:, None])
+
+    some = farther(arc, surface.V[surface.F[cell]]).any(axis=1)  # points of the others are between near ones
+    arc, X = arc[some], surface.V[surface.F[cell[some]]]
+    bad = np.zeros(len(at), dtype=bool)
+    for c in range(fillets.normal.shape[1]):
+        here = np.einsum("pvi,pi->pv", X, fillets.normal[arc, c]) - fillets.distance[arc, c][:, None]
+        there = np.roll(here, -1, axis=1)
+        crossed = here * there < 0
+        share = np.divide(here, here - there, out=np.zeros_like(here), where=crossed)
+        ends = X + share[:, :, None] * (np.roll(X, -1, axis=1) - X)
+        out = np.einsum("pvi,pri->pvr", ends, fillets.ray[arc]) - fillets.ray_distance[arc][:, None]
+        far = (crossed | (here > 0)) & (out < 0).all(axis=2) & farther(arc, ends)
+        bad[arc[far.any(axis=1)]] = True
+    return ~bad
+
+
+GOLDEN = (5**0.5 - 1) / 2
+"""Multiples of it, less their whole parts, are spread evenly."""
+
+
+def rounded_corners(sheet: Sheet, radius: float) -> tuple[Sheet, Floats]:
+    """All cells of a sheet with the corners of its openings rounded off, and the radius (k,) that each became, metres.
+
+    sheet  : material and void, without pinches.
+    radius : metres; smaller where the walls beside a corner leave no room for it. The arc is one in the plane that
+             touches the surface at the corner, to a 20th of its radius; corners that turn by under 20 degrees stay. At
+             a blunt tip, where a disc of that radius stops before several corners, one arc rounds them all.
+
+    Material is added only, never taken away; it takes the family of the member before the corner. Corners stay whose
+    arcs, on cells that are coarse beside the radius, would touch other material in a point.
+    Raises PatternError for a radius that is no length.
+    """
+    if not (np.isfinite(radius) and radius > 0):
+        raise PatternError(f"the radius {radius} of fillets must be a positive length in metres")
+    corners = Corners.of(sheet)
+    if not len(corners.walls.start):
+        return sheet, np.empty(0)
+    fillets = fitting_fillets(corners, radius)
+    while fillets.count:
+        done = _with_fillets(corners, fillets)
+        clear = _clear_of(corners, fillets, done.surface.V[pinched_vertices(done)])
+        if clear.all():
+            return done, fillets.radius
+        fillets = fillets.some(clear)
+    return sheet, np.empty(0)
+
+
+def _clear_of(corners: Corners, fillets: Fillets, X: Floats) -> Bools:
+    """(k,) which arcs cut no cell with one of a few points X (p, 3) in its box."""
+    surface, (arc, cell) = corners.sheet.surface, fillets.pair.T
+    box, near = surface.V[surface.F[cell]], SNAP * fillets.radius[arc][:, None]
+    clear = np.ones(fillets.count, dtype=bool)
+    for x in X:
+        clear[arc[((box.min(axis=1) - near <= x) & (x <= box.max(axis=1) + near)).all(axis=1)]] = False
+    return clear
+
+
+def _with_fillets(corners: Corners, fillets: Fillets) -> Sheet:
+    """Only the cells that are cut and their neighbours are divided as polygons; the others are as they were."""
+    sheet, surface = corners.sheet, corners.sheet.surface
+    some = Recut.of(sheet, fillets.pair[:, 1])
+    which, mesh = some.cells, some.mesh
+    corner = np.searchsorted(some.vertices, corners.walls.start[fillets.wall])
+    family = sheet.family[corners.walls.outside[fillets.wall] // 3]
+    arc, cell = fillets.pair[:, 0], np.searchsorted(which, fillets.pair[:, 1])
+    colour, root = _colours(arc, mesh.cells.corner.reshape(-1, 3)[cell]), np.arange(len(which))
+    for group in range(int(colour.max()) + 1):
+        mine = np.full(len(which), -1)
+        pairs = colour[arc] == group
+        mine[cell[pairs]] = arc[pairs]
+        mesh, source, filled_in = _filled_corners(mesh, mine[root], fillets, corner, surface.size)
+        root = root[source]
+        mesh.family[filled_in] = family[mine[root[filled_in]]]
+    return some.together(mesh, root)
+
+
+def _colours(arc: Ints, corner: Ints) -> Ints:
+    """(k,) arcs in groups such that cells of two of a group have no vertex in common.
+
+    arc : (p,) of a cell, and corner : (p, 3) the vertices of that. Of the arcs left, those come next that are first at
+    all their vertices, in an order without rhyme: few rounds are needed.
+    """
+    vertex, arc = corner.ravel(), np.repeat(arc, 3)
+    count = int(arc.max()) + 1
+    rank = np.argsort(np.argsort(np.arange(count) * GOLDEN % 1))
+    colour, waiting, group = np.full(count, -1), np.ones(count, dtype=bool), 0
+    while waiting.any():
+        on = waiting[arc]
+        best = np.full(int(vertex.max()) + 1, count)
+        np.minimum.at(best, vertex[on], rank[arc[on]])
+        chosen = waiting.copy()
+        chosen[arc[on & (best[vertex] != rank[arc])]] = False
+        colour[chosen], group = group, group + 1
+        waiting &= ~chosen
+    return colour
+
+
+def _filled_corners(
+    mesh: PolygonMesh, arc: Ints, fillets: Fillets, corner: Ints, size: float
+) -> tuple[PolygonMesh, Ints, Bools]:
+    """The polygons cut along the chords of an arc (c,) each, -1 for none; what each was before, and which to fill.
+
+    corner : (k,) the vertex that each arc rounds off.    size : of the surface, metres.
+    """
+    arc = np.where(mesh.void, arc, -1)
+    source, beyond = np.arange(len(arc)), np.zeros(len(arc), dtype=bool)
+    planes = [(fillets.ray[:, k], fillets.ray_distance[:, k], True) for k in range(fillets.ray.shape[1])]
+    planes += [(fillets.normal[:, k], fillets.distance[:, k], False) for k in range(fillets.normal.shape[1])]
+    for normal, distance, outside in planes:
+        active = (arc >= 0) & ~beyond
+        active[active] = normal[arc[active]].any(axis=1)
+        if not active.any():
+            continue
+        x = _heights(mesh, arc, active, normal, distance, SNAP * fillets.radius)
+        split = clean_split(mesh.cells, mesh.X, x, np.zeros(1), active, Snapping(0.0, size))
+        mesh, came = mesh.after(split), split.source
+        source, arc, beyond = source[came], arc[came], beyond[came]
+        if outside:
+            arc = np.where(split.strip == 1, -1, arc)
+        else:
+            beyond |= split.strip == 1
+    part = mesh.parts(beyond)
+    at = beyond[mesh.cells.owner] & (mesh.cells.corner == corner[arc[mesh.cells.owner]])
+    wanted = np.zeros(len(beyond), dtype=bool)
+    wanted[part[mesh.cells.owner[at]]] = True
+    return mesh, source, beyond & wanted[part]
+
+
+def _heights(mesh: PolygonMesh, arc: Ints, active: Bools, normal: Floats, distance: Floats, snap: Floats) -> Floats:
+    """(n',) metres by which vertices of the active polygons lie beyond a plane (k, 3), (k,) of the polygon's arc (c,);
+    none where it is less than `snap` (k,)."""
+    slots = mesh.cells.slots(np.flatnonzero(active))
+    vertex, mine = mesh.cells.corner[slots], arc[mesh.cells.owner[slots]]
+    height = np.einsum("ki,ki->k", normal[mine], mesh.X[vertex]) - distance[mine]
+    x = np.zeros(len(mesh.X))
+    x[vertex] = np.where(np.abs(height) < snap[mine], 0.0, height)
+    return x

@@ -1,0 +1,222 @@
+"""Openings laid flat in a plane, and the parts of them that are too narrow for a disc."""
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import combinations
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.slicing.cutting.sheet import Sheet, part_of
+from dsfab.slicing.finishing.opening_corners import TINY, unit
+from dsfab.slicing.finishing.walls import Walls, following
+from dsfab.surface import NearestPlaces, nearest, pieces
+
+if TYPE_CHECKING:
+    import manifold3d
+
+
+APART = 2.0
+"""Openings are laid beside one another, so many times the largest from each to the next."""
+SMOOTH = 1e-3
+"""Steps of an offset shape that are shorter than this share of the offset are rounding."""
+SEGMENTS = 48
+"""Of a circle, in an offset shape."""
+
+
+@dataclass(frozen=True, eq=False)
+class FlatOpenings:
+    """The openings that walls enclose wholly, each seen square to its mean plane.
+
+    wall  : (w',) their walls.    chain : (w',) of each, numbered as they come.    after : (w',) the next in its chain.
+    start : (w', 2) where they start, metres.    frame : (w', 2, 3) unit vectors of the plane.
+    """
+
+    wall: Ints
+    chain: Ints
+    after: Ints
+    start: Floats
+    frame: Floats
+
+    @classmethod
+    def of(cls, sheet: Sheet, walls: Walls) -> "FlatOpenings":
+        """The openings of a sheet."""
+        void, face = part_of(sheet.surface, ~sheet.material)
+        count, label = pieces(void.F, void.edges)
+        opening = np.empty(sheet.surface.m, dtype=np.int64)
+        opening[face] = label
+        mine = opening[walls.inside // 3]
+        whole = np.ones(count, dtype=bool)
+        whole[mine[~walls.closed[walls.chain]]] = False
+        wall = np.flatnonzero(whole[mine])
+        mine = mine[wall]
+        frame = _mean_planes(void.normals * void.areas[:, None], label, count)[mine]
+        start = np.einsum("wi,wji->wj", sheet.surface.V[walls.start[wall]], frame)
+        low, high = np.full((count, 2), np.inf), np.full((count, 2), -np.inf)
+        np.minimum.at(low, mine, start)
+        np.maximum.at(high, mine, start)
+        size = float(np.max((high - low)[whole], initial=0.0))
+        across = int(np.ceil(np.sqrt(count)))
+        place = np.stack([np.arange(count) % across, np.arange(count) // across], axis=1) * APART * size
+        chain = np.cumsum(np.diff(walls.chain[wall], prepend=walls.chain[wall[:1]]) != 0)
+        return cls(wall, chain, following(chain), start - low[mine] + place[mine], frame)
+
+    @cached_property
+    def shape(self) -> "manifold3d.CrossSection":
+        """All of them."""
+        import manifold3d
+
+        loops = np.split(self.start, np.flatnonzero(np.diff(self.chain)) + 1)
+        return manifold3d.CrossSection(loops if len(self.wall) else [], manifold3d.FillRule.Positive)
+
+    def room(self, radius: float) -> "manifold3d.CrossSection":
+        """The middles of all discs of a radius, metres, that lie inside."""
+        return offset(self.shape, -radius)
+
+    def touched(self, points: Floats) -> tuple[Ints, Floats]:
+        """(p,) the nearest wall to points (p, 2), by its place in `wall`; and which share of it lies before."""
+        found = self._nearest(points)
+        one, two = self.start[found.simplex], self.start[self.after[found.simplex]]
+        size = np.maximum(np.linalg.norm(two - one, axis=1), TINY)
+        return found.simplex, np.clip(np.linalg.norm(found.place[:, :2] - one, axis=1) / size, 0, 1)
+
+    def distance(self, points: Floats) -> Floats:
+        """(p,) metres from points (p, 2) to the nearest wall."""
+        return self._nearest(points).distance
+
+    def _nearest(self, points: Floats) -> NearestPlaces:
+        return nearest_in_plane(points, self.start, np.stack([np.arange(len(self.wall)), self.after], axis=1))
+
+
+def nearest_in_plane(points: Floats, V: Floats, simplices: Ints) -> NearestPlaces:
+    """The places nearest to points (k, 2) on edges (m, 2) or vertices (m, 1) of V (n, 2)."""
+    return nearest(np.pad(points, ((0, 0), (0, 1))), np.pad(V, ((0, 0), (0, 1))), simplices)
+
+
+def offset(shape: "manifold3d.CrossSection", by: float) -> "manifold3d.CrossSection":
+    """A shape grown by a length, or shrunk where that is negative."""
+    import manifold3d
+
+    return shape.offset(by, manifold3d.JoinType.Round, circular_segments=SEGMENTS).simplify(SMOOTH * abs(by))
+
+
+def _mean_planes(normal: Floats, label: Ints, count: int) -> Floats:
+    """(count, 2, 3) unit vectors square to the mean of normals (f, 3) with labels (f,)."""
+    mean = unit(np.stack([np.bincount(label, x, count) for x in normal.T], axis=1))
+    one = unit(np.cross(np.eye(3)[np.abs(mean).argmin(axis=1)], mean))
+    return np.stack([one, np.cross(mean, one)], axis=1)
+
+
+LARGER = 1 + 4 * SMOOTH
+"""Rooms are grown by so many radii, and meet straight walls for certain."""
+ON_WALL = 4e-4
+"""Outlines are on a wall where they are nearer to it than this share of the radius."""
+SMALL = 1e-3
+"""Parts of less area than this share of the radius squared are rounding."""
+WIDE = 0.02
+"""Arcs whose ends are nearer to one another than this share of the radius are rounding."""
+LONG, BULKY = 4.0, 0.7
+"""A tip so many radii long, with this share of the area of a strip as wide as its mouth, is a blind alley."""
+ALLEY = 1.2, 3.2
+"""It is shut between so many radii from its mouth, along its walls."""
+
+
+@dataclass(frozen=True, eq=False)
+class NarrowPart:
+    """A part of an opening: its outline (k, 2), metres, and what of it lies on walls, one run after another between the
+    arcs that part it from rooms: (r, 2) each. None for an opening that has no room at all.
+    """
+
+    outline: Floats
+    runs: tuple[Floats, ...]
+
+    def narrowest(self) -> Floats:
+        """(2, 2) the points of two runs that are nearest to one another."""
+        found = [_nearest(a, b) for a, b in combinations(self.runs, 2)]
+        return min(found, key=lambda points: float(np.linalg.norm(points[1] - points[0])))
+
+
+def narrow_parts(flat: FlatOpenings, radius: float) -> Iterator[NarrowPart]:
+    """Where no disc of a radius, metres, has room: necks, whole openings, blind alleys with two runs near their mouths.
+
+    Tips, which end in nothing soon, are left out. Parts that go around something are left out too: there is room on all
+    their sides, or none.
+    """
+    if not len(flat.wall):
+        return
+    parts = (flat.shape - offset(flat.room(radius), LARGER * radius)).decompose()
+    loops = [part.to_polygons() for part in parts if part.area() > SMALL * radius**2]
+    outlines = [np.asarray(loop[0]) for loop in loops if len(loop) == 1]
+    if not outlines:
+        return
+    middles = np.concatenate([(loop + np.roll(loop, -1, axis=0)) / 2 for loop in outlines])
+    on_wall = flat.distance(middles) < ON_WALL * radius
+    start = np.cumsum([0, *(len(loop) for loop in outlines)])
+    for k in _looked_at(np.concatenate(outlines), on_wall, start[:-1], LONG * radius).tolist():
+        outline, on = outlines[k], on_wall[start[k] : start[k + 1]]
+        if on.all():
+            yield NarrowPart(outline, ())
+        elif len(runs := _runs(outline, on, WIDE * radius)) > 1:
+            yield NarrowPart(outline, runs)
+        elif len(runs) == 1 and _is_alley(runs[0], radius):
+            yield NarrowPart(outline, _beside_mouth(runs[0], radius))
+
+
+def _looked_at(points: Floats, on_wall: Bools, start: Ints, long: float) -> Ints:
+    """Outlines, which begin at `start` (k,) of all points (p, 2), that are on walls alone, or in several runs, or long:
+    most are the tips of corners."""
+    before = np.arange(len(points)) - 1
+    before[start] = np.append(start[1:], len(points)) - 1
+    runs = np.add.reduceat((on_wall & ~on_wall[before]).astype(np.int64), start)
+    box = np.maximum.reduceat(points, start) - np.minimum.reduceat(points, start)
+    whole = np.logical_and.reduceat(on_wall, start)
+    return np.flatnonzero(whole | (runs > 1) | ((runs == 1) & (np.linalg.norm(box, axis=1) > long)))
+
+
+def _runs(outline: Floats, on_wall: Bools, wide: float) -> tuple[Floats, ...]:
+    """Stretches of the outline between its arcs whose ends are at least so far apart; one point at least each."""
+    count = len(outline)
+    begin = np.flatnonzero(~on_wall & np.roll(on_wall, 1))
+    end = np.flatnonzero(on_wall & ~np.roll(on_wall, 1))  # the point behind an arc
+    if not len(begin):
+        return ()
+    end = end[np.searchsorted(end, begin) % len(end)]
+    arcs = np.linalg.norm(outline[end] - outline[begin], axis=1) > wide
+    begin, end = begin[arcs], end[arcs]
+    following = np.roll(begin, -1)
+    size = (following - end) % count + 1
+    return tuple(outline[(e + np.arange(k)) % count] for e, k in zip(end.tolist(), size.tolist(), strict=True))
+
+
+def _is_alley(run: Floats, radius: float) -> bool:
+    """Whether the wall (r, 2) around a tip encloses something long with two sides that do not close to a point."""
+    mouth, middle = float(np.linalg.norm(run[-1] - run[0])), (run[0] + run[-1]) / 2
+    length = float(np.linalg.norm(run - middle, axis=1).max())
+    x, y = (run - middle).T
+    area = abs(float(x @ np.roll(y, -1) - y @ np.roll(x, -1))) / 2
+    return length > LONG * radius and area > BULKY * mouth * length
+
+
+def _beside_mouth(run: Floats, radius: float) -> tuple[Floats, Floats]:
+    """The stretches (s, 2) of the wall (r, 2) around a blind alley at which it is shut, one on each side."""
+    place = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(run, axis=0), axis=1))])
+    low, high = (share * radius for share in ALLEY)
+    sides = []
+    for begin, end in ((low, high), (place[-1] - high, place[-1] - low)):
+        at = np.concatenate([[begin], place[(place > begin) & (place < end)], [end]])
+        sides.append(np.stack([np.interp(at, place, x) for x in run.T], axis=1))
+    return sides[0], sides[1]
+
+
+def _nearest(one: Floats, two: Floats) -> Floats:
+    """(2, 2) the points of two open polylines that are nearest to one another."""
+    found = []
+    for points, line, turned in ((one, two, False), (two, one, True)):
+        simplex = np.arange(len(line))[:, None]
+        near = nearest_in_plane(points, line, simplex if len(line) == 1 else np.hstack([simplex[:-1], simplex[1:]]))
+        k = int(near.squared.argmin())
+        pair = np.stack([points[k], near.place[k, :2]])
+        found.append((float(near.squared[k]), pair[::-1] if turned else pair))
+    return min(found, key=lambda each: each[0])[1]

@@ -1,0 +1,403 @@
+"""Quality of the triangles of a sheet, and its improvement by edge flips and edge collapses."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from dsfab.core.arrays import Bools, Floats, Ints, distinct, from_segments, grouped
+from dsfab.slicing.cutting.sheet import VOID, Sheet
+from dsfab.slicing.cutting.split import CELL_AREA
+from dsfab.surface.mesh import Surface
+from dsfab.surface.topology import EdgeTable, edge_table, on_boundary
+
+NEEDLE = 1.0
+"""Degrees: triangles with a smaller angle are counted."""
+
+
+class Quality(NamedTuple):
+    """The shape of triangles.
+
+    worst_angle : the smallest angle, degrees, at `place` (3,).    needles : the share of triangles under 1 degree.
+    median      : of 4 sqrt(3) area / (sum of squared sides), 1 for an equilateral triangle [Bank, Smith 1997].
+    """
+
+    worst_angle: float
+    place: Floats
+    needles: float
+    median: float
+
+
+def quality(surface: Surface) -> Quality:
+    """The shape of the triangles of a surface."""
+    P = surface.V[surface.F]
+    sides = np.roll(P, -1, axis=1) - P
+    squares = np.einsum("mci,mci->mc", sides, sides)
+    back = -np.roll(sides, 1, axis=1)
+    angles = np.degrees(np.arctan2(2 * surface.areas[:, None], np.einsum("mci,mci->mc", sides, back))).min(axis=1)
+    shape = 4 * np.sqrt(3) * surface.areas / squares.sum(axis=1)
+    worst = int(angles.argmin())
+    return Quality(
+        float(angles[worst]), surface.centroids[worst], float((angles < NEEDLE).mean()), float(np.median(shape))
+    )
+
+
+GAIN = 1.01
+"""A step must raise the smallest angle by this factor at least: what rounding alone gains is left."""
+
+
+@dataclass(frozen=True, eq=False)
+class Cut:
+    """Cells F (m', 3) on places V (n', 3), the face and family (m',) of each, and the uncut surface.
+
+    normal  : (m, 3) unit normals of the uncut faces.    corner : (m, 3) their vertices.
+    support : (n', 3) the uncut vertices that each vertex lies between, -1 where there are fewer.
+    strayed : (n',) metres by which the edges of stripes at a vertex may have moved so far.
+    """
+
+    V: Floats
+    F: Ints
+    parent: Ints
+    family: Ints
+    normal: Floats
+    corner: Ints
+    support: Ints
+    strayed: Floats
+
+    @cached_property
+    def edges(self) -> EdgeTable:
+        """Every edge once, with the cells on it."""
+        return edge_table(self.F)
+
+    @cached_property
+    def keys(self) -> Ints:
+        """(e,) one number for each edge, ascending."""
+        return self.key(*self.edges.ends.T)
+
+    def key(self, a: Ints, b: Ints) -> Ints:
+        """(k,) the number of the edges between vertices a (k,) and b (k,), whichever way."""
+        return np.minimum(a, b) * len(self.V) + np.maximum(a, b)
+
+    def edge(self, a: Ints, b: Ints) -> Ints:
+        """(k,) the edge between vertices a (k,) and b (k,), -1 where there is none."""
+        key = self.key(a, b)
+        at = np.minimum(np.searchsorted(self.keys, key), len(self.keys) - 1)
+        return np.where(self.keys[at] == key, at, -1)
+
+    @cached_property
+    def lines(self) -> Bools:
+        """(e,) edges that bound something: the surface, or cells of one family."""
+        result = np.ones(len(self.keys), dtype=bool)
+        two = self.edges.count == 2
+        f, g = (self.edges.pairs // 3).T
+        result[two] = self.family[f] != self.family[g]
+        return result
+
+    @cached_property
+    def outline(self) -> Bools:
+        """(e,) edges between material and void."""
+        result = np.zeros(len(self.keys), dtype=bool)
+        f, g = (self.edges.pairs // 3).T
+        result[self.edges.count == 2] = (self.family[f] == VOID) != (self.family[g] == VOID)
+        return result
+
+    @cached_property
+    def line_ends(self) -> Ints:
+        """(n',) sum of the vertices that lines lead to: of two, the other one is this less the first."""
+        total = np.zeros(len(self.V), dtype=np.int64)
+        a, b = self.edges.ends[self.lines].T
+        np.add.at(total, a, b)
+        np.add.at(total, b, a)
+        return total
+
+    @cached_property
+    def angle(self) -> Floats:
+        """(m',) the smallest angle of each cell."""
+        return self.angles(self.F, self.parent)
+
+    def angles(self, F: Ints, parent: Ints) -> Floats:
+        """(k,) the smallest angle of triangles in uncut faces, degrees; negative where one is turned over, 0 where it
+        has next to no area: no surface takes such a face."""
+        P = self.V[F]
+        sides = np.roll(P, -1, axis=1) - P
+        back = -np.roll(sides, 1, axis=1)
+        twice = np.einsum("ki,ki->k", np.cross(sides[:, 0], back[:, 0]), self.normal[parent])
+        angle = np.degrees(np.arctan2(twice[:, None], np.einsum("kci,kci->kc", sides, back))).min(axis=1)
+        return np.where(np.abs(twice) <= 2 * self.least, 0.0, angle)
+
+    @cached_property
+    def least(self) -> float:
+        """Square metres that a cell has at least."""
+        return CELL_AREA * float(np.sum(np.ptp(self.V, axis=0) ** 2))
+
+    @cached_property
+    def stars(self) -> tuple[Ints, Ints]:
+        """The cells around the vertices: those of vertex v are faces[start[v] : start[v + 1]].
+
+        faces : (3 m',).    start : (n' + 1,).
+        """
+        start = np.concatenate([[0], np.cumsum(np.bincount(self.F.ravel(), minlength=len(self.V)))])
+        return grouped(self.F.ravel())[0] // 3, start
+
+    def around(self, vertex: Ints) -> tuple[Ints, Ints]:
+        """Rows into `vertex` (k,), ascending, and the cells around it, one by one."""
+        faces, start = self.stars
+        count = start[vertex + 1] - start[vertex]
+        row = np.repeat(np.arange(len(vertex)), count)
+        begin = np.repeat(start[vertex] - np.concatenate([[0], np.cumsum(count)[:-1]]), count)
+        return row, faces[begin + np.arange(len(row))]
+
+    def with_cells(self, F: Ints, kept: Bools | None = None, strayed: Floats | None = None) -> "Cut":
+        """The same with other cells F (m', 3), of which those marked `kept` (m',) stay; strayed (n',) metres, as it
+        was if left out."""
+        kept = np.ones(len(F), dtype=bool) if kept is None else kept
+        return replace(
+            self,
+            F=F[kept],
+            parent=self.parent[kept],
+            family=self.family[kept],
+            strayed=self.strayed if strayed is None else strayed,
+        )
+
+
+def independent(row: Ints, face: Ints, rank: Ints, m: int) -> Bools:
+    """(k,) steps that need none of the faces of a better one; step row[i] of rank[row[i]] needs face[i] of m."""
+    best = np.full(m, len(rank))
+    np.minimum.at(best, face, rank[row])
+    free = np.ones(len(rank), dtype=bool)
+    free[row[best[face] != rank[row]]] = False
+    return free
+
+
+POOR = 25.0
+"""Degrees: only at cells with a smaller angle edges are collapsed."""
+
+STRAIGHT = 1e-12
+"""A vertex this share of the largest coordinate off a line is on it."""
+
+
+class Moves(NamedTuple):
+    """Vertices v (k,) that may move onto their neighbours w (k,), and how far edges of stripes strayed then, metres."""
+
+    v: Ints
+    w: Ints
+    strayed: Floats
+
+    def some(self, which: Bools | Ints) -> "Moves":
+        """Those that are marked (k,), or of these numbers."""
+        return Moves(self.v[which], self.w[which], self.strayed[which])
+
+
+def collapsed(cut: Cut, tolerance: float) -> tuple[Cut, int]:
+    """The cells after one round of collapses that raise the smallest angle around a vertex, and how many there were.
+
+    tolerance : metres that an edge of a stripe, of a family or of the surface may be off where it was at first.
+    """
+    moves = _along_lines(cut, _candidates(cut), tolerance)
+    moves, gain = _better(cut, moves)
+    if not len(moves.v):
+        return cut, 0
+    rank = np.empty(len(gain), dtype=np.int64)
+    rank[np.argsort(-gain, kind="stable")] = np.arange(len(gain))
+    stars = [cut.around(end) for end in (moves.v, moves.w)]
+    row, face = (np.concatenate(column) for column in zip(*stars, strict=True))
+    moves = moves.some(independent(row, face, rank, len(cut.F)))
+    onto = np.arange(len(cut.V))
+    onto[moves.v] = moves.w
+    F = onto[cut.F]
+    strayed = cut.strayed.copy()
+    ends = cut.edges.ends[cut.lines]
+    moved = np.zeros(len(cut.V))
+    moved[moves.v] = moves.strayed
+    for p, q in (ends.T, ends[:, ::-1].T):
+        np.maximum.at(strayed, onto[q], moved[p])
+    np.maximum.at(strayed, moves.w, moves.strayed)
+    whole = (np.roll(F, 1, axis=1) != F).all(axis=1)
+    return cut.with_cells(F, whole, strayed), len(moves.v)
+
+
+def _candidates(cut: Cut) -> Moves:
+    """Moves away from poor cells, of vertices that were made by the cut, within all uncut faces around them."""
+    poor = (cut.angle < POOR) & (cut.family != VOID)
+    edge = distinct(cut.edges.of[poor])
+    v, w = np.concatenate([cut.edges.ends[edge], cut.edges.ends[edge][:, ::-1]]).T
+    made = (cut.support[v] >= 0).sum(axis=1) > 1
+    v, w = v[made], w[made]
+    row, face = cut.around(v)
+    corner, support = cut.corner[cut.parent[face]], cut.support[w[row]]
+    outside = ((support >= 0) & (support[:, :, None] != corner[:, None]).all(axis=2)).any(axis=1)
+    within = np.bincount(row, outside, len(v)) == 0
+    v, w = v[within], w[within]
+    return Moves(v, w, np.zeros(len(v)))
+
+
+def _along_lines(cut: Cut, moves: Moves, tolerance: float) -> Moves:
+    """The moves that keep all lines as they are connected, and where they are by the tolerance.
+
+    A vertex without lines may go anywhere; others along a line, or off it to where no line is. Two joints of three
+    lines may meet if material is one fan around them still: not along a border of families, at whose ends void is. The
+    boundary of the surface is not left.
+    """
+    v, w, _ = moves
+    count = np.bincount(cut.edges.ends[cut.lines].ravel(), minlength=len(cut.V))
+    rim = on_boundary(cut.edges, len(cut.V))
+    edge = cut.edge(v, w)
+    along = cut.lines[edge]
+    step = np.linalg.norm(cut.V[v] - cut.V[w], axis=1)
+    slides = along & (count[v] == 2)
+    total = cut.line_ends
+    u = np.where(slides, total[v] - w, v)  # the other neighbour on the line
+    off = np.where(slides, from_segments(cut.V[v], cut.V[u], cut.V[w]), step)
+    off[off <= STRAIGHT * np.abs(cut.V).max()] = 0
+    strayed = np.where(count[v] > 0, np.maximum.reduce([cut.strayed[v], cut.strayed[w], cut.strayed[u]]) + off, 0)
+    joints = (count[v] == 3) & (count[w] == 3) & cut.outline[edge] & ~rim[v] & ~rim[w]
+    connected = np.where(along, (count[v] == 2) | (count[w] == 2) | joints, count[w] == 0)
+    onto = ~rim[v] | cut.edges.boundary[edge]
+    allowed = (count[v] == 0) | (connected & onto & (strayed <= tolerance))
+    return Moves(v, w, strayed).some(allowed)
+
+
+def _better(cut: Cut, moves: Moves) -> tuple[Moves, Floats]:
+    """The moves after which material has a larger smallest angle, void none smaller, and how much larger, degrees."""
+    row, face = cut.around(moves.v)
+    F, material = cut.F[face], cut.family[face] != VOID
+    v, w = moves.v[row], moves.w[row]
+    gone = (w[:, None] == F).any(axis=1)
+    new = np.full(len(row), np.inf)
+    new[~gone] = cut.angles(np.where(v[:, None] == F, w[:, None], F)[~gone], cut.parent[face[~gone]])
+    before, after = np.full((2, 2, len(moves.v)), np.inf)
+    for kind in (0, 1):
+        mine = material == bool(kind)
+        np.minimum.at(before[kind], row[mine], cut.angle[face[mine]])
+        np.minimum.at(after[kind], row[mine], new[mine])
+    good = (after[1] > GAIN * before[1]) & (after[0] >= np.minimum(before[0], after[1])) & (after[0] > 0)
+    good &= np.isfinite(after[1]) & _linked(cut, moves, row, F)
+    return moves.some(good), (after[1] - before[1])[good]
+
+
+def _linked(cut: Cut, moves: Moves, row: Ints, F: Ints) -> Bools:
+    """(k,) both ends of an edge have no neighbours in common but across its cells (link condition: [Dey et al. 1999]),
+    and no triangle of lines closes.
+
+    row, F : the cells around each v.
+    """
+    others = np.repeat(row, 3), F.ravel()
+    known = (others[1] != moves.v[others[0]]) & (others[1] != moves.w[others[0]])
+    pair = distinct(others[0][known] * len(cut.V) + others[1][known])
+    at, x = pair // len(cut.V), pair % len(cut.V)
+    there = cut.edge(x, moves.w[at])
+    common = np.bincount(at[there >= 0], minlength=len(moves.v))
+    both = (there >= 0) & cut.lines[there] & cut.lines[cut.edge(x, moves.v[at])]
+    closes = np.bincount(at[both], minlength=len(moves.v)) > 0
+    return np.asarray((common == cut.edges.count[cut.edge(moves.v, moves.w)]) & ~closes)
+
+
+def flipped(cut: Cut) -> tuple[Cut, int]:
+    """The cells after one round of flips that raise the smaller smallest angle of two cells, and how many there were.
+
+      c            c
+     /|\\          / \\       Only between cells of the same family and face: across faces of a curved surface a flip
+    a | b   ->   a---b      would change its shape.
+     \\|/          \\ /
+      d            d
+    """
+    h, g = cut.edges.pairs.T
+    f, e = h // 3, g // 3
+    good = (cut.parent[f] == cut.parent[e]) & (cut.family[f] == cut.family[e]) & (cut.family[f] != VOID)
+    h, g, f, e = h[good], g[good], f[good], e[good]
+    d, c, b = (cut.F[f, (h + k) % 3] for k in range(3))  # h runs from d to c
+    a = cut.F[e, (g + 2) % 3]
+    one, two = np.stack([a, c, b], axis=1), np.stack([b, d, a], axis=1)
+    parent = cut.parent[f]
+    new = np.minimum(cut.angles(one, parent), cut.angles(two, parent))
+    old = np.minimum(cut.angle[f], cut.angle[e])
+    better = np.flatnonzero(new > GAIN * old)  # inside a plane face no other edge joins a and b
+    better = better[np.argsort(-(new - old)[better], kind="stable")]
+    rank = np.arange(len(better))
+    both = np.concatenate([f[better], e[better]])
+    chosen = better[independent(np.concatenate([rank, rank]), both, rank, len(cut.F))]
+    F = cut.F.copy()
+    F[f[chosen]], F[e[chosen]] = one[chosen], two[chosen]
+    return cut.with_cells(F), len(chosen)
+
+
+ROUNDS = 40
+"""Of collapses and flips at most; most sheets need under ten."""
+
+
+@dataclass(frozen=True, eq=False)
+class Improved:
+    """A sheet with better shaped cells.
+
+    sheet         : all cells, material and void.      flips, collapses : how many there were.
+    before, after : the shape of the material's cells.
+    strayed       : metres by which the edges of stripes moved, at most.
+    """
+
+    sheet: Sheet
+    flips: int
+    collapses: int
+    before: Quality
+    after: Quality
+    strayed: float
+
+    @property
+    def told(self) -> str:
+        """A sentence with the worst angle, the share of needles and the median quality, before and after."""
+        a, b = self.before, self.after
+        return (
+            f"{self.flips} edges flipped and {self.collapses} collapsed: smallest angle {a.worst_angle:.2g} -> "
+            f"{b.worst_angle:.2g} degrees, under 1 degree {a.needles:.2%} -> {b.needles:.2%}, median quality "
+            f"{a.median:.2f} -> {b.median:.2f}"
+        )
+
+
+def improved(sheet: Sheet, uncut: Surface, tolerance: float = 0.0) -> Improved:
+    """The sheet after flips of edges and collapses of small edges that raise the smallest angle of its material.
+
+    sheet     : all cells cut from the surface `uncut`, material and void.
+    tolerance : metres that the edges of stripes, of families and of the surface may move.
+
+    Cells stay in their uncut faces, and vertices where they are or are gone: the surface, its area and its topology,
+    the weights and every carried field are kept exactly, as are the vertices of the uncut surface. No step makes a
+    cell with a smaller angle than the smallest of the cells it takes away. With tolerance 0 the material covers the
+    same points as before; else its area changes by less than tolerance x length of its edges.
+    """
+    cut = _cells(sheet, uncut)
+    flips = collapses = 0
+    for _ in range(ROUNDS):
+        cut, fewer = collapsed(cut, tolerance)
+        cut, turned = flipped(cut)
+        flips, collapses = flips + turned, collapses + fewer
+        if not fewer and not turned:
+            break
+    before = quality(sheet.kept().surface)
+    if not flips and not collapses:
+        return Improved(sheet, 0, 0, before, before, 0.0)
+    better = _sheet(cut, sheet, uncut)
+    return Improved(better, flips, collapses, before, quality(better.kept().surface), float(cut.strayed.max()))
+
+
+def _cells(sheet: Sheet, uncut: Surface) -> Cut:
+    surface, weights = sheet.surface, sheet.weights
+    size = np.diff(weights.indptr)
+    support = np.full((surface.n, 3), -1)
+    support[np.repeat(np.arange(surface.n), size), _places(weights, size)] = weights.indices
+    strayed: Floats = np.zeros(surface.n)
+    return Cut(surface.V, surface.F, sheet.parent, sheet.family, uncut.normals, uncut.F, support, strayed)
+
+
+def _places(weights: csr_array, size: Ints) -> Ints:
+    """Each entry's place in its row."""
+    return np.asarray(np.arange(weights.nnz) - np.repeat(weights.indptr[:-1], size))
+
+
+def _sheet(cut: Cut, before: Sheet, uncut: Surface) -> Sheet:
+    """The cells as a sheet, without the vertices that are gone."""
+    used = np.zeros(len(cut.V), dtype=bool)
+    used[cut.F] = True
+    used[: uncut.n] = True
+    surface = Surface(cut.V[used], (np.cumsum(used) - 1)[cut.F])
+    return Sheet(surface, cut.parent, cut.family, before.weights[used])

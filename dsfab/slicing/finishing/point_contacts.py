@@ -1,0 +1,186 @@
+"""Pinches: vertices where material meets in a single point. No solid can be built there; join the parts or split them.
+
+    material . void         join: a disc around the pinch      split: the disc becomes void
+    . . . .  x . . . .            becomes material
+     void    . material
+
+The disc is cut out of the full sheet, material and void together, so that the cells around it still fit.
+"""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from dsfab.core.arrays import Bools, Floats, Ints, first
+from dsfab.core.errors import PatternError
+from dsfab.slicing.cutting.cells import Cells
+from dsfab.slicing.cutting.cut import filled_polygons
+from dsfab.slicing.cutting.polygon_mesh import extended_weights
+from dsfab.slicing.cutting.sheet import VOID, Sheet
+from dsfab.slicing.cutting.split import Snapping, clean_split
+from dsfab.surface.topology import edge_table, pieces
+
+Rule = Literal["join", "split"]
+
+DISC_ROUNDS = 3
+"""A disc can make a new pinch where its rim meets another stripe: so often discs are tried."""
+CORNER_ROUNDS = 2
+"""Then corners are cut, which makes no new pinch; the second round is for pinches of the first one's neighbours."""
+CORNER_SHARE = 0.4
+"""Longest corner cut, as a share of the edge: under a half, so that cuts at both ends do not meet."""
+DISC_SNAP = 0.1
+"""Snap fraction (see `cut`) of the rim of a disc."""
+
+
+@dataclass(frozen=True, eq=False)
+class Pinched:
+    """A sheet without pinches.
+
+    sheet       : all cells, material and void.
+    count       : number of discs and corner cuts that were needed; 0 leaves the sheet as it was.
+    area_change : material area after less before, square metres: positive for "join", negative for "split".
+    """
+
+    sheet: Sheet
+    count: int
+    area_change: float
+
+
+def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> Pinched:
+    """Make discs of `radius` metres around all pinches of the material into material ("join") or void ("split").
+
+    Up to three rounds of discs, then corners cut at min(radius, 0.4 edge) around what is left. Joined cells take the
+    family of the first material cell at their pinch. Pinches on the surface's boundary count too.
+
+    Raises PatternError when nothing is material, before or after, when `radius` or `rule` is impossible, and when
+    pinches remain (a surface that touches itself in a vertex cannot be joined there).
+    """
+    if not (np.isfinite(radius) and radius > 0):
+        raise PatternError(f"the pinch radius {radius} must be a positive length in metres")
+    if rule not in ("join", "split"):
+        raise PatternError(f"the pinch rule {rule!r} must be 'join' or 'split'")
+    before, count = _material_area(sheet), 0
+    at = pinched_vertices(sheet)
+    for turn in range(DISC_ROUNDS + CORNER_ROUNDS):
+        if not len(at):
+            break
+        sheet, discs = _round(sheet, at, radius, rule, corners=turn >= DISC_ROUNDS)
+        at, count = pinched_vertices(sheet), count + discs
+    if len(at):
+        raise PatternError(
+            f"material still meets in a single point at {len(at)} vertices (first: {first(at)}); "
+            "use the other pinch rule, another radius, or another phase"
+        )
+    return Pinched(sheet, count, _material_area(sheet) - before)
+
+
+def _round(sheet: Sheet, at: Ints, radius: float, rule: Rule, corners: bool) -> tuple[Sheet, int]:
+    """The sheet with a disc or a corner cut at each of the pinches `at`, and how many it took."""
+    count = 0
+    for turn, group in enumerate(_apart(at, _links(sheet, at))):
+        if turn:  # a disc of an earlier group may have swallowed some
+            group = np.intersect1d(group, pinched_vertices(sheet))
+        if len(group):
+            distance = _corner_distance(sheet, group, radius) if corners else _distance(sheet, group)
+            sheet, count = _with_discs(sheet, group, distance, radius, rule), count + len(group)
+    return sheet, count
+
+
+def _material_area(sheet: Sheet) -> float:
+    if not sheet.material.any():
+        raise PatternError(
+            "no material is left after slicing; lower the threshold, raise the frequency, or keep a rim or a disc"
+        )
+    return float(sheet.surface.areas[sheet.material].sum())
+
+
+def pinched_vertices(sheet: Sheet) -> Ints:
+    """(k,) vertices of a sheet around which the material has more than one edge-connected fan of cells."""
+    if not sheet.material.any():
+        return np.empty(0, dtype=np.int64)
+    pinched = sheet.kept().surface.pinches
+    if not len(pinched):
+        return pinched
+    used = np.zeros(sheet.surface.n, dtype=bool)
+    used[sheet.surface.F[sheet.material]] = True
+    return np.flatnonzero(used)[pinched]
+
+
+def _links(sheet: Sheet, at: Ints) -> Ints:
+    """(k, 2) the edges between the vertices `at`."""
+    marked = np.zeros(sheet.surface.n, dtype=bool)
+    marked[at] = True
+    p, q, r = marked[sheet.surface.F].T
+    near = sheet.surface.F[np.flatnonzero((p & q) | (q & r) | (r & p))]
+    ends = edge_table(near).ends if len(near) else np.empty((0, 2), dtype=np.int64)
+    return np.asarray(ends[marked[ends].all(axis=1)])
+
+
+def _apart(at: Ints, ends: Ints) -> list[Ints]:
+    """The pinches `at` in groups, no two of a group on one edge: linear between them, their distance would be zero."""
+    groups = []
+    while len(at):
+        later = np.unique(ends[np.isin(ends, at).all(axis=1), 1])
+        groups.append(np.setdiff1d(at, later))
+        at = np.intersect1d(at, later)
+    return groups
+
+
+def _distance(sheet: Sheet, at: Ints) -> Floats:
+    """(n',) straight distance of every vertex to the nearest of the pinches `at`, metres."""
+    V = sheet.surface.V
+    return np.asarray(cKDTree(V[at]).query(V)[0])
+
+
+def _corner_distance(sheet: Sheet, at: Ints, radius: float) -> Floats:
+    """(n',) a field whose level `radius` cuts each edge from a pinch at min(radius, `CORNER_SHARE` of the edge)."""
+    surface = sheet.surface
+    x = np.full(surface.n, radius / CORNER_SHARE)
+    pinch = np.zeros(surface.n, dtype=bool)
+    pinch[at] = True
+    for p, q in (surface.edges.ends.T, surface.edges.ends[:, ::-1].T):
+        on = pinch[p]
+        np.maximum.at(x, q[on], np.linalg.norm(surface.V[p[on]] - surface.V[q[on]], axis=1))
+    x[at] = 0
+    return x
+
+
+def _with_discs(sheet: Sheet, at: Ints, distance: Floats, radius: float, rule: Rule) -> Sheet:
+    """The sheet cut along distance = radius, with the cells inside made material or void."""
+    V, F = sheet.surface.V, sheet.surface.F
+    touched = np.asarray((distance[F] < radius).any(axis=1))
+    level = np.array([radius])
+    split = clean_split(Cells.triangles(F), V, distance, level, touched, Snapping(DISC_SNAP, sheet.surface.size, at))
+    surface, cell = filled_polygons(split.cells, split.extended(V), sheet.parent[split.source])
+    before = split.source[cell]
+    inside = _at_pinches(surface.F, split.strip[cell] == 0, at)
+    family = sheet.family[before]
+    if rule == "split":
+        family[inside] = VOID
+    else:
+        fill = inside & (family == VOID)
+        nearest = cKDTree(V[at]).query(surface.centroids[fill])[1]
+        family[fill] = _first_family(sheet, at)[nearest]
+    return Sheet(surface, sheet.parent[before], family, extended_weights(sheet.weights, split))
+
+
+def _at_pinches(F: Ints, inside: Bools, at: Ints) -> Bools:
+    """(m',) the inside cells that are edge-connected to a pinch: not those of another part of the surface near by."""
+    here = F[inside]
+    count, piece = pieces(here, edge_table(here))
+    reached = np.zeros(count, dtype=bool)
+    reached[piece[np.isin(here, at).any(axis=1)]] = True
+    result = inside.copy()
+    result[inside] = reached[piece]
+    return result
+
+
+def _first_family(sheet: Sheet, at: Ints) -> Ints:
+    """The family of the first material cell at each of the vertices `at`."""
+    marked = np.zeros(sheet.surface.n, dtype=bool)
+    marked[at] = True
+    near = np.flatnonzero(sheet.material & marked[sheet.surface.F].any(axis=1))
+    corner, where = np.unique(sheet.surface.F[near].ravel(), return_index=True)
+    return np.asarray(sheet.family[near[where[np.searchsorted(corner, at)] // 3]])

@@ -1,0 +1,428 @@
+"""Lines of a cut sheet: edges by the family that they bound, corners of the outline, middle lines of members."""
+
+from collections import defaultdict
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from dsfab.core.arrays import Bools, Floats, Ints, sorted_order
+from dsfab.slicing.cutting.cells import nearest
+from dsfab.slicing.cutting.polygon_mesh import places
+from dsfab.slicing.cutting.sheet import VOID, Sheet
+from dsfab.slicing.measures.chart import SLICING_SAME, Chart
+from dsfab.surface import Surface, chains
+from dsfab.surface.fields import CornerField, Kind, StructureLine, Track, level_lines, polyline_length
+from dsfab.surface.topology import EdgeTable, edge_table, half_edges
+
+
+class Labels(NamedTuple):
+    """Boundary edges of a kept sheet: half-edge, first and last vertex, and family (k,) each; `VOID` (-1) for those on
+    the boundary of the uncut surface."""
+
+    half_edge: Ints
+    start: Ints
+    end: Ints
+    family: Ints
+
+
+def outline_labels(sheet: Sheet, uncut: Surface) -> Labels:
+    """The edges of the outline of a kept sheet, cut from the surface `uncut`.
+
+    The edge of a cell belongs to the family that made the cell material, or to the boundary of the uncut surface where
+    it lies on it.
+    """
+    table = sheet.surface.edges
+    h = table.order[table.start[:-1][table.boundary]]
+    a, b = (ends[h] for ends in half_edges(sheet.surface.F))
+    return Labels(h, a, b, np.where(_on_boundary(sheet, uncut, a, b), VOID, sheet.family[h // 3]))
+
+
+def outline_corners(sheet: Sheet, uncut: Surface) -> Floats:
+    """Vertices (k, 3) of the boundary of a kept sheet where two curves meet, metres, at whatever angle.
+
+    `uncut` is the surface that `sheet` was cut from.
+    """
+    _, a, b, family = outline_labels(sheet, uncut)
+    low, high = np.full(sheet.surface.n, np.iinfo(np.int64).max), np.full(sheet.surface.n, np.iinfo(np.int64).min)
+    for end in (a, b):
+        np.minimum.at(low, end, family)
+        np.maximum.at(high, end, family)
+    return np.asarray(sheet.surface.V[low < high])
+
+
+def _on_boundary(sheet: Sheet, uncut: Surface, a: Ints, b: Ints) -> Bools:
+    """(k,) whether the edges a - b lie on the uncut boundary: together they stand on two vertices, a boundary edge."""
+    stand = csr_array(sheet.weights[a] + sheet.weights[b])
+    stand.eliminate_zeros()
+    stand.sort_indices()
+    first = stand.indptr[:-1]
+    two = np.diff(stand.indptr) == 2
+    i, j = stand.indices[first[two]].astype(np.int64), stand.indices[first[two] + 1].astype(np.int64)
+    ends = uncut.edges.ends[uncut.edges.boundary]
+    on = np.zeros(len(a), dtype=bool)
+    on[two] = np.isin(i * uncut.n + j, ends[:, 0] * uncut.n + ends[:, 1])
+    return on
+
+
+INSIDE = 1e-9
+"""A point this far outside a cell is in it still, as a share of the uncut face: cells leave no gap between them."""
+
+LEAST = 1e-7
+"""Shorter parts of a segment, and shorter gaps in it, are those of rounding."""
+
+
+class Spans(NamedTuple):
+    """What is left of segments.
+
+    segment : (p,) of which.    begin, end : (p,) from where to where, 0 to 1.
+    of_pair : (q,) the part that a pair of segment and cell belongs to, and cell : (q,) that cell.
+    """
+
+    segment: Ints
+    begin: Floats
+    end: Floats
+    of_pair: Ints
+    cell: Ints
+
+
+def clipped(chart: Chart, face: Ints, at: Floats, of: Ints, sheet: Sheet, F: Ints) -> Spans:
+    """The parts of segments that lie on cells of a sheet.
+
+    face, at, of : (v,) faces of the chart, (v, 2, 3) both ends there, and the segment that this is a view of; two faces
+                   may see the same segment, along the edge between them.
+    F            : (m, 3) the uncut faces.
+    """
+    ends = at @ _in_parents(chart.weights, chart.surface.F[face], chart.parent[face], F)  # on the uncut faces
+    order = sorted_order(sheet.parent)
+    parents = sheet.parent[order]
+    begin, end = (np.searchsorted(parents, chart.parent[face], side=side) for side in ("left", "right"))
+    view = np.repeat(np.arange(len(face)), end - begin)
+    cell = order[np.arange(len(view)) - (np.cumsum(end - begin) - end)[view]]
+    corners = _in_parents(sheet.weights, sheet.surface.F[cell], sheet.parent[cell], F)
+    low, high = _inside(ends[view, :, :2], corners[..., :2])
+    some = high - low > LEAST
+    return _united(of[view[some]], low[some], high[some], cell[some])
+
+
+def _in_parents(weights: csr_array, F: Ints, parent: Ints, uncut: Ints) -> Floats:
+    """(k, 3, 3) the corners of triangles F (k, 3) in barycentric coordinates of their parents (k,)."""
+    entries = weights[F.ravel()].tocoo()
+    row, column = (index.astype(np.int64) for index in entries.coords)
+    found = np.zeros((3 * len(F), 3))
+    np.add.at(found, (row, places(uncut[parent[row // 3]], column)), entries.data)
+    return found.reshape(-1, 3, 3)
+
+
+def _inside(ends: Floats, corners: Floats) -> tuple[Floats, Floats]:
+    """(q,) from where to where segments (q, 2, 2) are inside triangles (q, 3, 2); nowhere if the second is less."""
+    low, high = np.zeros(len(ends)), np.ones(len(ends))
+    side = np.roll(corners, -1, axis=1) - corners
+    area = side[:, 0, 0] * side[:, 1, 1] - side[:, 0, 1] * side[:, 1, 0]
+    for c in range(3):
+        to = ends - corners[:, c, None]
+        length = np.linalg.norm(side[:, c], axis=1) * np.sign(area)
+        depth = (side[:, c, None, 0] * to[..., 1] - side[:, c, None, 1] * to[..., 0]) / length[:, None] + INSIDE
+        begin, end = depth.T
+        t = begin / np.where(begin == end, 1.0, begin - end)
+        low = np.where((begin < 0) & (end >= 0), np.maximum(low, t), low)
+        high = np.where((begin >= 0) & (end < 0), np.minimum(high, t), high)
+        high = np.where((begin < 0) & (end < 0), -1.0, high)
+    return low, high
+
+
+def _united(segment: Ints, begin: Floats, end: Floats, cell: Ints) -> Spans:
+    """Parts that touch or overlap, as one each."""
+    order = np.lexsort([begin, segment])
+    segment, begin, end, cell = segment[order], begin[order], end[order], cell[order]
+    upto = np.maximum.accumulate(2.0 * segment + end)  # no part of one segment reaches the next
+    new = np.ones(len(segment), dtype=bool)
+    new[1:] = 2.0 * segment[1:] + begin[1:] > upto[:-1] + LEAST
+    first = np.flatnonzero(new)
+    last = np.maximum.reduceat(end, first) if len(first) else end
+    start = np.where(begin[first] < LEAST, 0.0, begin[first])
+    return Spans(segment[first], start, np.where(last > 1 - LEAST, 1.0, last), np.cumsum(new) - 1, cell)
+
+
+NEAR = 1e-5
+"""Two faces cross an edge in the same place if that differs by less, as a share of the edge."""
+
+
+class Middle(NamedTuple):
+    """A line along the middle of a member: its number, as most of it is seen, and points (k, 3) in metres."""
+
+    number: int
+    points: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class Chords:
+    """Segments of middles, each between two nodes; one that runs along an edge may be seen by both faces there.
+
+    link   : (l, 2) nodes.                point  : (nodes, 3) metres.
+    of     : (v,) the segment of a view.  face   : (v,) of the chart.    number : (v,) of the line, in the finest lines.
+    at     : (v, 2, 3) both nodes of the segment in barycentric coordinates of the face.
+    """
+
+    link: Ints
+    point: Floats
+    of: Ints
+    face: Ints
+    number: Ints
+    at: Floats
+
+    @classmethod
+    def on(cls, chart: Chart, family: int, half_width: Floats) -> "Chords":
+        """Those of a family in faces where it has a phase, and a half-width (n,) over 0 at every corner.
+
+             |                  A face has a chord for every whole number between two of its corners, from side to
+        ---o-+-o---  k          side or from a corner; and one along a side both of whose ends are on k.
+             |
+        """
+        y, scale = (x[:, family][chart.surface.F] for x in (chart.z, chart.scale))
+        wide = chart.carry(half_width)[chart.surface.F].min(axis=1) > 0
+        live = np.flatnonzero((scale > 0).all(axis=1) & wide)
+        low = np.ceil(y[live].min(axis=1) - SLICING_SAME)
+        count = (np.floor(y[live].max(axis=1) + SLICING_SAME) - low + 1).astype(np.int64)
+        face = np.repeat(live, count)
+        level = low.repeat(count) + np.arange(len(face)) - (np.cumsum(count) - count).repeat(count)
+        d = y[face] - level[:, None]
+        d[np.abs(d) <= SLICING_SAME] = 0.0
+        chord = ((d > 0).any(axis=1) & (d < 0).any(axis=1)) | ((d == 0).sum(axis=1) == 2)
+        face, level, d = face[chord], level[chord], d[chord]
+        number = np.rint(level / scale[face, 0]).astype(np.int64)
+        return cls._joined(chart, face, number, d)
+
+    @classmethod
+    def _joined(cls, chart: Chart, face: Ints, number: Ints, d: Floats) -> "Chords":
+        """Chords where fields d (v, 3) at the corners of faces (v,) are 0."""
+        ahead = np.roll(d, -1, axis=1)
+        place = np.nonzero(np.concatenate([d == 0, d * ahead < 0], axis=1))[1].reshape(-1, 2)  # corners, then sides
+        t = np.where(d * ahead < 0, d / np.where(d == ahead, 1.0, d - ahead), 0.0)
+        corner, share = place % 3, np.take_along_axis(t, place % 3, axis=1)
+        at = (1 - share)[..., None] * np.eye(3)[corner] + share[..., None] * np.eye(3)[(corner + 1) % 3]
+        node, point = _nodes(chart, face[:, None], corner, place < 3, share)
+        turned = node[:, 0] > node[:, 1]
+        node[turned], at[turned] = node[turned, ::-1], at[turned, ::-1]
+        link, of = np.unique(node, axis=0, return_inverse=True)
+        return cls(link, point, of.ravel(), face, number, at)
+
+
+def _nodes(chart: Chart, face: Ints, corner: Ints, whole: np.ndarray, share: Floats) -> tuple[Ints, Floats]:
+    """(v, 2) the nodes at corners (where `whole`) or on the sides after them, and (nodes, 3) their points, metres."""
+    V, vertex = np.unique(chart.surface.V, axis=0, return_inverse=True)  # cuts of the chart are no edges of the sheet
+    F = vertex.ravel()[chart.surface.F]
+    edges: EdgeTable = edge_table(F)
+    start, side = F[face, corner], edges.of[face, corner]
+    t = np.where(edges.ends[side, 0] == start, share, 1 - share)
+    on_side = np.flatnonzero(~whole.ravel())
+    side, t = side.ravel()[on_side], t.ravel()[on_side]
+    order = np.lexsort([t, side])
+    new = np.ones(len(order), dtype=bool)
+    new[1:] = (np.diff(side[order]) != 0) | (np.diff(t[order]) > NEAR)
+    node = start.ravel().copy()
+    node[on_side[order]] = len(V) + np.cumsum(new) - 1
+    first = order[new]
+    a, b = (V[edges.ends[side[first], k]] for k in (0, 1))
+    return node.reshape(-1, 2), np.concatenate([V, a + t[first, None] * (b - a)])
+
+
+def middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, F: Ints, passing: Ints) -> list[Middle]:
+    """The middles of one family's members on what is kept of the surface.
+
+    half_width : (n,) in periods: material is |z - k| < d, and where d is 0 there is no member.
+    sheet      : what is kept.    F : (m, 3) the uncut faces.
+    passing    : values of `sheet.family`; lines that run through cells of these alone are left out: that is where a
+                 line of the chart, which no member was drawn along, passes below another member.
+    """
+    chords = Chords.on(chart, family, half_width)
+    spans = clipped(chart, chords.face, chords.at, chords.of, sheet, F)
+    through = np.isin(sheet.family[spans.cell], passing, invert=True)
+    drawn = np.zeros(len(spans.begin), dtype=bool)
+    drawn[spans.of_pair[through]] = True
+    number = np.zeros(len(chords.link), dtype=np.int64)
+    number[chords.of[::-1]] = chords.number[::-1]
+    link, point = _pieces(chords, spans)
+    found = []
+    for nodes, passed in chains(link[:, 0], link[:, 1], len(point)):
+        points = point[nodes]
+        lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
+        if drawn[passed].any() and lengths.any():
+            distinct = np.concatenate([[True], lengths > 0])
+            found.append(Middle(mostly(number[spans.segment[passed]], lengths), points[distinct]))
+    return found
+
+
+def _pieces(chords: Chords, spans: Spans) -> tuple[Ints, Floats]:
+    """(p, 2) the nodes of what is left of the segments, at most two at each, and the points of all nodes.
+
+    Where a segment is cut it gets a node of its own, and where more than two meet, each does: there all of them end.
+    """
+    link = chords.link[spans.segment]
+    a, b = (chords.point[link[:, k]] for k in (0, 1))
+    crowded = np.bincount(link.ravel(), minlength=len(chords.point))[link] > 2
+    points, count = [chords.point], len(chords.point)
+    for k, (t, whole) in enumerate(((spans.begin, 0.0), (spans.end, 1.0))):
+        own = np.flatnonzero((t != whole) | crowded[:, k])
+        points.append(a[own] + t[own, None] * (b - a)[own])
+        link[own, k] = count + np.arange(len(own))
+        count += len(own)
+    return link, np.concatenate(points)
+
+
+def mostly(number: Ints, weight: Floats) -> int:
+    """The number (k,) with the largest sum of weights (k,)."""
+    values, of = np.unique(number, return_inverse=True)
+    return int(values[np.argmax(np.bincount(of.ravel(), weight))])
+
+
+BOUNDARY = "boundary"
+"""The family of an edge that lies on the boundary of the uncut surface."""
+
+STRIPES = ("major", "minor")
+"""The families of a chart, in its order."""
+
+
+class CornerLines(NamedTuple):
+    """A field of evenly spaced stripes and the values of their middles: each face sees it in a sign of its own."""
+
+    field: CornerField
+    levels: Floats
+
+
+Phase = Floats | CornerLines | None
+"""z (n,) on the uncut surface, integers at the middles of stripes; or that at corners; or None for no stripes."""
+
+
+def edge_lines(sheet: Sheet, uncut: Surface, names: Sequence[str], phases: Sequence[Phase]) -> list[StructureLine]:
+    """The outline of a kept sheet, cut into lines wherever it passes from one family or stripe to another.
+
+    names  : of the fields that the sheet was cut by; a cell's `family` is an index into them.
+    phases : for each field. An edge belongs to the stripe k that the cell beside it is a part of: z is next to k. Of
+             phases at corners k is what the face sees; a line is numbered as most of it is.
+    Together the lines are the boundary of the sheet, each edge of it once, with the material on the left.
+    """
+    labels = outline_labels(sheet, uncut)
+    stripes = _Stripes(sheet, uncut, phases, labels)
+    of_half_edge = {int(a): i for i, a in enumerate(labels.half_edge)}
+    chosen: list[tuple[str, int, Floats]] = []
+    for loop, along in _loops(sheet.surface):
+        at = np.array([of_half_edge[h] for h in along])
+        points = sheet.surface.V[loop]
+        for run in _runs(stripes.changes(at, loop)):
+            family = int(labels.family[at[run[0]]])
+            line = points[[*run.tolist(), (run[-1] + 1) % len(points)]]
+            stripe = mostly(stripes.number[at[run]], np.linalg.norm(np.diff(line, axis=0), axis=1))
+            chosen.append((BOUNDARY if family == VOID else names[family], stripe, line))
+    return _numbered("edge", chosen)
+
+
+class _Stripes:
+    """The stripes that the edges of an outline belong to."""
+
+    def __init__(self, sheet: Sheet, uncut: Surface, phases: Sequence[Phase], labels: Labels) -> None:
+        self.family, self.cell, self.phases = labels.family, labels.half_edge // 3, phases
+        self.parent, self.weights, self.F = sheet.parent[self.cell], sheet.weights, uncut.F
+        self.number = np.zeros(len(self.cell), dtype=np.int64)
+        for k, phase in enumerate(phases):
+            if phase is not None and (mine := labels.family == k).any():
+                self.number[mine] = self._numbers(sheet, phase, self.cell[mine])
+
+    def _numbers(self, sheet: Sheet, phase: Floats | CornerLines, cell: Ints) -> Ints:
+        """(k,) of the stripes that cells (k,) are part of."""
+        corners = sheet.surface.F[cell]
+        if not isinstance(phase, CornerLines):
+            return np.asarray(np.rint(sheet.carry(phase)[corners].mean(axis=1)), dtype=np.int64)
+        z = phase.field.corners(self.F).mean(axis=2)
+        entries = self.weights[corners.ravel()].tocoo()
+        row, column = (index.astype(np.int64) for index in entries.coords)
+        parent = sheet.parent[cell][row // 3]
+        seen = entries.data * z[parent, places(self.F[parent], column)]
+        z = np.bincount(row // 3, seen, len(cell)) / 3
+        return np.asarray(np.rint(nearest(z, phase.levels)), dtype=np.int64)
+
+    def changes(self, at: Ints, loop: Ints) -> Bools:
+        """(k,) whether edges `at` (k,) around a loop of vertices belong to another stripe than the one before.
+
+        Where both see a stripe of the same field at corners, its number is carried from one face to the other.
+        """
+        before = np.roll(at, 1)
+        number = self.number[before].astype(np.float64)
+        for k, phase in enumerate(self.phases):
+            if isinstance(phase, CornerLines):
+                both = np.flatnonzero((self.family[at] == k) & (self.family[before] == k))
+                f, g = self.parent[at[both]], self.parent[before[both]]
+                rows = self.weights[loop[both]]
+                base = rows.indices[rows.indptr[:-1]].astype(np.int64)  # a corner of both
+                here, there = (f, places(self.F[f], base)), (g, places(self.F[g], base))
+                sign = phase.field.sign[here] * phase.field.sign[there]
+                shift = phase.field.shift[here] - sign * phase.field.shift[there]
+                number[both] = sign * number[both] + shift
+        return np.asarray((self.family[at] != self.family[before]) | (self.number[at] != number))
+
+
+def centre_lines(sheet: Sheet, name: str, phase: Floats, half_width: Floats) -> list[StructureLine]:
+    """The middles z = k of one family's members, for all integers k, on what is kept of the surface.
+
+    phase, half_width : z and d (n,) on the uncut surface, in periods: material is |z - k| < d. Where d is 0 there is no
+    member, and no middle even if other material lies there. Both fields are linear in each cell of the sheet, so the
+    lines are exact; that they end with the sheet needs no clipping.
+    """
+    z = sheet.carry(phase)
+    levels = np.arange(np.floor(z.min()), np.ceil(z.max()) + 1)
+    member = sheet.carry(np.minimum(half_width, 1.0))[sheet.surface.F].min(axis=1) > 0
+    tracks: list[Track] = level_lines(sheet.surface, z, levels, member)
+    return _numbered("centre", [(name, int(levels[track.level]), track.points) for track in tracks])
+
+
+def chart_lines(
+    sheet: Sheet, uncut: Surface, names: Sequence[str], name: str, chart: Chart, half_width: Floats
+) -> list[StructureLine]:
+    """`centre_lines` of evenly spaced members: each as long as it is drawn, ended on the middle of the one it meets.
+
+    names      : of the fields that the sheet was cut by.    name : "major" or "minor".
+    half_width : (n,) on the uncut surface, in periods of the lines that are drawn.
+    """
+    family = STRIPES.index(name)
+    passing = np.array([k for k, other in enumerate(names) if other == STRIPES[1 - family]], dtype=np.int64)
+    found = middles(chart, family, half_width, sheet, uncut.F, passing)
+    return _numbered("centre", [(name, line.number, line.points) for line in found])
+
+
+def _numbered(kind: Kind, chosen: list[tuple[str, int, Floats]]) -> list[StructureLine]:
+    """The lines with their parts numbered, the longest of each stripe first."""
+    groups = defaultdict[tuple[str, int], list[tuple[float, Floats]]](list)
+    for family, number, points in chosen:
+        groups[family, number].append((polyline_length(points), points))
+    return [
+        StructureLine(kind, family, number, part, points, length)
+        for family, number in sorted(groups)
+        for part, (length, points) in enumerate(sorted(groups[family, number], key=lambda one: -one[0]), 1)
+    ]
+
+
+def _loops(surface: Surface) -> list[tuple[Ints, list[int]]]:
+    """The boundary as loops of vertices, and the half-edge from each to the next.
+
+    The surface is on the left of a loop, unless it has one side only: then half-edges may run against it.
+    """
+    table = surface.edges
+    half_edge = table.order[table.start[:-1][table.boundary]]
+    start, end = surface.F.ravel(), np.roll(surface.F, -1, axis=1).ravel()
+    by_ends = {(int(end[h]), int(start[h])): int(h) for h in half_edge}
+    by_ends |= {(int(start[h]), int(end[h])): int(h) for h in half_edge}
+    return [
+        (loop, [by_ends[int(a), int(b)] for a, b in zip(loop, np.roll(loop, -1), strict=True)])
+        for loop in surface.loops
+    ]
+
+
+def _runs(change: Bools) -> list[Ints]:
+    """The positions of a loop in runs, each of which begins where something changes; all in one if nothing does."""
+    begin = np.flatnonzero(change)
+    if not len(begin):
+        return [np.arange(len(change))]
+    order = (begin[0] + np.arange(len(change))) % len(change)
+    return np.split(order, begin[1:] - begin[0])

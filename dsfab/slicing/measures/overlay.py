@@ -1,0 +1,241 @@
+"""`overlaid`: a finished sheet with the stripes of all families on it, none of which hides another.
+
+A cell that one field made material is not cut by later ones, so under a crossing the second member is not to be seen.
+Here the cells of the kept sheet are divided along the edges of what other fields draw there too:
+
+         |     |              |     |
+    -----+     +-----    -----+-----+-----     A cell of the crossing then is a part of both members.
+         |     |     ->       |  *  |
+    -----+     +-----    -----+-----+-----
+         |     |              |     |
+
+What was added to the sheet when it was finished (fillets, bridges, filled openings) lies in no band: it belongs to none
+here.
+"""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from dsfab.core.arrays import Bools, Floats, Ints, lock
+from dsfab.slicing.cutting.cells import TIP, Cells, nearest
+from dsfab.slicing.cutting.corner_fields import Seen, corner_band
+from dsfab.slicing.cutting.cut import filled_polygons
+from dsfab.slicing.cutting.polygon_mesh import PolygonMesh
+from dsfab.slicing.cutting.sheet import VOID, Sheet
+from dsfab.surface import CornerField, Surface, connected
+
+ZERO = 2.0**-30
+"""Offsets from the middle of a band that are smaller, in its unit, are on the middle."""
+SNAP = 0.05
+"""Snap fraction of hidden edges (see `dsfab.slicing.cutting.cut`)."""
+SLACK = 0.1
+"""Cells that a field made material are in its band if they are farther out by less than this share of what the field
+grows by over their face of the uncut surface: the cut had moved values, by `slicing.snap`."""
+
+
+@dataclass(frozen=True, eq=False)
+class DrawnBand:
+    """What one field of a cut draws: material where it has more levels below its first column than below its second.
+
+    family : what it belongs to. Fields of one family do not cross each other.
+    field  : at corners of the uncut surface; or (n', 2) at the vertices of the kept sheet.
+    levels : (k,) ascending.
+    centre : the middle line is where the mean of both columns is a level + centre.
+    hides  : whether it is drawn on only where it made the material itself, or a field before it that hides too.
+    """
+
+    family: str
+    field: CornerField | Floats
+    levels: Floats
+    centre: float = 0.0
+    hides: bool = False
+
+
+@dataclass(frozen=True, eq=False)
+class Overlay:
+    """A kept sheet divided along hidden edges too, and what each cell is a part of.
+
+    sheet  : m cells, all of them material; `family` is the field that made them so.
+    source : (m,) the cell of the sheet before.
+    part   : (m, f) for each field the connected stripe that a cell is in, of `count`; -1 for none.
+    of     : (count,) the field of each stripe.    level : (count,) its level, as the most of it sees it.
+    own    : (m,) whether a cell is in the band of the field that made it material.
+    offset : (m, 3, f) at the corners, how far the field is from the middle line of the cell's stripe; never 0, so that
+             the line runs across two sides of a cell or of none. All cells at an edge of a stripe agree up to a sign.
+    """
+
+    sheet: Sheet
+    source: Ints
+    part: Ints
+    of: Ints
+    level: Floats
+    own: Bools
+    offset: Floats
+
+    def __post_init__(self) -> None:
+        m, f = self.sheet.surface.m, self.part.shape[1]
+        lock(self, "source", np.int64, (m,))
+        lock(self, "part", np.int64, (m, f))
+        lock(self, "of", np.int64, (None,))
+        lock(self, "own", np.bool_, (m,))
+        lock(self, "offset", np.float64, (m, 3, f))
+
+    @cached_property
+    def linked(self) -> Ints:
+        """(p, 2) cells that share an edge."""
+        return np.asarray(self.sheet.surface.edges.pairs // 3)
+
+
+def overlaid(sheet: Sheet, uncut: Surface, bands: Sequence[DrawnBand], snap: float = SNAP) -> Overlay:
+    """The kept sheet, cut from the surface `uncut`, with every band on it.
+
+    bands : one for each field that the sheet was cut by, in its order.
+
+    A stripe that made no cell of the sheet material is left out: it was taken off, and others only cover where it was.
+    """
+    base = sheet.surface
+    fields = [_on_sheet(sheet, uncut, band.field) for band in bands]
+    mesh = PolygonMesh.of(base)
+    tip = min(max(snap, ZERO), TIP)
+    for k, band in enumerate(bands):
+        hidden = _covered(sheet.family, bands, k)
+        mesh = replace(mesh, family=np.where(hidden[mesh.parent], VOID, 0))
+        mesh, _ = corner_band(mesh, fields[k], band.levels, snap, tip, base.size)
+    surface, cell = filled_polygons(mesh.cells, mesh.X, mesh.parent)
+    source = mesh.parent[cell]
+    family = sheet.family[source]
+    weights = csr_array(mesh.weights @ sheet.weights)
+    triangles = PolygonMesh.plain(
+        base.F, Cells.triangles(surface.F), surface.V, mesh.weights, source, np.full(surface.m, VOID)
+    )
+    whole = Sheet(surface, sheet.parent[source], family, weights)
+    return _labelled(whole, source, [_Stripes.of(triangles, *both) for both in zip(fields, bands, strict=True)], bands)
+
+
+def _on_sheet(sheet: Sheet, uncut: Surface, field: CornerField | Floats) -> CornerField:
+    """The field as the cells of a sheet see it."""
+    m = sheet.surface.m
+    if not isinstance(field, CornerField):
+        return CornerField(field, np.ones((m, 3)), np.zeros((m, 3)), np.zeros(m, dtype=bool))
+    cells = Cells.triangles(sheet.surface.F)
+    mesh = PolygonMesh.plain(uncut.F, cells, sheet.surface.V, sheet.weights, sheet.parent, sheet.family)
+    seen = Seen.of(mesh, field)
+    return CornerField(seen.values, seen.sign.reshape(-1, 3), seen.shift.reshape(-1, 3), field.blank[sheet.parent])
+
+
+def _covered(family: Ints, bands: Sequence[DrawnBand], k: int) -> Bools:
+    """(m,) cells on which a band may go on below what another field made material there."""
+    other = np.array([one.family != bands[k].family and (one.hides or not bands[k].hides) for one in bands])
+    other &= ~np.array([bands[k].hides]) | (np.arange(len(bands)) < k)
+    return np.asarray(other[family])
+
+
+@dataclass(frozen=True, eq=False)
+class _Stripes:
+    """A field on triangles.
+
+    z : (m, 3) mean of both columns at the corners, as the triangle sees it.    d : (m,) half of their difference.
+    number : (m,) the nearest level, and off : (m,) how far the centroid is from that.
+    sign, shift : (m, 3) how corners see the values at the vertices.    blank : (m,)
+    """
+
+    F: Ints
+    z: Floats
+    d: Floats
+    number: Floats
+    off: Floats
+    sign: Floats
+    shift: Floats
+    blank: Bools
+
+    @classmethod
+    def of(cls, mesh: PolygonMesh, field: CornerField, band: DrawnBand) -> "_Stripes":
+        seen = Seen.of(mesh, field)
+        upper, lower = (seen.slots(side).reshape(-1, 3) for side in (0, 1))
+        z = (upper + lower) / 2
+        number = nearest(z.mean(axis=1), band.levels) if len(band.levels) else np.full(len(z), np.inf)
+        off = np.abs(z.mean(axis=1) - number)
+        sign, shift = seen.sign.reshape(-1, 3), seen.shift.reshape(-1, 3)
+        F = mesh.cells.corner.reshape(-1, 3)
+        half, blank = ((upper - lower) / 2).mean(axis=1), field.blank[mesh.parent]
+        return cls(F, z - band.centre, half, number, off, sign, shift, blank)
+
+    def inside(self, slack: Floats) -> Bools:
+        """(m,) cells whose centroid is in the band, or farther out by less than a slack (m,)."""
+        return np.asarray((self.off < self.d + slack) & ~self.blank & np.isfinite(self.number))
+
+    def links(self, pairs: Ints) -> Bools:
+        """(p,) whether the cells on both sides of half-edges (p, 2) see the same level as their nearest."""
+        h, g = pairs.T
+        flat = self.F.ravel()
+        g = np.where(flat[g] == flat[h], g, g - g % 3 + (g + 1) % 3)  # the same vertex, seen by the other cell
+        sign = self.sign.ravel()[h] * self.sign.ravel()[g]
+        shift = self.shift.ravel()[h] - sign * self.shift.ravel()[g]
+        return np.asarray(np.abs(self.number[h // 3] - (sign * self.number[g // 3] + shift)) < ZERO)
+
+    def offsets(self, here: Bools) -> Floats:
+        """(m, 3) z - number where a cell is `here` (m,), NaN elsewhere. Zeros are moved aside, all corners at a vertex
+        to the same side: the one where the stripe is less, so that a line along the edge of a sheet is met."""
+        off = np.where(here[:, None], self.z - np.where(here, self.number, 0.0)[:, None], np.nan)
+        zero = np.abs(off) < ZERO
+        off[zero] = 0.0
+        row, corner = np.nonzero(zero)
+        vertex, sign = self.F[row, corner], self.sign[row, corner]
+        others = off[row, (corner + 1) % 3] + off[row, (corner + 2) % 3]
+        if not len(row):
+            return off
+        total = np.bincount(vertex, sign * others, int(vertex.max()) + 1)
+        off[row, corner] = np.where(total[vertex] > 0, -ZERO, ZERO) * sign
+        return off
+
+
+def _labelled(sheet: Sheet, source: Ints, stripes: list[_Stripes], bands: Sequence[DrawnBand]) -> Overlay:
+    """What each cell of a divided sheet is a part of."""
+    m, count = sheet.surface.m, 0
+    part, offset = np.full((m, len(bands)), -1), np.full((m, 3, len(bands)), np.nan)
+    own, of, level = np.zeros(m, dtype=bool), list[int](), list[float]()
+    reach = [_reaches(one.z, source) for one in stripes]
+    for k, one in enumerate(stripes):
+        mine = sheet.family == k
+        own |= mine & one.inside(SLACK * reach[k])
+    taken = {band.family: np.zeros(m, dtype=bool) for band in bands}
+    for k, band in enumerate(bands):
+        taken[band.family] |= own & (sheet.family == k)
+    pairs = sheet.surface.edges.pairs
+    for k, one in enumerate(stripes):
+        mine = own & (sheet.family == k)
+        covered = _covered(sheet.family, bands, k) & ~taken[bands[k].family] & one.inside(np.zeros(m))
+        here = mine | covered
+        f, g = pairs.T // 3
+        same = here[f] & here[g] & one.links(pairs)
+        total, label = connected(m, f[same], g[same])
+        real = np.bincount(label, mine, total) > 0
+        here &= real[label]
+        taken[bands[k].family] |= here
+        found, label = np.unique(label[here], return_inverse=True)
+        part[here, k] = count + label.ravel()
+        of += [k] * len(found)
+        level += _most(label.ravel(), one.number[here], sheet.surface.areas[here])
+        offset[:, :, k] = one.offsets(here)
+        count += len(found)
+    return Overlay(sheet, source, part, np.array(of, dtype=np.int64), np.array(level), own, offset)
+
+
+def _reaches(z: Floats, source: Ints) -> Floats:
+    """(m,) the range of z (m, 3) over the cell that each was a part of."""
+    top, bottom = np.full(int(source.max()) + 1, -np.inf), np.full(int(source.max()) + 1, np.inf)
+    np.maximum.at(top, source, z.max(axis=1))
+    np.minimum.at(bottom, source, z.min(axis=1))
+    return np.asarray((top - bottom)[source])
+
+
+def _most(label: Ints, number: Floats, area: Floats) -> list[float]:
+    """Of each label (k,) the number that has most of its area."""
+    values, which = np.unique(number, return_inverse=True)
+    total = np.zeros((int(label.max(initial=-1)) + 1, len(values)))
+    np.add.at(total, (label, which.ravel()), area)
+    return [float(x) for x in values[total.argmax(axis=1)]] if len(values) else []

@@ -1,0 +1,421 @@
+"""Least widths of members, gaps and edges on a cut sheet, from straight lines across it."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from dsfab.core.arrays import Bools, Floats, Ints, lock, sorted_order, weighted_quantiles
+from dsfab.slicing.cutting.sheet import VOID, Sheet, inner_walls, part_of, round_sizes
+from dsfab.surface import Surface, next_half_edge, pieces
+
+MOST_STEPS = 2000
+"""Lines that cross more triangles than this run along a member, not across it."""
+
+
+class FarEnds(NamedTuple):
+    """Where lines (k,) end.
+
+    edge   : the half-edge on the boundary, -1 for lines without an end.    place : metres along it.
+    slope  : cosine between line and half-edge.    length : metres of the line.
+    """
+
+    edge: Ints
+    place: Floats
+    slope: Floats
+    length: Floats
+
+    def at(self, chosen: Ints) -> "FarEnds":
+        """Some of them."""
+        return FarEnds(self.edge[chosen], self.place[chosen], self.slope[chosen], self.length[chosen])
+
+
+class _Lines(NamedTuple):
+    """Lines on their way: number, half-edge that each came in over, metres along it, direction, metres behind."""
+
+    number: Ints
+    edge: Ints
+    s: Floats
+    x: Floats
+    y: Floats
+    way: Floats
+
+    def at(self, on: Bools) -> "_Lines":
+        return _Lines(self.number[on], self.edge[on], self.s[on], self.x[on], self.y[on], self.way[on])
+
+
+def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf) -> FarEnds:
+    """Where lines end that begin on half-edges (k,), so many metres (k,) along them, and run square to these.
+
+    reach : metres; longer lines need no end.
+    """
+    frames, twin, first = _frames(surface), surface.edges.twins, surface.F.ravel()
+    against = first != first[twin]  # the twin runs the other way
+    count = len(start)
+    found = FarEnds(np.full(count, -1), np.zeros(count), np.ones(count), np.full(count, np.inf))
+    lines = _Lines(np.arange(count), start, place, np.zeros(count), np.ones(count), np.zeros(count))
+    for _ in range(MOST_STEPS):
+        if not len(lines.number):
+            break
+        lines = _left(lines, frames[lines.edge])
+        beyond = twin[lines.edge]
+        if (ends := beyond < 0).any():
+            here = lines.number[ends]
+            found.edge[here], found.place[here] = lines.edge[ends], lines.s[ends]
+            found.slope[here], found.length[here] = lines.x[ends], lines.way[ends]
+        on = ~ends & np.isfinite(lines.way) & (lines.way <= reach)
+        edge, lines = beyond[on], lines.at(on)
+        turned = against[edge]
+        s, x = np.where(turned, frames[edge, 0] - lines.s, lines.s), np.where(turned, -lines.x, lines.x)
+        lines = lines._replace(edge=edge, s=s, x=x)
+    return found
+
+
+def _left(lines: _Lines, frame: Floats) -> _Lines:
+    """The lines where they leave their triangles, seen from the half-edges over which they do, y outwards."""
+    length, ax, ay, bx, by, cx, cy = frame.T
+    s, x, y = lines.s, lines.x, lines.y
+    over_next, over_last = by * x - bx * y, cy * x - cx * y  # outward speeds over both
+    with np.errstate(divide="ignore", invalid="ignore"):
+        to_next = np.where(over_next > 0, np.maximum(by * (length - s), 0) / over_next, np.inf)
+        to_last = np.where(over_last > 0, np.maximum(-cy * s, 0) / over_last, np.inf)
+        second = to_last < to_next
+        step = np.where(second, to_last, to_next)
+        ux, uy = np.where(second, cx, bx), np.where(second, cy, by)
+        at = (s + step * x - np.where(second, ax, length)) * ux + (step * y - np.where(second, ay, 0)) * uy
+    edge = next_half_edge(lines.edge, 1 + second)
+    return _Lines(lines.number, edge, at, x * ux + y * uy, np.where(second, over_last, over_next), lines.way + step)
+
+
+def _frames(surface: Surface) -> Floats:
+    """(3 m, 7) of half-edges the length, the apex, and the unit directions of the next half-edge and the one after."""
+    V, F = surface.V, surface.F
+    along, apex = (V[np.roll(F, -k, axis=1)].reshape(-1, 3) - V[F].reshape(-1, 3) for k in (1, 2))
+    size = np.linalg.norm(along, axis=1)
+    ax, ay = np.einsum("hi,hi->h", apex, along) / size, 2 * np.repeat(surface.areas, 3) / size
+    after, last = (np.roll(size.reshape(-1, 3), -k, axis=1).ravel() for k in (1, 2))
+    return np.stack([size, ax, ay, (ax - size) / after, ay / after, -ax / last, -ay / last], axis=1)
+
+
+MIDDLE = 0.5
+AT = (1e-3, MIDDLE, 1 - 1e-3)
+"""Where lines start on a wall edge: the shortest way between two polylines leaves from a corner of one of them, and the
+middle stands for the edge in distributions."""
+OPPOSED = float(np.sin(np.radians(20)))
+"""Walls count as opposite where they are parallel to 20 degrees. Walls that meet at a larger angle make a corner: the
+way across goes to zero there, and says nothing about a width."""
+TAPER = float(np.radians(1.5))
+"""Walls that converge by at least this angle may end in a tip."""
+TIP = (0.4, 1.7)
+"""And do when the way around the end, from one wall to the other, is this many times that of a wedge of their angle."""
+
+
+@dataclass(frozen=True, eq=False)
+class Crossings:
+    """Lines across a sheet that ended on an opposite wall, but for those in a tip: a taper ends in nothing anyway.
+
+    width  : (k,) metres, the distance of a line's start from the edge that it meets.
+    place  : (k, 3) where it starts, metres.    face : (k,) the triangle there.
+    weight : (k,) metres of wall that it stands for: the edge for lines from the middle, 0 for the others.
+    walls  : (k, 2) the edges of the surface from which and to which it runs.
+    """
+
+    width: Floats
+    place: Floats
+    face: Ints
+    weight: Floats
+    walls: Ints
+
+
+@dataclass(frozen=True, eq=False)
+class _Spot:
+    """Points on half-edges (k,), at (1 - t) first + t last vertex."""
+
+    edge: Ints
+    t: Floats
+
+    def at(self, chosen: Ints | Bools) -> "_Spot":
+        return _Spot(self.edge[chosen], self.t[chosen])
+
+
+def crossings(
+    surface: Surface,
+    walls: Bools,
+    start: Bools | None = None,
+    at: tuple[float, ...] = AT,
+    tips: bool = False,
+    reach: float = np.inf,
+) -> Crossings:
+    """The way across a sheet from all its walls.
+
+    surface : an edge-manifold sheet.    walls : (e,) which of its boundary edges are walls; lines that end on another
+    boundary edge are left out.
+    start   : (e,) the walls that lines start from; None for all.    at : where on them.    tips : with those in a tip.
+    reach   : metres; wider places may be left out.
+    """
+    starting = walls if start is None else walls & start
+    if not starting.any():
+        none = np.empty((0, 2), dtype=np.int64)
+        return Crossings(np.empty(0), np.empty((0, 3)), none[:, 0], np.empty(0), none)
+    h, of = surface.edges.order[surface.edges.start[:-1][starting]], surface.edges.of.ravel()
+    size = np.linalg.norm(_along(surface, h), axis=1)
+    begun = _Spot(np.tile(h, len(at)), np.repeat(at, len(h)))
+    ends = far_ends(surface, begun.edge, begun.t * np.tile(size, len(at)), reach / np.sqrt(1 - OPPOSED**2))
+    good = np.flatnonzero((ends.edge >= 0) & walls[of[ends.edge]] & (np.abs(ends.slope) < OPPOSED))
+    met, width = _feet(surface, ends.at(good))
+    on = tips | ~_tips(surface, begun.at(good), met, width, ends.slope[good])
+    good, met, width = good[on], met.at(on), width[on]
+    begun = begun.at(good)
+    weight = np.where(begun.t == MIDDLE, np.tile(size, len(at))[good], 0.0)
+    point = surface.V[surface.F.ravel()[begun.edge]] + begun.t[:, None] * _along(surface, begun.edge)
+    between = of[np.stack([begun.edge, met.edge], axis=1)]
+    return Crossings(width, point, begun.edge // 3, weight, between)
+
+
+def _feet(surface: Surface, ends: FarEnds) -> tuple[_Spot, Floats]:
+    """Where the half-edges that lines meet are nearest to their starts, and how far that is, metres.
+
+          o start
+         /|           The foot of the start on the line of the edge, or the end of the edge nearest to it.
+        / |
+    ---x--+----x---
+     met  foot
+    """
+    size = np.linalg.norm(_along(surface, ends.edge), axis=1)
+    foot = ends.place - ends.length * ends.slope
+    nearest = np.clip(foot, 0, size)
+    width = np.hypot(ends.length * np.sqrt(1 - np.minimum(ends.slope**2, 1)), foot - nearest)
+    return _Spot(ends.edge, nearest / size), width
+
+
+def _tips(surface: Surface, one: _Spot, two: _Spot, width: Floats, slope: Floats) -> Bools:
+    """(k,) whether the two walls of each line close to a tip: they converge, and meet about where that leads.
+
+    slope : (k,) cosine between a line and the half-edge that it meets; negative where the walls converge along that.
+
+    A wedge of angle a that is w wide ends w / (2 tan(a / 2)) further on; the way along its walls is twice that.
+    """
+    loop, middle, ahead, total = _around(surface)
+
+    def position(spot: _Spot) -> Floats:
+        size = np.linalg.norm(_along(surface, spot.edge), axis=1)
+        return np.asarray(middle[spot.edge] + np.where(ahead[spot.edge], 1, -1) * (spot.t - 0.5) * size)
+
+    onward = (position(one) - position(two)) * np.where((slope < 0) == ahead[two.edge], 1, -1)
+    way = np.where(loop[one.edge] == loop[two.edge], onward % total[loop[one.edge]], np.inf)
+    angle = np.arcsin(np.minimum(np.abs(slope), 1))
+    wedge = width / np.tan(np.maximum(angle, TAPER) / 2)
+    ends = one.edge, next_half_edge(one.edge), two.edge, next_half_edge(two.edge)
+    corner = np.stack([surface.F.ravel()[h] for h in ends])
+    neighbours = (corner[:2, None] == corner[None, 2:]).any(axis=(0, 1))  # the way across is nothing where they meet
+    return np.asarray(neighbours | ((angle >= TAPER) & (way >= TIP[0] * wedge) & (way <= TIP[1] * wedge)))
+
+
+def _around(surface: Surface) -> tuple[Ints, Floats, Bools, Floats]:
+    """(3 m,) of half-edges on the boundary: loop, metres along it to their middle, whether they run that way.
+
+    And the length of each loop. Loops need no orientation of the faces.
+    """
+    edge = np.flatnonzero(surface.edges.boundary)
+    h = surface.edges.order[surface.edges.start[:-1][edge]]
+    label, chain, loops = _chained(surface.edges.ends[edge])
+    length = np.linalg.norm(_along(surface, h), axis=1)
+    total = np.bincount(label, length, loops).astype(np.float64)
+    first = np.searchsorted(label[chain], np.arange(loops))
+    after = np.roll(chain, -1)
+    after[np.append(first[1:], len(chain)) - 1] = chain[first]
+    ahead = (surface.edges.ends[edge[after]] == surface.F.ravel()[next_half_edge(h[chain])][:, None]).any(axis=1)
+    loop, place, forward = np.full(3 * surface.m, -1), np.zeros(3 * surface.m), np.zeros(3 * surface.m, dtype=bool)
+    loop[h], forward[h[chain]] = label, ahead
+    place[h[chain]] = np.cumsum(length[chain]) - length[chain] / 2 - (np.cumsum(total) - total)[label[chain]]
+    return loop, place, forward, total
+
+
+def _chained(ends: Ints) -> tuple[Ints, Ints, int]:
+    """The loop of each edge (e,) by its ends (e, 2), the edges loop by loop in their order, and the number of loops."""
+    slot = sorted_order(ends.ravel())  # 2 i + s is end s of edge i; by vertex, an even number at each
+    onward = np.empty_like(slot)
+    onward[slot] = (
+        slot.reshape(-1, 2)[:, ::-1].ravel() ^ 1
+    )  # who leaves by an end leaves the next edge by its other end
+    after, leaving = onward.tolist(), (2 * np.arange(len(ends)) + (ends[:, 0] > ends[:, 1])).tolist()
+    label, chain, loops = [-1] * len(ends), list[int](), 0
+    for start, state in enumerate(leaving):
+        edge, loops = start, loops + (label[start] < 0)
+        while label[edge] < 0:
+            label[edge] = loops - 1
+            chain.append(edge)
+            state = after[state]
+            edge = state >> 1
+    return np.array(label, dtype=np.int64), np.array(chain, dtype=np.int64), loops
+
+
+def _along(surface: Surface, h: Ints) -> Floats:
+    """(k, 3) from the first to the last vertex of half-edges."""
+    F = surface.F.ravel()
+    return np.asarray(surface.V[F[next_half_edge(h)]] - surface.V[F[h]])
+
+
+BINS = 20
+"""Bins of the histogram of member widths."""
+MOST_BINS = 60
+"""As many at most, where a limit far under the usual widths asks for narrow ones."""
+ROUNDING = 1e-6
+"""Share of a limit by which what was widened to it may miss it, and counts as that wide."""
+LONG_TAIL, WIDE = 0.99, 3.0
+"""The histogram ends at the width that this share of the walls does not exceed, or at so many times their median, if
+that is less: plates at a crown or a foot would leave one bin to all members. What is wider is in the last bin."""
+
+
+@dataclass(frozen=True, eq=False)
+class Feature:
+    """The smallest of something: metres, its place (3,), what it is, and the mesh width of the uncut surface there."""
+
+    size: float
+    place: Floats
+    what: str
+    mesh: float
+
+    def __post_init__(self) -> None:
+        lock(self, "place", np.float64, (3,))
+
+
+@dataclass(frozen=True, eq=False)
+class Features:
+    """What a sheet's members and gaps measure, in metres; None where there is none.
+
+    member : the narrowest member, also between two openings that nearly meet.
+    gap    : the narrowest opening.
+    edge   : the shortest edge of a triangle.
+    widths : (k,) widths of members along their walls, and weight : (k,) the metres of wall that each stands for.
+    """
+
+    member: Feature | None
+    gap: Feature | None
+    edge: Feature
+    widths: Floats
+    weight: Floats
+
+    def quantiles(self, shares: Sequence[float]) -> Floats:
+        """(q,) the widths that these shares of the walls do not exceed, metres; none without widths."""
+        if not self.weight.sum():
+            return np.empty(0)
+        return weighted_quantiles(self.widths, self.weight, shares)
+
+    def histogram(self, limit: float = 0.0) -> tuple[Floats, Floats]:
+        """(b + 1,) limits of the bins, metres, from 0, and (b,) the share of the walls in each; none without widths.
+
+        limit : a width, metres, at which a bin ends, so that none holds widths on both sides of it; 0 for none.
+        """
+        if not self.weight.sum():
+            return np.empty(0), np.empty(0)
+        usual, widest = self.quantiles([0.5, LONG_TAIL]).tolist()
+        limits = _bins(min(widest, WIDE * usual) * (1 + 1e-9), limit * (1 - ROUNDING))
+        share, _ = np.histogram(np.minimum(self.widths, limits[-1]), limits, weights=self.weight)
+        return limits, np.asarray(share / self.weight.sum())
+
+
+def under(sizes: float | Floats, limit: float) -> Bools:
+    """Whether widths are under a limit, metres: what was widened to it may miss it by `ROUNDING`."""
+    return np.asarray(np.asarray(sizes) < limit * (1 - ROUNDING))
+
+
+def _bins(end: float, limit: float) -> Floats:
+    """(b + 1,) limits of equal bins from 0 to about `end`, one of them at `limit`, where that is neither beyond the end
+    nor so little that this would take too many bins: then the first is narrower, and ends there."""
+    if not 0 < limit < end:
+        return np.linspace(0, end, BINS + 1)
+    step = limit / max(1, round(limit / end * BINS))
+    if end / step > MOST_BINS:
+        return np.concatenate([[0.0], np.linspace(limit, end, BINS + 1)])
+    return step * np.arange(np.ceil(end / step) + 1)
+
+
+def features(cells: Sheet, kept: Bools, names: Sequence[str], tips: bool = False) -> Features:
+    """Measure a cut sheet.
+
+    cells : all cells, material and void.    kept : (m',) those that are built.    names : of the fields, see `cut`.
+
+    Widths and gaps are those of the lines in `crossings`, on the sheet itself: exact between straight walls, and where
+    walls bend from edge to edge by an angle a, right to 1 - cos a. Members are also measured where they are short or
+    end in a tip, gaps if `tips` says so; corners between walls that meet at more than 20 degrees are not. Pieces and
+    openings too small or too round for lines across count with 4 area / perimeter, the diameter of the circle in a
+    triangle or a square.
+    """
+    sheet, holes = cells.surface, ~kept
+    material, from_material = part_of(sheet, kept)
+    mesh = _mesh_width(cells)
+    across = crossings(material, material.edges.boundary)
+    of = from_material[across.face]
+    member = _smallest(across, mesh[of], [_member(names, f) for f in cells.family[of]])
+    member = _smaller(member, _round(material, material.edges.boundary, across, mesh[from_material], "a loose piece"))
+    gap = None
+    if holes.any():
+        void, from_void = part_of(sheet, holes)
+        walls = inner_walls(void, sheet, from_void)
+        between = crossings(void, walls, tips=tips)
+        gap = _smallest(between, mesh[from_void[between.face]], ["a gap"] * len(between.width))
+        gap = _smaller(gap, _round(void, walls, between, mesh[from_void], "an opening"))
+    return Features(member, gap, _shortest(material, mesh[from_material]), across.width, across.weight)
+
+
+def kept_cells(cells: Sheet, sheet: Sheet) -> Bools:
+    """(m',) which of all cells are in the sheet that was kept of them: whole pieces of the material."""
+    kept = cells.material
+    if kept.sum() == sheet.surface.m:
+        return np.asarray(kept)
+    there = {row.tobytes() for row in sheet.surface.centroids}
+    at = np.flatnonzero(kept)
+    count, label = pieces(cells.surface.F[at], cells.kept().surface.edges)
+    _, first = np.unique(label, return_index=True)
+    built = np.array([cells.surface.centroids[at[first[k]]].tobytes() in there for k in range(count)])
+    result = np.zeros(cells.surface.m, dtype=bool)
+    result[at] = built[label]
+    return result
+
+
+def _mesh_width(cells: Sheet) -> Floats:
+    """(m',) side of the equilateral triangle of the same area as the uncut face, metres."""
+    area = np.bincount(cells.parent, cells.surface.areas)
+    return np.asarray(np.sqrt(4 / np.sqrt(3) * area[cells.parent]))
+
+
+def _member(names: Sequence[str], family: int) -> str:
+    if family == VOID or family >= len(names):
+        return "a member"
+    return {"keep": "a kept region", "rim": "the rim"}.get(names[family], f"a {names[family]} stripe")
+
+
+def _smallest(across: Crossings, mesh: Floats, what: Sequence[str]) -> Feature | None:
+    if not len(across.width):
+        return None
+    k = int(across.width.argmin())
+    return Feature(float(across.width[k]), across.place[k], what[k], float(mesh[k]))
+
+
+def _smaller(one: Feature | None, two: Feature | None) -> Feature | None:
+    given = [feature for feature in (one, two) if feature is not None]
+    return min(given, key=lambda feature: feature.size, default=None)
+
+
+def _round(part: Surface, walls: Bools, across: Crossings, mesh: Floats, what: str) -> Feature | None:
+    """The smallest piece that no line crosses and that walls enclose wholly."""
+    count, label = pieces(part.F, part.edges)
+    sizes = round_sizes(part, walls, label, count)
+    sizes[label[across.face]] = np.inf
+    k = int(sizes.argmin())
+    if not np.isfinite(sizes[k]):
+        return None
+    here = np.flatnonzero(label == k)
+    return Feature(float(sizes[k]), part.centroids[here].mean(axis=0), what, float(mesh[here].mean()))
+
+
+def _shortest(part: Surface, mesh: Floats) -> Feature:
+    """The shortest edge of the triangles."""
+    length = part.edge_lengths
+    k = int(length.argmin())
+    face = int(part.edges.order[part.edges.start[k]] // 3)
+    return Feature(
+        float(length[k]), part.V[part.edges.ends[k]].mean(axis=0), "an edge of a triangle", float(mesh[face])
+    )

@@ -1,0 +1,182 @@
+"""Assembly of a stiffness from 3 x 3 blocks between pairs of vertices, and hinges between pairs of faces."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Self
+from weakref import WeakKeyDictionary
+
+import numpy as np
+import numpy.typing as npt
+from scipy.sparse import bsr_array, csr_array
+
+from dsfab.core.arrays import Bools, Floats, Ints, distinct
+from dsfab.surface import next_half_edge
+from dsfab.surface.mesh import Surface
+
+
+def hinges(surface: Surface) -> Ints:
+    """(i, 4) vertices of every pair of faces that share an edge: edge start, edge end, and the two opposite vertices.
+
+          2
+         / \\
+        0---1      0 -> 1 runs counter-clockwise in the face of vertex 2
+         \\ /
+          3
+    """
+    h0, h1 = surface.edges.pairs.T
+    corner = surface.F.ravel()
+    ends = [corner[h0], corner[next_half_edge(h0)]]
+    opposite = [corner[next_half_edge(h, 2)] for h in (h0, h1)]
+    return np.stack(ends + opposite, axis=1)
+
+
+def angle_gradients(surface: Surface, hinge: Ints) -> tuple[Floats, Floats]:
+    """Gradients of the angles between the faces of each hinge, (i, 4, 3) per metre, and weights l^2 / (A1 + A2), (i,).
+
+    With heights h2, h3 of the opposite vertices over the edge, the angle changes by n2 / h2 and n3 / h3 when these move
+    along their normals; the edge's ends take up the rest so that no rigid motion changes the angle.
+    """
+    p0, p1, p2, p3 = (surface.V[hinge[:, k]] for k in range(4))
+    edge = p1 - p0
+    length = np.linalg.norm(edge, axis=1)
+    n2, n3 = np.cross(edge, p2 - p0), np.cross(p3 - p0, edge)
+    area2, area3 = np.linalg.norm(n2, axis=1) / 2, np.linalg.norm(n3, axis=1) / 2
+    g2 = n2 * (length / (4 * area2**2))[:, None]
+    g3 = n3 * (length / (4 * area3**2))[:, None]
+    s2 = np.einsum("ij,ij->i", p2 - p0, edge) / length**2
+    s3 = np.einsum("ij,ij->i", p3 - p0, edge) / length**2
+    g1 = -(g2 * s2[:, None] + g3 * s3[:, None])
+    return np.stack([-(g1 + g2 + g3), g1, g2, g3], axis=1), length**2 / (area2 + area3)
+
+
+Index = npt.NDArray[np.integer[Any]]
+"""Indices of 4 bytes where they suffice: there are as many as entries of the matrix."""
+
+CORNERS = ((0, 1), (0, 2), (1, 2), (0, 3), (1, 3), (2, 3))
+"""The pairs of corners of a hinge, in the order of `VertexPairs.of_hinge`."""
+
+
+@dataclass(frozen=True, eq=False)
+class VertexPairs:
+    """Which vertices a stiffness couples, once for a mesh, and where their blocks stand in the matrix.
+
+    ends     : (p, 2) pairs of different vertices, the smaller first, in ascending order: all edges, and the opposite
+               vertices of all hinges where these are asked for.
+    of_edge  : (e,) the pair of each edge.
+    opposite : (i,) the pair across each hinge, p where its two faces have the same corners; empty without hinges.
+    """
+
+    n: int
+    ends: Ints
+    of_edge: Ints
+    opposite: Ints
+
+    @classmethod
+    def of(cls, surface: Surface, hinge: Ints | None = None) -> Self:
+        """hinge : (i, 4) of `hinges`, or None for the edges alone."""
+        n, ends = surface.n, surface.edges.ends
+        edge = ends[:, 0] * n + ends[:, 1]
+        if hinge is None:
+            return cls(n, ends, np.arange(len(ends)), np.zeros(0, dtype=np.int64))
+        across = hinge[:, 2:].min(axis=1) * n + hinge[:, 2:].max(axis=1)
+        apart = hinge[:, 2] != hinge[:, 3]
+        keys = distinct(np.concatenate([edge, across[apart]]))
+        opposite = np.where(apart, np.searchsorted(keys, across), len(keys))
+        return cls(n, np.stack(np.divmod(keys, n), axis=1), np.searchsorted(keys, edge), opposite)
+
+    def of_hinge(self, surface: Surface, hinge: Ints) -> Ints:
+        """(6, i) the pairs between the corners of each hinge, as in `CORNERS`."""
+        edge = self.of_edge[surface.edges.of.ravel()]
+        h0, h1 = surface.edges.pairs.T
+        next0, next1 = (next_half_edge(h) for h in (h0, h1))
+        last0, last1 = (next_half_edge(h, 2) for h in (h0, h1))
+        from0 = surface.F.ravel()[h1] == hinge[:, 0]  # both faces run through their edge the same way
+        beside = np.where(from0, last1, next1), np.where(from0, next1, last1)
+        return np.stack([edge[h0], edge[last0], edge[next0], edge[beside[0]], edge[beside[1]], self.opposite])
+
+    @cached_property
+    def _places(self) -> tuple[Index, Index, Index]:
+        """Row pointers and columns of the matrix in blocks, and the number of each block: p above the diagonal, the
+        same p below it, then n on it."""
+        low, high = self.ends.T.astype(np.int32)
+        own, pair = np.arange(self.n, dtype=np.int32), np.arange(len(low), dtype=np.int32)
+        # in this order the columns of each row ascend by themselves
+        row, column = np.concatenate([high, own, low]), np.concatenate([low, own, high])
+        begin = np.concatenate([[0], np.cumsum(np.bincount(row, minlength=self.n))]).astype(np.int32)
+        order = np.argsort(row, kind="stable")
+        number = np.concatenate([len(pair) + pair, 2 * len(pair) + own, pair])[order]
+        return begin, column[order], number
+
+    def matrix(self, blocks: "PairBlocks") -> csr_array:
+        """(3 n, 3 n) the stiffness of these blocks; the columns of each row ascend."""
+        begin, column, number = self._places
+        # block by block: the places of single entries would take a third of the memory of the matrix
+        every = np.concatenate([blocks.between.T, _turned(blocks.between).T, blocks.own.T])
+        values = every[number].reshape(-1, 3, 3)
+        return csr_array(bsr_array((values, column, begin), (3 * self.n, 3 * self.n)).tocsr())
+
+
+@dataclass(frozen=True, eq=False)
+class PairBlocks:
+    """A stiffness as blocks of 3 x 3 on pairs of vertices; stiffnesses on the same pairs are added before any matrix
+    is made of them.
+
+    between : (9, p) the blocks of `pairs.ends`, row by row, smaller vertex first, N/m.
+    own     : (9, n) the blocks on the diagonal, symmetric.
+    """
+
+    pairs: VertexPairs
+    between: Floats
+    own: Floats
+
+    @classmethod
+    def of(cls, pairs: VertexPairs, between: Floats) -> Self:
+        """No element resists a shift: the blocks on the diagonal are minus the sums of the others in their rows."""
+        low, high = np.ascontiguousarray(pairs.ends.T)
+        own = np.empty((3, 3, pairs.n))
+        for entry, upper, lower in zip(own.reshape(9, -1), between, _turned(between), strict=True):
+            entry[:] = -np.bincount(low, upper, pairs.n) - np.bincount(high, lower, pairs.n)
+        return cls(pairs, between, ((own + own.transpose(1, 0, 2)) / 2).reshape(9, -1))
+
+    def __add__(self, other: Self) -> Self:
+        if self.pairs is not other.pairs:
+            raise ValueError("the blocks stand on different pairs of vertices")
+        return type(self)(self.pairs, self.between + other.between, self.own + other.own)
+
+    def matrix(self) -> csr_array:
+        """(3 n, 3 n) the stiffness, N/m; all of a mesh with the same pairs are stored alike."""
+        return self.pairs.matrix(self)
+
+
+def _turned(blocks: Floats) -> Floats:
+    """Blocks (9, k) of 3 x 3, transposed."""
+    return blocks.reshape(3, 3, -1).transpose(1, 0, 2).reshape(9, -1)
+
+
+def summed_blocks(u: Floats, v: Floats, at: Ints, count: int) -> Floats:
+    """(9, count) sums of the blocks u v^T of u, v (3, k) over the pairs `at` (k,); number `count` is no pair."""
+    return np.stack([np.bincount(at, u[a] * v[b], count + 1)[:count] for a in range(3) for b in range(3)])
+
+
+def upwards(a: Floats, b: Floats, ascending: Bools) -> tuple[Floats, Floats]:
+    """a, b (3, k) where the pair's first vertex is the smaller one, else b, a."""
+    return np.where(ascending, a, b), np.where(ascending, b, a)
+
+
+_EDGES: WeakKeyDictionary[Surface, VertexPairs] = WeakKeyDictionary()
+_HINGES: WeakKeyDictionary[Surface, VertexPairs] = WeakKeyDictionary()
+
+
+def vertex_pairs(surface: Surface, hinge: Ints | None = None) -> VertexPairs:
+    """`VertexPairs.of`, hinge (i, 4), computed once for a surface that lives."""
+    kept = _EDGES if hinge is None else _HINGES
+    if surface not in kept:
+        kept[surface] = VertexPairs.of(surface, hinge)
+    return kept[surface]
+
+
+def added(A: csr_array, B: csr_array) -> csr_array:
+    """A + B, both (u, u); where both are stored alike, only their values are added."""
+    if A.shape == B.shape and np.array_equal(A.indptr, B.indptr) and np.array_equal(A.indices, B.indices):
+        return csr_array((A.data + B.data, A.indices, A.indptr), shape=A.shape)
+    return csr_array(A + B)

@@ -1,0 +1,250 @@
+"""Boundary conditions of a sheet: supports, springs, spread loads, and rigid motions that supports leave free."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from typing import Self
+
+import numpy as np
+from scipy.sparse import csr_array, diags_array
+
+from dsfab.core.arrays import Bools, Floats, Ints, first, lock
+from dsfab.core.errors import StaticsError
+from dsfab.core.limits import FEW_VERTICES
+from dsfab.statics.elements import BUBBLES, Elements, edge_frames
+from dsfab.surface import coincident, pieces
+from dsfab.surface.loads.load_case import Force, Line, Load, LoadCase
+from dsfab.surface.mesh import Surface
+
+RANK_TOLERANCE = 1e-9
+"""Rigid motions that move the supports by less than this share of the piece's own motion count as free."""
+
+MOTIONS = ("move along x", "move along y", "move along z", "turn about x", "turn about y", "turn about z")
+
+
+def rigid_motions(points: Floats) -> Floats:
+    """(n, 3, 6) displacements of points (n, 3) under the motions of `MOTIONS`, scaled to about unit length."""
+    centred = points - points.mean(axis=0)
+    reach = np.abs(centred).max() or 1.0
+    motion = np.zeros((len(points), 3, 6))
+    motion[:, [0, 1, 2], [0, 1, 2]] = 1
+    for axis in range(3):
+        motion[:, :, 3 + axis] = np.cross(np.eye(3)[axis], centred) / reach
+    return motion
+
+
+def require_held(surface: Surface, load: LoadCase, fixed: Bools, clamped: Bools | None = None) -> None:
+    """Raise StaticsError if a piece of the sheet can move without deforming.
+
+    fixed   : (n, 3) freedoms that do not move (the supports, and the normal of a sheet solved in its plane); the
+              springs of `load` stop a motion as well.
+    clamped : (e,) edges that do not turn about themselves.
+    """
+    count, label = pieces(surface.F, surface.edges)
+    stopped = fixed | (load.spring > 0)
+    unheld = [k for k in range(count) if not load.held[surface.F[label == k]].any()]
+    if unheld:
+        where = surface.centroids[label == unheld[0]].mean(axis=0).round(3).tolist()
+        raise StaticsError(
+            f"{len(unheld)} of {count} pieces of the surface touch no support (the first is around {where} m); "
+            f"support each piece or remove it{_parted(surface)}"
+            if count > 1
+            else "no vertex of the surface is supported; add a [[surface.support]]"
+        )
+    for k in range(count):
+        mine = label == k
+        turning = np.zeros((0, 2), dtype=np.int64)
+        if clamped is not None:
+            own = np.unique(surface.edges.of[mine])
+            turning = surface.edges.ends[own[clamped[own]]]
+        free = free_motions(surface.V, np.unique(surface.F[mine]), stopped, turning)
+        if free:
+            which = "the surface" if count == 1 else f"piece {k + 1} of {count}"
+            held = np.flatnonzero(load.held & np.isin(np.arange(surface.n), surface.F[mine]))
+            raise StaticsError(
+                f"{which} can {' and '.join(dict.fromkeys(free))}: {_remedy(surface, held)}"
+                + (_parted(surface) if count > 1 else "")
+            )
+
+
+def _remedy(surface: Surface, held: Ints) -> str:
+    """What keeps a piece from moving that is held at these vertices."""
+    if len(held) >= FEW_VERTICES:
+        return "the supports do not stop it; hold more directions"
+    where = " and ".join(str(surface.V[k].round(3).tolist()) for k in held)
+    count = "1 vertex" if len(held) == 1 else f"{len(held)} vertices"
+    return f"the supports hold only {count} of it, at {where} m; let them pick more (of a side, with depth = ...)"
+
+
+def _parted(surface: Surface) -> str:
+    """What to do where pieces are parted by vertices at the same place; else nothing."""
+    doubled = coincident(surface.V)
+    return f", or merge its {doubled} vertices that lie where another one does" if doubled else ""
+
+
+def free_motions(V: Floats, vertices: Ints, fixed: Bools, clamped: Ints) -> list[str]:
+    """Names of the rigid motions of `vertices` that no fixed freedom and no clamped edge stops (a basis: shifts and
+    turns, each by its largest part).
+
+    clamped : (k, 2) ends of the edges that do not turn about themselves: a turn about w turns edge t by w . t.
+    """
+    motion = rigid_motions(V[vertices])
+    at_supports = motion[fixed[vertices]]  # (number of fixed freedoms, 6)
+    along = V[clamped[:, 1]] - V[clamped[:, 0]]
+    along = along / np.linalg.norm(along, axis=1, keepdims=True)
+    stopped = np.concatenate([at_supports, np.pad(along, ((0, 0), (3, 0))), np.zeros((6, 6))])
+    _, values, basis = np.linalg.svd(stopped, full_matrices=False)
+    null = basis[values <= RANK_TOLERANCE * max(values.max(), 1.0)]
+    # sort what shifts only from what turns: a turn about a line of supports shifts the centre as well
+    mix, turns, _ = np.linalg.svd(null[:, 3:])
+    turns = np.concatenate([turns, np.zeros(len(null) - len(turns))]) > RANK_TOLERANCE
+    parts = np.abs(mix.T @ null)
+    largest = np.where(turns, 3 + parts[:, 3:].argmax(axis=1), parts[:, :3].argmax(axis=1))
+    return [MOTIONS[k] for k in sorted(largest)]  # equal values come in an order of their own on each machine
+
+
+def require_loads_on_faces(surface: Surface, load: LoadCase) -> None:
+    """Raise StaticsError if a force acts on a vertex that no face uses."""
+    used = np.zeros(surface.n, dtype=bool)
+    used[surface.F] = True
+    lost = np.flatnonzero(~used & (load.force != 0).any(axis=1))
+    if len(lost):
+        raise StaticsError(f"{len(lost)} loaded vertices belong to no face (first: {first(lost)}); move these loads")
+
+
+MOSTLY = 0.5
+"""A bubble is held when more than this share of its squared direction lies in held directions."""
+
+
+def held_on_edges(surface: Surface, elements: Elements, fixed: Bools, clamped: Bools | None) -> Bools:
+    """(e, k) which edge unknowns of `elements` do not move.
+
+    fixed   : (n, 3) held directions of the vertices.
+    clamped : (e,) edges that may not turn about themselves: built-in edges, and edges on a plane of symmetry.
+
+    An edge is held along a direction where the sheet beside it is: on the boundary when both ends are, inside when all
+    corners of one of its faces are. The ears of a mesh (faces with two boundary edges) do not count as such faces:
+    their corners are held by the boundary alone. Edges of faces held in all directions do not turn either.
+    """
+    faces, held = held_faces(surface, fixed), held_middles(surface, fixed)
+    still = np.zeros(len(held), dtype=bool)
+    still[surface.edges.of[faces.all(axis=1)]] = True
+    if clamped is not None:
+        still |= clamped
+    bubbles = np.einsum("edx,ex->ed", edge_frames(surface) ** 2, held.astype(float)) > MOSTLY
+    columns = [bubbles[:, BUBBLES.index(name)] if name in BUBBLES else still for name in elements.on_edges]
+    return np.stack(columns, axis=1) if columns else np.zeros((len(held), 0), dtype=bool)
+
+
+def held_middles(surface: Surface, fixed: Bools) -> Bools:
+    """(e, 3) directions in which the middles of edges are held when the vertices are held as (n, 3) `fixed` says."""
+    edges, faces = surface.edges, held_faces(surface, fixed)
+    held = fixed[edges.ends].all(axis=1) & edges.boundary[:, None]
+    for axis in range(3):
+        held[edges.of[faces[:, axis]], axis] = True
+    return np.asarray(held)
+
+
+def held_faces(surface: Surface, fixed: Bools) -> Bools:
+    """(m, 3) directions in which whole faces are held when the vertices are held as (n, 3) `fixed` says; no ears."""
+    ears = surface.edges.boundary[surface.edges.of].sum(axis=1) >= 2
+    return np.asarray(fixed[surface.F].all(axis=1) & ~ears[:, None])
+
+
+def require_clampable(surface: Surface, elements: Elements, clamped: Bools | None) -> None:
+    """Raise StaticsError when edges (e,) are clamped that have no rotation; a sheet solved in its plane needs none."""
+    if clamped is None:
+        return
+    if clamped.shape != (len(surface.edges.ends),):
+        raise StaticsError(
+            f"clamped must say yes or no for each of the {len(surface.edges.ends)} edges, not {clamped.shape}"
+        )
+    if elements.bending == "hinge" and clamped.any():
+        raise StaticsError(
+            f"{clamped.sum()} edges are clamped, but `hinge` bending has no rotations of edges; "
+            'choose bending = "midedge" or "hhj"'
+        )
+
+
+def all_clamped(load: LoadCase) -> Bools | None:
+    """(e,) edges that may not turn; None where the supports name none."""
+    return load.clamped if len(load.clamped) else None
+
+
+def with_springs(K: csr_array, load: LoadCase) -> csr_array:
+    """K (u, u), N/m, with the spring supports of `load` on the diagonal of its first 3 n unknowns; K itself without
+    any."""
+    if not load.spring.any():
+        return K
+    springs = np.zeros(K.shape[0])
+    springs[: load.spring.size] = load.spring.ravel()
+    return csr_array(K + diags_array(springs))
+
+
+@dataclass(frozen=True, eq=False)
+class SpreadLoad:
+    """The part of a load that is constant on each face or edge.
+
+    face : (m, 3) force per area on each face, Pa.
+    edge : (e, 3) force per length on each edge, N/m.
+    """
+
+    face: Floats
+    edge: Floats
+
+    def __post_init__(self) -> None:
+        lock(self, "face", np.float64, (None, 3))
+        lock(self, "edge", np.float64, (None, 3))
+
+    @classmethod
+    def on(cls, surface: Surface, face: object = 0.0, edge: object = 0.0) -> Self:
+        """From anything that broadcasts to (m, 3) Pa and (e, 3) N/m."""
+        shapes = (surface.m, 3), (len(surface.edges.ends), 3)
+        return cls(*(np.broadcast_to(np.asarray(v, float), s) for v, s in zip((face, edge), shapes, strict=True)))
+
+    @classmethod
+    def total(cls, parts: Mapping[str, Self], factors: Mapping[str, float]) -> Self:
+        """The sum of the named parts, each multiplied with its factor."""
+        weight = {name: factors.get(name, 0.0) for name in parts}
+        face, edge = (np.sum([f * getattr(parts[k], on) for k, f in weight.items()], axis=0) for on in ("face", "edge"))
+        return cls(face, edge)
+
+    def vertex_forces(self, surface: Surface) -> Floats:
+        """(n, 3) newtons: a third of each face's force to its corners, half of each edge's to its ends."""
+        force = np.zeros((surface.n, 3))
+        np.add.at(force, surface.F.ravel(), np.repeat(self.face * surface.areas[:, None] / 3, 3, axis=0))
+        np.add.at(force, surface.edges.ends.ravel(), np.repeat(self.edge * _lengths(surface) / 2, 2, axis=0))
+        return force
+
+    def bubble_forces(self, surface: Surface, elements: Elements) -> Floats:
+        """(e, k) newtons on the edge unknowns of `elements`: the work of the load on each bubble.
+
+        The integral of 4 phi_j phi_k is A / 3 on a face and 2 l / 3 on its edge.
+        """
+        work = self.edge * _lengths(surface) * 2 / 3
+        np.add.at(work, surface.edges.of.ravel(), np.repeat(self.face * surface.areas[:, None] / 3, 3, axis=0))
+        in_frame = np.einsum("edx,ex->ed", edge_frames(surface), work)
+        forces = np.zeros((len(work), len(elements.on_edges)))
+        for k, name in enumerate(elements.on_edges):
+            if name in BUBBLES:
+                forces[:, k] = in_frame[:, BUBBLES.index(name)]
+        return forces
+
+
+def spread_load(surface: Surface, loads: Sequence[Load], weight: float = 0.0) -> SpreadLoad:
+    """What among `loads` is spread over faces and along lines; forces on picked vertices stay on the vertices.
+
+    weight : of the sheet, newtons per square metre, as for `LoadCase.build`.
+    """
+    face, edge = np.zeros((surface.m, 3)), np.zeros((len(surface.edges.ends), 3))
+    for load in loads:
+        if isinstance(load, Line):
+            edge += load.on_edges(surface)
+        elif not isinstance(load, Force):
+            face += load.traction(surface, weight)
+    return SpreadLoad.on(surface, face, edge)
+
+
+def _lengths(surface: Surface) -> Floats:
+    """(e, 1) metres."""
+    a, b = (surface.V[surface.edges.ends[:, i]] for i in range(2))
+    return np.asarray(np.linalg.norm(b - a, axis=1, keepdims=True))

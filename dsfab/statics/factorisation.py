@@ -1,0 +1,180 @@
+"""The factor of a stiffness, kept where it is needed again, and solutions that are refined to what the numbers hold."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from functools import cached_property, partial
+from typing import Any, Protocol, Self
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.core.errors import StaticsError
+from dsfab.core.sparse import NotPositiveDefinite, factorise
+from dsfab.statics.boundary_conditions import rigid_motions
+from dsfab.surface.mesh import Surface
+
+ACCURATE = 1e-9
+"""Solutions with a larger residual are refined: a tenth of what is promised, for the residual is itself rounded."""
+
+REFINEMENTS = 6
+"""Steps at most; two or three reach what the numbers hold."""
+
+ROWS = 1 << 16
+"""Rows of a stiffness that are multiplied at a time in longer numbers: whole, it would take three times its memory."""
+
+
+class Map(Protocol):
+    """What `refined_solution` asks of a matrix: products, and itself in longer numbers."""
+
+    def __matmul__(self, x: Any, /) -> Any: ...
+
+    def astype(self, dtype: Any, /) -> Any: ...
+
+
+@dataclass(frozen=True, eq=False)
+class Scaled:
+    """diag(scale) K diag(scale) on the unknowns `free` as a map, without a matrix of its own: see `Factor`.
+
+    dtype : of the numbers that are multiplied.
+    """
+
+    K: csr_array
+    free: Ints
+    scale: Floats
+    dtype: Any = np.float64
+
+    def __matmul__(self, x: Floats) -> Floats:
+        scale = self.scale if x.ndim == 1 else self.scale[:, None]
+        full = np.zeros((self.K.shape[0], *x.shape[1:]), dtype=x.dtype)
+        full[self.free] = scale * x
+        return np.asarray(scale * self._product(full)[self.free])
+
+    def _product(self, x: Floats) -> Floats:
+        if self.dtype == self.K.dtype:
+            return np.asarray(self.K @ x)
+        starts = range(0, self.K.shape[0], ROWS)
+        return np.concatenate([self.K[i : i + ROWS].astype(self.dtype) @ x for i in starts])
+
+    def astype(self, dtype: Any) -> Self:
+        """The same in other numbers."""
+        return type(self)(self.K, self.free, self.scale.astype(dtype), dtype)
+
+
+@dataclass(frozen=True, eq=False)
+class Factor:
+    """A factorised stiffness.
+
+    K     : the stiffness that was factorised, of all unknowns.
+    free  : (N,) the unknowns that move.            scale : (N,) 1 / sqrt of their diagonal.
+    solve : the function b -> inner^-1 b.
+    """
+
+    K: csr_array
+    free: Ints
+    scale: Floats
+    solve: Callable[[Floats], Floats]
+
+    @property
+    def map(self) -> Scaled:
+        """`inner` for products alone, in no memory."""
+        return Scaled(self.K, self.free, self.scale)
+
+    @cached_property
+    def inner(self) -> csr_array:
+        """(N, N) the stiffness of the free unknowns with a unit diagonal: made when it is asked for."""
+        return _restricted(self.K, self.free, self.scale)
+
+
+def factored(surface: Surface, K: csr_array, held: Bools) -> Factor:
+    """K (u, u) without unknowns held (u,) and without those that have no stiffness (vertices of no face).
+
+    Raises StaticsError when it is not positive definite.
+    """
+    diagonal = K.diagonal()
+    free = np.flatnonzero(~held & (diagonal > 0))
+    # Jacobi scaling: membrane and bending differ by (size / thickness)^2 in stiffness
+    scale = 1 / np.sqrt(diagonal[free])
+    points = np.concatenate([surface.V, surface.V[surface.edges.ends].mean(axis=1)])
+    node = np.where(free < 3 * surface.n, free // 3, surface.n + (free - 3 * surface.n) % len(surface.edges.ends))
+    rigid = None
+    if K.shape[0] == 3 * surface.n:
+        rigid = rigid_motions(surface.V).reshape(-1, 6)[free] / scale[:, None]
+    try:
+        # made where it is used and gone before the factor takes its memory
+        return Factor(K, free, scale, factorise(partial(_restricted, K, free, scale), points, node, rigid=rigid))
+    except NotPositiveDefinite as error:
+        raise StaticsError(
+            "the sheet is a mechanism: parts of it meet in single points or are not held; "
+            "check the mesh with `dsfab inspect` and hold more directions"
+        ) from error
+
+
+FactorOf = Callable[[Surface, csr_array, Bools], Factor]
+
+
+class KeptFactor:
+    """`factored` that remembers the last `count`: the same stiffness with the same unknowns held is factorised once."""
+
+    def __init__(self, count: int = 1) -> None:
+        self._kept: list[tuple[csr_array, Bools, Factor]] = []
+        self._count = count
+
+    def __call__(self, surface: Surface, K: csr_array, held: Bools) -> Factor:
+        """See `factored`."""
+        for matrix, same, factor in self._kept:
+            if _same(matrix, K) and np.array_equal(same, held):
+                return factor
+        del self._kept[: len(self._kept) + 1 - self._count]  # its memory is needed for the next
+        self._kept.append((K, held.copy(), factored(surface, K, held)))
+        return self._kept[-1][2]
+
+
+def _same(A: csr_array, B: csr_array) -> bool:
+    """Whether two matrices are equal entry by entry, and stored alike."""
+    pairs = ((A.indptr, B.indptr), (A.indices, B.indices), (A.data, B.data))
+    return A is B or all(np.array_equal(a, b) for a, b in pairs)
+
+
+def _restricted(K: csr_array, free: Ints, scale: Floats) -> csr_array:
+    """diag(scale) K diag(scale) on the unknowns that are free."""
+    inner = csr_array(K[free][:, free])
+    inner.data *= np.repeat(scale, np.diff(inner.indptr))
+    inner.data *= scale[inner.indices]
+    return inner
+
+
+def refined_solution(K: Map, b: Floats, solve: Callable[[Floats], Floats]) -> tuple[Floats, Floats]:
+    """x with K x = b, b (N,) or (N, k), and its relative residual in the norm of the energy, sqrt(r . K^-1 r / b . x).
+
+    A solution above `ACCURATE` is improved by iterative refinement [Wilkinson 1963] with the residual in the longest
+    floating-point numbers of the machine: K is badly conditioned for thin sheets, and a residual in its own precision
+    would be all rounding. x is rounded to double after each step, and the residual told is that of x as it is returned.
+    """
+    x = solve(b)
+    r = b - K @ x
+    error = _energy_share(r, solve(r), b, x)
+    if not (error > ACCURATE).any():
+        return x, error
+    long = K.astype(np.longdouble)
+    r = (b - long @ x).astype(np.float64)
+    step = solve(r)
+    error = _energy_share(r, step, b, x)
+    for _ in range(REFINEMENTS):
+        better = (x.astype(np.longdouble) + step).astype(np.float64)
+        r = (b - long @ better).astype(np.float64)
+        step = solve(r)
+        left = _energy_share(r, step, b, better)
+        if not left.max() < error.max():
+            break
+        slow, x, error = left.max() > error.max() / 2, better, left
+        if slow or error.max() <= ACCURATE:
+            break
+    return x, error
+
+
+def _energy_share(r: Floats, step: Floats, b: Floats, x: Floats) -> Floats:
+    """sqrt(|r . K^-1 r| / b . x) of each column; 0 where the load does no work."""
+    energy = np.sum(b * x, axis=0)
+    share = np.abs(np.sum(r * step, axis=0)) / np.where(energy > 0, energy, np.inf)
+    return np.asarray(np.sqrt(share))

@@ -1,0 +1,253 @@
+"""Internal forces of a sheet per length: normal forces, moments, and shear forces recovered from moments."""
+
+from dataclasses import dataclass
+from typing import NamedTuple, Self
+
+import numpy as np
+from scipy.sparse import csr_array, diags_array
+from scipy.spatial import cKDTree
+
+from dsfab.core.arrays import Floats, Ints, lock, unit_vectors
+from dsfab.core.sparse import Factor, factorise
+from dsfab.statics.bending import half_edge_frames, moment_loads
+from dsfab.statics.elements import assembled, heights
+from dsfab.statics.stress import SMOOTH, SheetStress, averaged, principal_values
+from dsfab.surface import Surface, connected, hat_gradients, next_half_edge
+
+PINNED = 1e-9
+"""Of the diagonal, added to it: M is known up to a constant on each smooth part, which its slope does not see."""
+
+CROWDED = 0.25
+"""A face lower than this share of the size of typical ones is a splinter of the cut. Moments have errors there whose
+slopes mean nothing (on a tower 5000 instead of 120 kN/m): what they balance is spread as far around it. Shorter ways
+let more of these errors through, longer ones miss shear in ribs."""
+
+
+@dataclass(frozen=True, eq=False)
+class ShearRecovery:
+    """What all load cases of a sheet share.
+
+    columns : (m, 6) the unknown of M at each corner and in the middle of each half-edge; (m, 3) the corners alone.
+    sign    : (m, 6) -1 where the normal of the face is opposite to that of the face that tells the sign of M there.
+    rim     : (m, 3) 1 on half-edges of free edges and of folds, which shear does not pass; else 0.
+    spread  : (N, N) what goes where of a load on each unknown; columns sum to 1.
+    """
+
+    surface: Surface
+    columns: Ints
+    sign: Floats
+    rim: Floats
+    spread: csr_array
+    factor: Factor
+
+    @classmethod
+    def of(cls, surface: Surface, linear: bool = True) -> Self:
+        """linear : whether moments are linear on each face; where they are constant, M is linear on it, else
+        quadratic."""
+        one, other = _smooth_pairs(surface)
+        rim = np.ones(3 * surface.m)
+        rim[one], rim[other] = 0.0, 0.0
+        columns, sign = _unknowns(surface, one, other)
+        each = 6 if linear else 3
+        columns, sign = columns[:, :each], sign[:, :each]
+        size = int(columns.max()) + 1
+        ends = surface.V[surface.F]
+        points = np.zeros((size, 3))
+        points[columns] = np.concatenate([ends, (ends + np.roll(ends, -1, axis=1)) / 2], axis=1)[:, :each]
+        blocks = _stiffness(surface, linear) * sign[:, :, None] * sign[:, None, :]
+        K = assembled(blocks, columns, size)
+        K = csr_array(K + diags_array(PINNED * K.diagonal()))
+        spread = _spread(surface, columns, sign, points)
+        return cls(surface, columns, sign, rim.reshape(-1, 3), spread, factorise(K, points))
+
+    def forces(self, moments: Floats, twist: Floats) -> Floats:
+        """(m, 3) newtons per metre in space, tangent to each face: the mean of q on it.
+
+        moments : (m, 3 corners, 3) newtons, as elements have them, in `SheetStress.frame`.
+        twist   : the same, of which m_nt is taken on free edges and folds.
+        """
+        each = self.columns.shape[1]
+        work = np.einsum("mai,maij->mj", -moments, moment_loads(self.surface)[..., :6]) + self._at_rims(twist)
+        if each == 6:  # from hats and bubbles to functions that are 1 at one node
+            work[:, :3] -= (work[:, 3:] + np.roll(work[:, 3:], 1, axis=1)) / 2
+        load = np.bincount(self.columns.ravel(), (self.sign * work[:, :each]).ravel(), self.spread.shape[0])
+        M = self.sign * self.factor(self.spread @ load)[self.columns]
+        slope = hat_gradients(self.surface)
+        mean = np.concatenate([slope / 3, -4 / 3 * np.roll(slope, -2, axis=1)], axis=1) if each == 6 else slope
+        return np.asarray(np.einsum("mc,mcx->mx", M, mean))
+
+    def _at_rims(self, twist: Floats) -> Floats:
+        """(m, 6) integrals of m_nt dv/dt for hats and bubbles 4 phi_i phi_j; m_nt is linear on each half-edge."""
+        _, t, out = half_edge_frames(self.surface)
+        xx, yy, xy = out[..., 0] * t[..., 0], out[..., 1] * t[..., 1], (out * t[..., ::-1]).sum(axis=2)
+        begin, end = (
+            self.rim * (xx * m[..., 0] + yy * m[..., 1] + xy * m[..., 2]) for m in (twist, np.roll(twist, -1, axis=1))
+        )
+        mean = (begin + end) / 2
+        return np.concatenate([np.roll(mean, 1, axis=1) - mean, 2 / 3 * (begin - end)], axis=1)
+
+
+def _smooth_pairs(surface: Surface) -> tuple[Ints, Ints]:
+    """(i,) the two half-edges of each edge whose faces lean by less than 30 degrees from each other."""
+    one, other = surface.edges.pairs.T
+    lean = np.abs(np.einsum("ix,ix->i", surface.normals[one // 3], surface.normals[other // 3]))
+    return one[lean > SMOOTH], other[lean > SMOOTH]
+
+
+def _unknowns(surface: Surface, one: Ints, other: Ints) -> tuple[Ints, Floats]:
+    """`columns` and `sign` (m, 6): what faces share that meet in smooth edges, whose half-edges are one, other (i,)."""
+    begins = surface.F.ravel()
+    alike = begins[one] == begins[other]  # both faces run through their edge the same way
+    next_one, next_other = next_half_edge(one), next_half_edge(other)
+    i = np.concatenate([one, next_one])
+    j = np.concatenate([np.where(alike, other, next_other), np.where(alike, next_other, other)])
+    count, corner = connected(3 * surface.m, i, j)
+    _, middle = connected(3 * surface.m, one, other)
+    columns = np.concatenate([corner.reshape(-1, 3), count + middle.reshape(-1, 3)], axis=1)
+    first = np.empty(int(columns.max()) + 1, dtype=np.int64)
+    face = np.repeat(np.arange(surface.m), 6)
+    first[columns.ravel()[::-1]] = face[::-1]
+    side = np.einsum("hx,hx->h", surface.normals[face], surface.normals[first[columns.ravel()]])
+    return columns, np.where(side < 0, -1.0, 1.0).reshape(-1, 6)
+
+
+def _stiffness(surface: Surface, linear: bool) -> Floats:
+    """(m, 6, 6) or (m, 3, 3) integrals of grad v . grad v, exact by the middles of the edges."""
+    slope = hat_gradients(surface)
+    if not linear:
+        return np.asarray(np.einsum("m,mix,mjx->mij", surface.areas, slope, slope))
+    after = np.roll(slope, -1, axis=1)
+    blocks = np.zeros((surface.m, 6, 6))
+    for c in range(3):
+        at = np.full(3, 0.5)
+        at[(c + 2) % 3] = 0.0
+        middle = 4 * (at[:, None] * after + np.roll(at, -1)[:, None] * slope)
+        G = np.concatenate([(4 * at - 1)[:, None] * slope, middle], axis=1)
+        blocks += np.einsum("mix,mjx->mij", G, G)
+    return np.asarray(blocks * (surface.areas / 3)[:, None, None])
+
+
+def _spread(surface: Surface, columns: Ints, sign: Floats, points: Floats) -> csr_array:
+    """`ShearRecovery.spread`: from unknowns on splinters to those nearby, in proportion to the area around them."""
+    size, each = len(points), columns.shape[1]
+    weight = np.array([1 / 12] * 3 + [1 / 4] * 3) if each == 6 else np.full(3, 1 / 3)
+    area = np.bincount(columns.ravel(), (surface.areas[:, None] * weight).ravel(), size)
+    reach = CROWDED * float(np.sqrt(surface.areas @ surface.areas / surface.areas.sum()))
+    crowded = np.zeros(size, dtype=bool)
+    crowded[columns[heights(surface) < reach]] = True
+    normal = np.zeros((size, 3))
+    np.add.at(normal, columns, sign[:, :, None] * (surface.normals * surface.areas[:, None])[:, None])
+    normal = unit_vectors(normal)
+    source = np.flatnonzero(crowded)
+    near = cKDTree(points[source]).sparse_distance_matrix(cKDTree(points), reach, output_type="coo_matrix")
+    i, j = source[near.coords[0]], near.coords[1]
+    side = np.where(i == j, 1.0, np.einsum("kx,kx->k", normal[i], normal[j]))
+    part: Floats = np.where(np.abs(side) > SMOOTH, np.sign(side), 0.0) * area[j]
+    share = part / np.bincount(i, np.abs(part), size)[i]
+    still = np.flatnonzero(~crowded)
+    rows, of = np.concatenate([j, still]), np.concatenate([i, still])
+    return csr_array((np.concatenate([share, np.ones(len(still))]), (rows, of)), shape=(size, size))
+
+
+UPRIGHT = 0.99
+"""A face's normal is along global x from this cosine on (8 degrees): then its local x follows global y."""
+
+CONVENTION = (
+    "local x: global x seen along the face's normal (global y where the normal is within 8 degrees of global x); "
+    "local y: normal cross local x; the normal is that of the face's corners, counter-clockwise",
+    "n positive: tension. m_x bends fibres along local x; m positive: the side that the normal points away from is "
+    "stretched",
+    "q_x = dm_x/dx + dm_xy/dy, q_y = dm_xy/dx + dm_y/dy (thin sheets, Kirchhoff); on a section that local x points out "
+    "of, positive q_x acts against the normal",
+    "a free edge carries a line force as large as m_xy there besides (Kirchhoff): a sum over a section needs both",
+)
+"""What the numbers mean, for the head of files."""
+
+
+class PrincipalForces(NamedTuple):
+    """values : (m, 2), the algebraically larger first.    angle : (m,) degrees from local x to the first, towards
+    local y, from -90 to 90.    direction : (m, 3) unit vectors of the first; the second is the normal cross it."""
+
+    values: Floats
+    angle: Floats
+    direction: Floats
+
+
+@dataclass(frozen=True, eq=False)
+class SectionForces:
+    """Forces and moments per length of section, one value per face, in the frame and with the signs of `CONVENTION`.
+
+    frame : (m, 2, 3) local x and local y of each face.
+    n     : (m, 3) normal forces x, y and shear in the sheet xy, N/m.
+    m     : (m, 3) moments x, y and twist xy, N m/m.
+    q     : (m, 2) shear forces across the sheet, on sections across local x and local y, N/m.
+    corners : (m, 3, 3) n at the corners of each face, as its elements have it: it bends ribs in the sheet.
+    corner_moments : (m, 3, 3) m there; on a free edge its twist is the line force that q is balanced with.
+    """
+
+    frame: Floats
+    n: Floats
+    m: Floats
+    q: Floats
+    corners: Floats
+    corner_moments: Floats
+
+    def __post_init__(self) -> None:
+        lock(self, "frame", np.float64, (None, 2, 3))
+        for name in ("corners", "corner_moments"):
+            lock(self, name, np.float64, (len(self.frame), 3, 3))
+        for name, width in (("n", 3), ("m", 3), ("q", 2)):
+            lock(self, name, np.float64, (len(self.frame), width))
+
+    def principal(self, what: str) -> PrincipalForces:
+        """Principal values and directions of `n` or of `m` [Mohr 1882]."""
+        values, axes = principal_values(getattr(self, what), self.frame)
+        angle = np.degrees(np.arctan2(*np.einsum("mx,max->am", axes[:, 0], self.frame)[::-1]))
+        return PrincipalForces(values, angle, axes[:, 0])
+
+
+def section_forces(
+    surface: Surface, thickness: float, stress: SheetStress, recovery: ShearRecovery | None = None
+) -> SectionForces:
+    """n, m and q of a sheet, thickness in metres, from its stress.
+
+    recovery : of the same surface, for the same kind of bending; made once for many cases.
+
+    n is the mean of each face, t times the stress of the middle surface: what its elements balance. m is the mean of
+    moments averaged around each vertex: a curved sheet of flat faces bends each of them by its own load, which
+    averaging takes out. q balances moments (`dsfab.statics.internal_forces`): errors of Navier's plate fall as
+    h^1.5, .3 % of
+    all shear at 32 cells, where slopes of moments had 1.7 %; what passes sections of cut sheets is all there to .1 %,
+    on a slab whose ribs are thinner than a face to 2.5 %.
+    """
+    own, scale = stress.frame, thickness**2 / 6
+    moments = scale * averaged(surface, own, stress.bending, sided=True)
+    across = np.zeros((surface.m, 3))
+    if stress.bending.any():
+        recovery = recovery or ShearRecovery.of(surface, linear=bool(np.ptp(stress.bending, axis=1).any()))
+        across = recovery.forces(scale * stress.bending, moments)
+    frame = local_frames(surface)
+    turn = frame @ own.transpose(0, 2, 1)
+    n = _turned(thickness * stress.membrane.mean(axis=1), turn)
+    corners, bent = (
+        np.stack([_turned(values[:, k], turn) for k in range(3)], axis=1)
+        for values in (thickness * stress.membrane, moments)
+    )
+    q = np.einsum("mx,max->ma", across, frame)
+    return SectionForces(frame, n, bent.mean(axis=1), q, corners, bent)
+
+
+def local_frames(surface: Surface) -> Floats:
+    """(m, 2, 3) local x and local y of each face, unit vectors, see `CONVENTION`."""
+    normal = surface.normals
+    axis = np.where((np.abs(normal[:, 0]) > UPRIGHT)[:, None], np.eye(3)[1], np.eye(3)[0])
+    x = axis - np.einsum("mi,mi->m", axis, normal)[:, None] * normal
+    x /= np.linalg.norm(x, axis=1, keepdims=True)
+    return np.stack([x, np.cross(normal, x)], axis=1)
+
+
+def _turned(plane: Floats, turn: Floats) -> Floats:
+    """(m, 3) tensors (xx, yy, xy) in a frame that is `turn` (m, 2, 2) of theirs."""
+    xx, yy, xy = plane.T
+    full = turn @ np.stack([np.stack([xx, xy], axis=1), np.stack([xy, yy], axis=1)], axis=1) @ turn.transpose(0, 2, 1)
+    return np.stack([full[:, 0, 0], full[:, 1, 1], full[:, 0, 1]], axis=1)

@@ -1,0 +1,175 @@
+"""Reactions and resultants: forces by support and by load entry of a preset."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dsfab.core.arrays import Bools, Floats, lock
+from dsfab.statics.boundary_conditions import spread_load
+from dsfab.statics.solve import Equilibrium
+from dsfab.surface import Load, load_names, support_names
+from dsfab.surface.loads.supports import Support
+from dsfab.surface.mesh import Surface
+
+
+@dataclass(frozen=True, eq=False)
+class Resultant:
+    """force : (3,) sum of forces, newtons.  moment : (3,) sum of moments about the origin, newton metres."""
+
+    force: Floats
+    moment: Floats
+
+    def __post_init__(self) -> None:
+        lock(self, "force", np.float64, (3,))
+        lock(self, "moment", np.float64, (3,))
+
+
+def resultant(surface: Surface, force: Floats, torque: Floats | None = None) -> Resultant:
+    """Of forces (n, 3) at the vertices, newtons, and torques (e,) about the edges' directions, newton metres."""
+    moment = np.cross(surface.V, force).sum(axis=0)
+    if torque is not None and len(torque):
+        ends = surface.V[surface.edges.ends]
+        along = ends[:, 1] - ends[:, 0]
+        moment = moment + torque @ (along / np.linalg.norm(along, axis=1, keepdims=True))
+    return Resultant(force.sum(axis=0), moment)
+
+
+def support_reactions(surface: Surface, supports: Sequence[Support], answer: Equilibrium) -> tuple[Resultant, ...]:
+    """What each support exerts on the sheet: the sums of `support_forces`, and torques.
+
+    The torque of an edge goes to the supports that clamp it; where none does, and yet it cannot turn, to
+    those that pick its ends. Together they balance the loads, unless edges were clamped away from all supports.
+    """
+    forces = support_forces(surface, supports, answer)
+    fixed = np.array([support.fixed(surface) for support in supports])  # (s, n, 3)
+    torques = np.zeros((len(supports), 0))
+    if len(answer.torque):
+        clamped = np.array([support.clamped(surface) for support in supports])  # (s, e)
+        ends = np.asarray(fixed.any(axis=2))[:, surface.edges.ends].sum(axis=2)  # how many it holds
+        torques = answer.torque * _shares(np.where(clamped.any(axis=0), clamped, ends))
+    return tuple(resultant(surface, force, torque) for force, torque in zip(forces, torques, strict=True))
+
+
+def support_forces(surface: Surface, supports: Sequence[Support], answer: Equilibrium) -> Floats:
+    """(s, n, 3) newtons that each support exerts on each vertex.
+
+    A direction of a vertex that several supports hold is shared equally, one on several springs in proportion to their
+    stiffness.
+    """
+    fixed = np.array([support.fixed(surface) for support in supports])
+    springs = np.array([support.springs(surface) for support in supports])
+    # a spring at a held place does not stretch
+    return np.asarray(answer.reaction * _shares(np.where(fixed.any(axis=0), fixed, springs)))
+
+
+def _shares(parts: Floats) -> Floats:
+    """(s, ...) non-negative parts over their sum along the first axis; 0 where all are."""
+    total = parts.sum(axis=0)
+    return np.asarray(parts / np.where(total > 0, total, 1.0))
+
+
+@dataclass(frozen=True, eq=False)
+class SupportEntry:
+    """A support and what rests on it.
+
+    vertices : how many it holds.       place : (3,) their mean, metres.
+    length   : metres of edges along it: free edges, and those of a line within the sheet. 0 for points.
+    area     : m2 of the faces that it holds wholly.
+    holds    : 'xyz', 'z, clamped', 'spring xy'.
+    reaction : by case, (3,) newtons that it exerts on the sheet.
+    share    : by case, of the sum of the magnitudes of all reactions at the vertices; 0 to 1.
+    """
+
+    name: str
+    vertices: int
+    place: Floats
+    length: float
+    area: float
+    holds: str
+    reaction: Mapping[str, Floats] = field(default_factory=dict)
+    share: Mapping[str, float] = field(default_factory=dict)
+
+    def __post_init__(self) -> None:
+        lock(self, "place", np.float64, (3,))
+
+
+@dataclass(frozen=True, eq=False)
+class LoadEntry:
+    """A load and what it amounts to.
+
+    force    : (3,) its resultant, newtons.    total : the sum of the magnitudes of its forces, newtons.
+    area     : m2 of the faces that it acts on.    length : metres of the edges.    vertices : how many take part.
+    """
+
+    name: str
+    kind: str
+    case: str
+    force: Floats
+    total: float
+    area: float
+    length: float
+    vertices: int
+
+    def __post_init__(self) -> None:
+        lock(self, "force", np.float64, (3,))
+
+
+def support_entries(
+    surface: Surface, supports: Sequence[Support], answers: Mapping[str, Equilibrium] | None = None
+) -> tuple[SupportEntry, ...]:
+    """Each support, with its reactions under each case where `answers` has them. Raises SurfaceError for pickers that
+    pick nothing."""
+    reactions: dict[str, list[Floats]] = {}
+    shares: dict[str, Floats] = {}
+    for case, answer in (answers or {}).items():
+        forces = support_forces(surface, supports, answer)
+        size = np.linalg.norm(forces, axis=2).sum(axis=1)
+        reactions[case] = list(forces.sum(axis=1))
+        shares[case] = size / (size.sum() or 1.0)
+    return tuple(
+        SupportEntry(
+            name,
+            *_extent(surface, support.at.vertices(surface)),
+            _holds(support),
+            {case: parts[k] for case, parts in reactions.items()},
+            {case: float(parts[k]) for case, parts in shares.items()},
+        )
+        for k, (name, support) in enumerate(zip(support_names(supports), supports, strict=True))
+    )
+
+
+def _extent(surface: Surface, picked: Bools) -> tuple[int, Floats, float, float]:
+    """How many vertices are picked (n,), their mean, metres of edges along them and m2 of faces among them.
+
+    An edge within the sheet counts if no face beside it is picked wholly: it is of a line, not of a region.
+    """
+    faces, edges = surface.faces_of(picked), surface.edges
+    inner = np.zeros(len(edges.ends), dtype=bool)
+    inner[edges.of[faces]] = True
+    along = picked[edges.ends].all(axis=1) & (edges.boundary | ~inner)
+    length, area = surface.edge_lengths[along].sum(), surface.areas[faces].sum()
+    return int(picked.sum()), surface.V[picked].mean(axis=0), float(length), float(area)
+
+
+def _holds(support: Support) -> str:
+    springs = "".join(axis for axis, k in zip("xyz", support.spring or (0, 0, 0), strict=True) if k)
+    words = (support.hold, f"spring {springs}" if springs else "", "clamped" if support.clamp else "")
+    return ", ".join(word for word in words if word)
+
+
+def load_entries(surface: Surface, loads: Sequence[Load], weight: float) -> tuple[LoadEntry, ...]:
+    """Each load by itself, without the factors of combinations.
+
+    weight : of the sheet, newtons per square metre, as for `LoadCase.build`.
+    Raises SurfaceError for loads that act on nothing.
+    """
+    entries = []
+    for name, load in zip(load_names(loads), loads, strict=True):
+        force, spread = load.on(surface, weight), spread_load(surface, [load], weight)
+        size = np.linalg.norm(force, axis=1)
+        area = surface.areas[spread.face.any(axis=1)].sum()
+        length = surface.edge_lengths[spread.edge.any(axis=1)].sum()
+        sums = force.sum(axis=0), float(size.sum()), float(area), float(length), int(np.count_nonzero(size))
+        entries.append(LoadEntry(name, load.kind, load.case, *sums))
+    return tuple(entries)

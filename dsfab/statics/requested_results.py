@@ -1,0 +1,143 @@
+"""`Answers`: what else a solved sheet tells, as far as it is asked for, from as few factorisations as possible."""
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+from typing import Any, TypeVar
+
+from scipy.sparse import csr_array
+
+from dsfab.core.errors import StaticsError
+from dsfab.statics.boundary_conditions import SpreadLoad, all_clamped
+from dsfab.statics.elements import REPORTED, Elements, elements_of
+from dsfab.statics.factorisation import FactorOf, KeptFactor, factored
+from dsfab.statics.model import SheetModel
+from dsfab.statics.modes import Buckling, Vibration, buckling, frequencies, mode_supports
+from dsfab.statics.solve import Equilibrium, equilibrium, flat_axis
+from dsfab.statics.stress import SheetStress, sheet_stress
+from dsfab.surface.loads.load_case import LoadCase
+
+Found = TypeVar("Found")
+
+
+@dataclass(frozen=True)
+class Ask:
+    """What is asked about a sheet, besides what costs next to nothing.
+
+    strength    : Pa that the largest stress is compared with; 0 where it does not matter.
+    frequencies : how many natural frequencies.      buckling : how many load factors.
+    """
+
+    strength: float = 0.0
+    frequencies: int = 0
+    buckling: int = 0
+
+    def __bool__(self) -> bool:
+        return bool(self.strength or self.modes)
+
+    @property
+    def modes(self) -> int:
+        """How many shapes are asked for, in all."""
+        return self.frequencies + self.buckling
+
+    def elements(self, given: Elements) -> Elements:
+        """Those that answer: the given ones where they are verified (`REPORTED`), else the pair for stress and modes.
+
+        Where nothing is asked, stress and energy are those of the given elements.
+        """
+        return elements_of("stress") if self and given not in REPORTED else given
+
+    def factor_of(self, given: Elements) -> FactorOf:
+        """What makes the factor of the statics by these elements: it is kept where the modes need it again."""
+        return KeptFactor() if self.modes and self.elements(given) == given else factored
+
+
+@dataclass(frozen=True, eq=False)
+class Answers:
+    """What a sheet tells under one load.
+
+    elements    : that answered (those of a sheet that was solved in its plane do not bend).
+    equilibrium : by these elements; where they are those of the statics, the same one.
+    stress      : and energy, see `SheetStress`.
+    vibration, buckling : None where they were not asked for or could not be found.
+    refusals    : why not, one sentence each.
+    assumed     : what was assumed of the supports for vibration and buckling (`mode_supports`), or ''.
+    """
+
+    elements: Elements
+    equilibrium: Equilibrium
+    stress: SheetStress
+    vibration: Vibration | None = None
+    buckling: Buckling | None = None
+    refusals: tuple[str, ...] = ()
+    assumed: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class SolvedCase:
+    """A load case and its equilibrium.
+
+    equilibrium : under `load` and `spread`, by `elements` or, without bending, `elements.in_plane`.
+    elements    : the pair that was chosen (with bending, even if the sheet was solved in its plane).
+    factor_of   : what it was made with (`Ask.factor_of`): nothing is factorised twice then.
+    plane       : whether the sheet was solved in its plane; found from `load` when left out.
+    """
+
+    load: LoadCase
+    spread: SpreadLoad
+    equilibrium: Equilibrium
+    elements: Elements
+    factor_of: FactorOf = factored
+    plane: bool | None = None
+
+
+def sheet_answers(
+    sheet: SheetModel,
+    case: SolvedCase,
+    stiffness: Callable[[Elements], csr_array],
+    ask: Ask,
+    again: FactorOf | None = None,
+) -> Answers:
+    """Stress and energy of a solved sheet, and what else is asked.
+
+    stiffness : K over the unknowns of any elements; called again only where `ask.elements` are others, or where a
+                sheet that was solved in its plane must bend to vibrate or to buckle.
+    again     : makes all other factors; a `KeptFactor` of two serves several loads on the same supports.
+
+    Vibration counts the mass of the sheet alone, not that of its loads. Raises StaticsError when the sheet cannot be
+    solved by the elements that answer; modes that cannot be found are refused in the result.
+    """
+    load, solved, factor_of, surface = case.load, case.equilibrium, case.factor_of, sheet.surface
+    plane = flat_axis(surface, load) is not None if case.plane is None else case.plane
+    again = again or KeptFactor(2)
+    rich = ask.elements(case.elements)
+    held = rich.in_plane if plane else rich
+    if rich != case.elements:
+        factor_of = again
+        solved = equilibrium(surface, stiffness(held), load, held, spread=case.spread, factor_of=factor_of)
+    stress = sheet_stress(sheet, held, solved)
+    if not ask.modes:
+        return Answers(held, solved, stress)
+    refusals: list[str] = []
+    standing = mode_supports(surface, load, plane)
+    model = replace(sheet, clamped=all_clamped(standing.load))
+    shared: dict[str, Any] = {"elements": rich, "K": stiffness(rich)}
+    shared["factor_of"] = again if plane else factor_of
+    vibration = factors = None
+    if ask.frequencies:
+        more = {**shared, "spring": load.spring}
+        found = partial(frequencies, model, standing.load.fixed, ask.frequencies, **more)
+        vibration = _found(found, "no natural frequencies", refusals)
+    if ask.buckling:
+        search = partial(buckling, sheet, standing.load, solved, ask.buckling, **shared)
+        factors = _found(search, "no buckling factors", refusals)
+    return Answers(held, solved, stress, vibration, factors, tuple(refusals), standing.told)
+
+
+def _found(find: Callable[[], Found], missing: str, refusals: list[str]) -> Found | None:
+    """What `find` finds, or None and a sentence in `refusals`: a design is not lost for want of an answer about it."""
+    try:
+        return find()
+    except StaticsError as error:
+        refusals.append(f"{missing}: {error}")
+        return None

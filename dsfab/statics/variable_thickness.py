@@ -1,0 +1,91 @@
+"""The stiffest sheet of varying thickness, of which no face is thicker than the whole sheet.
+
+With a stiffness that is proportional to it the problem is convex, so that it has one answer wherever it starts
+[Cheng, Olhoff 1981; Petersson 1999], and no sheet of the same area with openings is stiffer on that mesh.
+"""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from dsfab.core.arrays import Bools, Floats
+from dsfab.statics.membrane import corner_strains
+from dsfab.statics.model import SheetModel
+from dsfab.statics.solve import flat_axis
+from dsfab.statics.stiffness import FaceStiffness
+from dsfab.statics.stress import tensors_in_space
+from dsfab.surface import LoadCase
+
+BISECTED = 1e-6
+"""The Lagrange multiplier of the area is found to this share."""
+LEAST = 1e-4
+"""Thickness of what is left out, over that of the sheet: it still says which way the forces would run."""
+SETTLED, MOVE, STEPS = 0.01, 0.2, 40
+"""No face changes by more than the first, in the last step; none by more than the second in any; at most so many."""
+
+
+class VaryingSheet(NamedTuple):
+    """A sheet of varying thickness.
+
+    thickness  : (m,) over that of the whole sheet, 0 to 1.
+    compliance : joules, summed with the weights of the loads; constant strain and mid-edge bending.
+    forces     : for each load (m, 3, 3) membrane forces, N/m, symmetric and tangent to each face.
+    """
+
+    thickness: Floats
+    compliance: float
+    forces: list[Floats]
+
+
+def varying_thickness(sheet: SheetModel, loads: list[LoadCase], weights: Floats, share: float) -> VaryingSheet:
+    """The stiffest, with a thickness of `share` in the mean over the area.
+
+    weights : (k,) of the loads' compliances in the sum that is made the least.
+
+    Raises StaticsError for a sheet that is not held, or a load that acts on nothing.
+    """
+    surface = sheet.surface
+    K = FaceStiffness.of(sheet, loads)
+    x, factor = np.full(surface.m, share), None
+    solid = np.zeros(surface.m, dtype=bool)
+    for _ in range(STEPS):
+        factor = K.factor(LEAST + (1 - LEAST) * x, factor)
+        gain = K.energies(factor(K.force)) @ weights / surface.areas
+        new = optimality_step(x, gain, surface.areas, share * surface.area, solid, MOVE)
+        step, x = float(np.abs(new - x).max()), new
+        if step < SETTLED:
+            break
+    scale = LEAST + (1 - LEAST) * x
+    solution = K.factor(scale, factor)(K.force)
+    compliance = float(scale @ K.energies(solution) @ weights)
+    forces = [scale[:, None, None] * N for N in _membrane_forces(sheet, loads, K, solution)]
+    return VaryingSheet(x, compliance, forces)
+
+
+def _membrane_forces(sheet: SheetModel, loads: list[LoadCase], K: FaceStiffness, solution: Floats) -> list[Floats]:
+    """For each load (m, 3, 3), N/m, of faces that are as thick as the sheet."""
+    surface, axis = sheet.surface, flat_axis(sheet.surface, *loads)
+    moved = np.concatenate([solution, np.zeros((1, len(loads)))])[K.unknown]
+    moving = [column for column in range(9) if axis is None or column % 3 != axis]
+    strain = corner_strains(surface)[:, :, moving] @ moved[:, : len(moving)]
+    planar = np.einsum("ij,mjk->kmi", sheet.material.membrane(sheet.law) * sheet.thickness, strain)
+    return [tensors_in_space(surface, each) for each in planar]
+
+
+def optimality_step(x: Floats, gain: Floats, areas: Floats, area: float, solid: Bools, move: float) -> Floats:
+    """(m,) x sqrt(gain / multiplier), moved by at most `move`, with the multiplier that meets the area [Bendsoe 1995].
+
+    gain  : (m,) what the compliance falls by per area of material that is added to a face.
+    solid : (m,) faces that stay at 1.
+    """
+    low, high = np.maximum(x - move, 0.0), np.minimum(x + move, 1.0)
+    root = x * np.sqrt(np.maximum(gain, 0.0))
+    least, most = 0.0, 2 * float(root.max()) / max(float(x.min()), 1e-3)
+    while most - least > BISECTED * most:
+        middle = (least + most) / 2  # the root of the multiplier
+        new = np.where(solid, 1.0, np.clip(root / middle, low, high))
+        if areas @ new > area:
+            least = middle
+        else:
+            most = middle
+    return np.asarray(new)

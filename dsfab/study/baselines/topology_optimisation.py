@@ -1,0 +1,234 @@
+"""Topology optimisation by density (SIMP) on a triangle surface, and the competitor cut from its densities."""
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from scipy.sparse import csr_array
+from scipy.spatial import cKDTree
+
+from dsfab.core.arrays import Bools, Floats, lock
+from dsfab.core.errors import PatternError, StaticsError
+from dsfab.pattern import Layer, solved_factor, vertex_means
+from dsfab.statics import FaceStiffness, SheetModel, optimality_step
+from dsfab.study.baselines.structures import ComparisonTask, Structure, Variant, area_share, matched_structure
+from dsfab.surface import LoadCase, Surface
+
+
+def face_filter(surface: Surface, radius: float) -> csr_array:
+    """(m, m) weights A_f (radius - distance) of faces f within `radius` metres of each face, rows summing to 1.
+
+    Distances are straight between centroids: of sheets that nearly touch, one hears the other. With the area of each
+    face a mesh with small faces in places weighs no more there [Sigmund 2007].
+    """
+    pairs = cKDTree(surface.centroids).query_pairs(radius, output_type="ndarray")
+    i, j = pairs.T
+    near = radius - np.linalg.norm(surface.centroids[i] - surface.centroids[j], axis=1)
+    own = np.arange(surface.m)
+    row, column = np.concatenate([i, j, own]), np.concatenate([j, i, own])
+    weight = np.concatenate([near, near, np.full(surface.m, radius)]) * surface.areas[column]
+    total = np.bincount(row, weight, surface.m)
+    return csr_array((weight / total[row], (row, column)), shape=(surface.m, surface.m))
+
+
+def filtered_sensitivity(H: csr_array, density: Floats, sensitivity: Floats) -> Floats:
+    """(m,) sum_f H_ef x_f s_f / max(x_e, 0.001): Sigmund's filter [Sigmund 1997; Andreassen et al. 2011, eq. 11].
+
+    density, sensitivity : (m,) x and s, the latter per area of the face.
+    """
+    return np.asarray(H @ (density * sensitivity) / np.maximum(density, LEAST))
+
+
+LEAST = 1e-3
+"""Densities below this are taken for it where they divide."""
+
+
+GREY = 0.1
+"""Densities nearer than this to 0 or 1 count as void or material."""
+
+
+@dataclass(frozen=True)
+class Simp:
+    """How it is done.
+
+    radius       : of the filter, metres: members get about this wide; 0: see `filter_radius`.
+    iterations   : at most with each penalisation; it goes on earlier when no density changes by more than `change`.
+    penalisation : p of the stiffness void + x^p (1 - void) of a face of density x [Bendsoe, Sigmund 1999], in the end.
+    steps        : in which p rises from 1, where the problem has one answer wherever it starts, to that: which of many
+                   answers is found then depends little on mesh and start [Petersson and Sigmund 1998]. 0: p stays.
+    void         : stiffness of an empty face over that of a full one.     move : largest change of a density in a step.
+
+    Raises StaticsError for values that make no sense.
+    """
+
+    radius: float = 0.0
+    iterations: int = 30
+    penalisation: float = 3.0
+    steps: int = 4
+    void: float = 1e-9
+    move: float = 0.2
+    change: float = 0.01
+
+    def __post_init__(self) -> None:
+        good = self.radius >= 0 and self.iterations >= 1 and self.penalisation >= 1 and self.change >= 0
+        good = good and self.steps >= 0
+        if not (good and 0 < self.void < 1 and 0 < self.move <= 1):
+            raise StaticsError(
+                f"{self}: SIMP needs a radius and steps of 0 or more, at least one iteration, a penalisation of 1 or "
+                "more, and void and move between 0 and 1"
+            )
+
+    def filter_radius(self, surface: Surface) -> float:
+        """Metres: as asked, or 3 % of the root of the area, but no less than 1.1 edges, which the filter needs."""
+        return self.radius or max(0.03 * float(np.sqrt(surface.area)), 1.1 * surface.mean_edge)
+
+    @property
+    def penalisations(self) -> Floats:
+        """(steps + 1,) in their order."""
+        return np.linspace(1.0 if self.steps else self.penalisation, self.penalisation, self.steps + 1)
+
+    def stiffness(self, density: Floats) -> Floats:
+        """(m,) of faces, over that of full ones."""
+        return np.asarray(self.void + (1 - self.void) * density**self.penalisation)
+
+    def slope(self, density: Floats) -> Floats:
+        """(m,) its derivative by the density."""
+        return np.asarray((1 - self.void) * self.penalisation * density ** (self.penalisation - 1))
+
+
+@dataclass(frozen=True, eq=False)
+class Densities:
+    """What was found.
+
+    density : (m,) 0 (void) to 1 (material).    history : (iterations,) compliance before each step, joules, of sheets
+              with densities in between: not that of a structure that can be built.
+    seconds, cpu : of the clock and of the processor.
+    """
+
+    density: Floats
+    history: Floats
+    seconds: float
+    cpu: float
+
+    def __post_init__(self) -> None:
+        lock(self, "density", np.float64, (None,))
+        lock(self, "history", np.float64, (None,))
+
+    @property
+    def compliance(self) -> float:
+        """Joules, of the last densities but one, as the method itself counts it."""
+        return float(self.history[-1])
+
+    def grey(self, surface: Surface) -> float:
+        """The share of the area whose density is in between, from 0.1 to 0.9: neither void nor material.
+
+        Large where both principal stresses are as large and of opposite sign, as on a sphere pressed at its pole: there
+        an even grey is stable whatever the start, for what a rib gains along itself it loses across.
+        """
+        between = (self.density > GREY) & (self.density < 1 - GREY)
+        return float(surface.areas @ between) / surface.area
+
+
+def densities(
+    sheet: SheetModel,
+    loads: Mapping[str, LoadCase],
+    area: float,
+    solid: Bools | None = None,
+    weights: Mapping[str, float] | None = None,
+    ask: Simp | None = None,
+) -> Densities:
+    """Densities of the faces with the least compliance for sum (density x face area) = `area`, square metres.
+
+    Constant strain and mid-edge bending; a flat sheet loaded in its plane does not bend. A density scales the stiffness
+    of its face, in its plane and out of it alike. Sensitivities are filtered, densities follow optimality criteria as
+    in top88 [Andreassen et al. 2011], whose analysis of the matrix is done once here.
+
+    solid   : (m,) faces that stay material.     weights : of the loads' compliances in the sum; 1 each when left out.
+
+    Raises StaticsError when the sheet is not held, or when `area` is less than the solid faces have.
+    """
+    ask, surface = ask or Simp(), sheet.surface
+    solid = np.zeros(surface.m, dtype=bool) if solid is None else solid
+    share = _start(surface, area, solid)
+    clock, cpu = time.perf_counter(), time.process_time()
+    K = FaceStiffness.of(sheet, list(loads.values()))
+    H = face_filter(surface, ask.filter_radius(surface))
+    many = np.array([1.0 if weights is None else weights[name] for name in loads])
+    x, factor, history = np.where(solid, 1.0, share), None, []
+    for p in ask.penalisations:
+        now = replace(ask, penalisation=float(p))
+        for _ in range(ask.iterations):
+            factor = K.factor(now.stiffness(x), factor)
+            energy = K.energies(factor(K.force)) @ many
+            history.append(float(now.stiffness(x) @ energy))
+            gain = filtered_sensitivity(H, x, now.slope(x) * energy / surface.areas)
+            new = optimality_step(x, gain, surface.areas, area, solid, ask.move)
+            step, x = np.abs(new - x).max(), new
+            if step < ask.change:
+                break
+    return Densities(x, np.array(history), time.perf_counter() - clock, time.process_time() - cpu)
+
+
+def _start(surface: Surface, area: float, solid: Bools) -> float:
+    """The density of all other faces to begin with."""
+    given = float(surface.areas[solid].sum())
+    if not given < area < surface.area:
+        raise StaticsError(
+            f"SIMP is to use {area:.4g} m2 of a surface of {surface.area:.4g} m2, of which {given:.4g} m2 are kept "
+            "anyway; ask for an area between these, or set a smaller pattern.keep or pattern.rim"
+        )
+    return (area - given) / (surface.area - given)
+
+
+def simp(task: ComparisonTask) -> list[Variant]:
+    """Densities of the same area by SIMP, cut where they exceed the value that gives that area; see `free_task`."""
+    free = free_task(task)
+    return [Variant("", lambda: _cut(free, optimised_densities(free)))]
+
+
+def free_task(task: ComparisonTask, ask: Simp | None = None) -> ComparisonTask:
+    """The task with nothing kept but what is drawn and discs around loads and supports as large as the filter reaches.
+
+    An optimiser that had to keep the rim of a preset would spend its material as the preset does, and be as good or bad
+    as that: on an L-bracket at 30 % of the material 3.2 or 5.0 times as soft as the whole plate.
+    """
+    radius = (ask or Simp()).filter_radius(task.surface)
+    return replace(task, preset=task.preset.with_pattern(keep=radius, rim=0.0))
+
+
+def optimised_densities(task: ComparisonTask, ask: Simp | None = None) -> Densities:
+    """The densities of faces for the area, loads and kept regions of a task; they weigh what that area does."""
+    statics, weights = task.preset.statics, task.preset.followed
+    sheet = statics.sheet().on(task.surface)
+    loads = {name: load.of_thickness(task.surface, task.share) for name, load in task.loads.items()}
+    return densities(sheet, loads, task.area, task.kept_faces, weights, ask)
+
+
+def level_line(task: ComparisonTask, density: Floats) -> Structure:
+    """The structure where densities of faces (m,), averaged around the vertices, exceed one value."""
+    return matched_structure(task, partial(_drawing, vertex_means(task.surface, density)))
+
+
+def _cut(task: ComparisonTask, found: Densities) -> Structure:
+    """`level_line`; where it falls apart, the reason tells how much was left grey."""
+    try:
+        return level_line(task, found.density)
+    except PatternError as error:
+        raise PatternError(
+            f"{error}; SIMP left {found.grey(task.surface):.0%} of the area neither void nor material"
+        ) from None
+
+
+def _drawing(field: Floats, task: ComparisonTask, share: float, tolerance: float) -> Sequence[Layer]:
+    """What is kept, and where a field (n,) exceeds the value that makes `share` of the surface material."""
+    high, low = float(field.max()), float(field.min())
+    margin = 1e-3 * (high - low)
+    every = np.full(task.surface.n, np.inf)
+
+    def layers(depth: float) -> list[Layer]:
+        level = high + margin - depth * (high - low + 2 * margin)
+        return [*task.kept, Layer("simp", field, np.array([level]), every)]
+
+    return layers(solved_factor(lambda depth: area_share(task, layers(depth)), share, tolerance))

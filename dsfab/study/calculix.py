@@ -1,0 +1,385 @@
+"""Sheets as solids of quadratic wedges, and CalculiX as a process that solves them."""
+
+import re
+import shutil
+import subprocess
+import tempfile
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.core.errors import StaticsError
+from dsfab.statics import Material
+from dsfab.study.check_model import held_nodes
+from dsfab.surface import LoadCase, Surface
+
+CCX = "ccx"
+"""CalculiX's solver, as its package names it."""
+
+PATIENCE = 600.0
+"""Seconds after which it is stopped."""
+
+ENERGY = re.compile(r"total internal energy.*?\n\s*\n\s*(\S+)")
+
+Projection = Callable[[Floats], tuple[Floats, Floats]]
+"""Points near the middle surface (k, 3) -> points on it, metres, and unit normals there."""
+
+
+@dataclass(frozen=True, eq=False)
+class Wedges:
+    """A solid of one wedge (C3D15) for each triangle, in metres.
+
+    nodes  : (p, 3).        elements : (m, 15) in CalculiX's order: corners below, corners above, middles of the edges
+             below, middles above, middles of the upright edges.
+    columns : (n, 3) of each vertex of the sheet: its nodes below, above and in the middle of the thickness.
+    middles : (e, 2) of each edge: its nodes below and above.
+    """
+
+    nodes: Floats
+    elements: Ints
+    columns: Ints
+    middles: Ints
+
+
+def wedges(surface: Surface, thickness: float, projection: Projection) -> Wedges:
+    """The solid between the two surfaces that are half a thickness off the middle one along its normals."""
+    edges, F = surface.edges, surface.F
+    n, e = surface.n, len(edges.ends)
+    corner, normal = projection(surface.V)
+    middle, across = projection(surface.V[edges.ends].mean(axis=1))
+    up, over = thickness / 2 * normal, thickness / 2 * across
+    nodes = np.concatenate([corner - up, corner + up, corner, middle - over, middle + over])
+    columns = np.arange(n)[:, None] + n * np.arange(3)
+    middles = 3 * n + np.arange(e)[:, None] + e * np.arange(2)
+    # bottom and top as seen from the side that the normals point to: faces that run the other way round are turned
+    turned = (surface.normals * normal[F[:, 0]]).sum(axis=1) < 0
+    F, of = np.where(turned[:, None], F[:, ::-1], F), np.where(turned[:, None], edges.of[:, [1, 0, 2]], edges.of)
+    parts = [columns[F, 0], columns[F, 1], middles[of, 0], middles[of, 1], columns[F, 2]]
+    return Wedges(nodes, np.concatenate(parts, axis=1), columns, middles)
+
+
+def solid_compliance(solid: Wedges, material: Material, held: Ints, gravity: Floats) -> float | None:
+    """Joules, under the solid's own weight, by CalculiX; None where that is not installed.
+
+    held    : nodes that do not move.       gravity : (3,) m/s2.
+
+    Raises StaticsError where CalculiX fails.
+    """
+    program = shutil.which(CCX)
+    if program is None:
+        return None
+    with tempfile.TemporaryDirectory() as folder:
+        (Path(folder) / "solid.inp").write_text(_text(solid, material, held, gravity), encoding="ascii")
+        try:
+            done = subprocess.run(
+                [program, "solid"], cwd=folder, capture_output=True, text=True, timeout=PATIENCE, check=False
+            )
+        except subprocess.TimeoutExpired as error:
+            raise StaticsError(f"CalculiX did not solve the solid within {PATIENCE:g} s") from error
+        result = Path(folder) / "solid.dat"
+        found = ENERGY.search(result.read_text(encoding="ascii")) if result.exists() else None
+    if done.returncode or not found:
+        raise StaticsError(f"CalculiX did not solve the solid: {done.stdout.strip()[-200:]}")
+    return 2 * float(found[1])
+
+
+def _text(solid: Wedges, material: Material, held: Ints, gravity: Floats) -> str:
+    size = float(np.linalg.norm(gravity))
+    used = np.unique(solid.elements)
+    lines = ["*NODE, NSET=ALL", *(f"{k + 1},{','.join(f'{x:.12e}' for x in solid.nodes[k])}" for k in used)]
+    lines.append("*ELEMENT, TYPE=C3D15, ELSET=S")
+    lines += [f"{k},{','.join(map(str, row + 1))}" for k, row in enumerate(solid.elements, start=1)]
+    lines += ["*MATERIAL, NAME=M", "*ELASTIC", f"{material.young},{material.poisson}"]
+    lines += ["*DENSITY", f"{material.density}", "*SOLID SECTION, ELSET=S, MATERIAL=M", "*BOUNDARY"]
+    lines += [f"{k + 1},1,3" for k in np.intersect1d(held, used)]
+    lines += ["*STEP", "*STATIC", "*DLOAD", f"S,GRAV,{size},{','.join(f'{x / size:.12e}' for x in gravity)}"]
+    lines += ["*EL PRINT, ELSET=S, TOTALS=ONLY", "ELSE", "*END STEP", ""]
+    return "\n".join(lines)
+
+
+def nodes_of(solid: Wedges, surface: Surface, where: Bools) -> Ints:
+    """All nodes of the end faces that stand on the boundary edges between marked vertices (n,)."""
+    edges = surface.edges
+    on = edges.boundary & where[edges.ends].all(axis=1)
+    return np.unique(np.concatenate([solid.columns[edges.ends[on]].ravel(), solid.middles[on].ravel()]))
+
+
+THROUGH = (1 / 6, 1 / 6, 2 / 3)
+"""Of a force on a vertex of the sheet, what goes to its nodes below, above and between."""
+
+
+@dataclass(frozen=True, eq=False)
+class WedgeModel:
+    """solid : nodes (p, 3), metres, and elements.    fixed : (q, 2) nodes and directions that do not move.
+    opposite : (r, 3) two nodes and a direction in which they move oppositely: the sheet may turn there.
+    force    : (p, 3) newtons.
+    """
+
+    solid: Wedges
+    material: Material
+    fixed: Ints
+    opposite: Ints
+    force: Floats
+
+
+def solid_model(surface: Surface, normal: Floats, thickness: float, material: Material, load: LoadCase) -> WedgeModel:
+    """One wedge through the thickness for each triangle.
+
+    normal : (n, 3) at the vertices, unit vectors, all to one side.    thickness : metres.
+    Supports hold the middle of the thickness, and clamped edges all of it. Raises StaticsError for springs.
+    """
+    if load.spring.any():
+        raise StaticsError("springs of supports are not in the nonlinear check; hold these supports rigidly for it")
+    across = normal[surface.edges.ends].sum(axis=1)
+    normals = iter((normal, across / np.linalg.norm(across, axis=1, keepdims=True)))
+    solid = wedges(surface, thickness, lambda points: (points, next(normals)))
+    held = held_nodes(surface, {"HELD": load.fixed})["HELD"]
+    fixed, opposite = _supports(solid, surface, load, held)
+    force = np.zeros_like(solid.nodes)
+    for column, share in zip(solid.columns.T, THROUGH, strict=True):
+        np.add.at(force, column, share * load.force)
+    return WedgeModel(solid, material, fixed, opposite, force)
+
+
+def _supports(solid: Wedges, surface: Surface, load: LoadCase, held: Bools) -> tuple[Ints, Ints]:
+    """`fixed` and `opposite`, of directions (n + e, 3) that are held at vertices and at middles of edges."""
+    n = surface.n
+    vertex, way = np.nonzero(held[:n])
+    edge, along = np.nonzero(held[n:])
+    fixed = np.stack([solid.columns[vertex, 2], way], axis=1)
+    pairs = np.concatenate(
+        [
+            np.concatenate([solid.columns[vertex, :2], way[:, None]], axis=1),
+            np.concatenate([solid.middles[edge], along[:, None]], axis=1),
+        ]
+    )
+    edges = np.flatnonzero(load.clamped)
+    stiff = np.unique(np.concatenate([solid.columns[surface.edges.ends[edges]].ravel(), solid.middles[edges].ravel()]))
+    whole = np.stack([np.repeat(stiff, 3), np.tile(np.arange(3), len(stiff))], axis=1)
+    return np.unique(np.concatenate([fixed, whole]), axis=0), pairs[~np.isin(pairs[:, :2], stiff).any(axis=1)]
+
+
+PAUSE = 0.2
+"""Seconds between two looks at its files."""
+
+ATTEMPT = re.compile(r"^ *\d+ +\d+ +\d+(U?) +\d+ +(\S+) +\S+ +(\S+) *$", re.MULTILINE)
+"""A line of the .sta file: U where no equilibrium was found, the time so far, and the step of time that was tried."""
+TABLE = re.compile(r"^ displacements .* time +(\S+)\s*$", re.MULTILINE)
+
+
+@dataclass(frozen=True)
+class CcxFiles:
+    """What CalculiX has written so far: what it says, its results (.dat) and its attempts (.sta).
+
+    ended : whether it came to an end of its own.
+    """
+
+    said: str
+    results: str
+    attempts: str
+    ended: bool
+
+    def tables(self) -> list[tuple[float, Floats]]:
+        """The time of each table of displacements, and (k, 4) numbers of nodes with their displacements."""
+        data = self.results[: self.results.rfind("\n") + 1]  # a line may be half written
+        heads = list(TABLE.finditer(data))
+        found = []
+        for head, following in zip(heads, [*heads, None][1:], strict=True):
+            lines = data[head.end() : following.start() if following else None].strip().splitlines()
+            table = [line.split() for line in lines]
+            numbers = [[float(word) for word in words] for words in table if len(words) == 4 and words[0].isdigit()]
+            found.append((float(head[1]), np.array(numbers).reshape(-1, 4)))
+        return found
+
+    def failures(self) -> list[tuple[float, float]]:
+        """The time that was reached before each attempt that failed, and the step of time that it tried."""
+        return [(float(at), float(step)) for failed, at, step in ATTEMPT.findall(self.attempts) if failed]
+
+
+def require_ccx() -> str:
+    """The path of CalculiX. Raises StaticsError where it is not installed."""
+    found = shutil.which(CCX)
+    if found is None:
+        raise StaticsError(
+            "the nonlinear check is done by CalculiX, and its program ccx is not on the path; install it (Debian and "
+            "Ubuntu: apt install calculix-ccx), or leave out --nonlinear"
+        )
+    return found
+
+
+def run_ccx(text: list[str], seconds: float, enough: Callable[[CcxFiles], bool] = lambda files: False) -> CcxFiles:
+    """What CalculiX writes of an .inp file: until it ends, until `enough` says so, or until the seconds are over.
+
+    It is ended with its files whatever ends this, an exception of a signal too.
+    """
+    with tempfile.TemporaryDirectory(prefix="dsfab-") as name:
+        folder = Path(name)
+        (folder / "solid.inp").write_text("".join(text), encoding="ascii")
+        with (folder / "said").open("wb") as said:
+            process = subprocess.Popen(
+                [require_ccx(), "solid"],
+                cwd=folder,
+                stdin=subprocess.DEVNULL,
+                stdout=said,
+                stderr=subprocess.STDOUT,
+            )
+            try:
+                _watched(process, folder, seconds, enough)
+                return _files(folder, process.poll() is not None)
+            finally:
+                process.kill()
+                process.wait()
+
+
+def _watched(
+    process: "subprocess.Popen[bytes]", folder: Path, seconds: float, enough: Callable[[CcxFiles], bool]
+) -> None:
+    """Wait for its end. `enough` is asked after each attempt."""
+    over, seen, attempts = time.monotonic() + seconds, 0, folder / "solid.sta"
+    while process.poll() is None and (left := over - time.monotonic()) > 0:
+        try:
+            process.wait(min(PAUSE, left))
+        except subprocess.TimeoutExpired:
+            size = attempts.stat().st_size if attempts.exists() else 0
+            if size > seen and enough(_files(folder, False)):
+                return
+            seen = size
+
+
+def _files(folder: Path, ended: bool) -> CcxFiles:
+    def text(name: str) -> str:
+        path = folder / name
+        return path.read_text(encoding="ascii", errors="replace") if path.exists() else ""
+
+    return CcxFiles(text("said"), text("solid.dat"), text("solid.sta"), ended)
+
+
+SMALLEST = 1e-3
+"""Steps of the load are halved down to this share of it before the program gives up."""
+STEPS = 10
+"""So many steps to each factor, or more where the program needs them: it halves those that do not converge."""
+FACTOR = re.compile(r"^\s+1\s+(\S+)\s*$", re.MULTILINE)
+
+
+@dataclass(frozen=True, eq=False)
+class LoadPath:
+    """load : (k,) factors on the loads, from 0 on.    u : (k, w, 3) metres, of the nodes that were watched.
+    whole   : whether the last factor that was asked for was reached.    late : whether time was over before.
+    failed  : (f, 2) of each attempt without equilibrium: the point from which it started, and by how much it tried to
+              raise the factor.
+    """
+
+    load: Floats
+    u: Floats
+    whole: bool
+    late: bool = False
+    failed: tuple[tuple[int, float], ...] = ()
+
+    def until(self, last: int) -> "LoadPath":
+        """The path up to its point `last`, where nobody asks for more."""
+        failed = tuple((at, by) for at, by in self.failed if at <= last)
+        return LoadPath(self.load[: last + 1], self.u[: last + 1], False, False, failed)
+
+
+def _never(path: LoadPath) -> int | None:
+    return None
+
+
+def lowest_buckling(model: WedgeModel, seconds: float) -> tuple[float, Floats]:
+    """The lowest factor on the loads at which the solid buckles by linear theory, and (p, 3) its shape, any size.
+
+    Raises StaticsError where CalculiX finds none.
+    """
+    step = ["*STEP\n*BUCKLE\n1\n*CLOAD\n", *_loads(model.force), "*NODE PRINT, NSET=ALL\nU\n*END STEP\n"]
+    files = run_ccx([*_model(model, model.solid.nodes), *step], seconds)
+    if not files.ended:
+        raise _late(seconds)
+    _, _, table = files.results.partition("B U C K L I N G")
+    factor, shape = FACTOR.search(table), files.tables()
+    if not (factor and shape):
+        raise StaticsError(f"CalculiX found no buckling of the solid: {files.said.strip()[-200:]}")
+    mode = np.zeros_like(model.solid.nodes)
+    last = shape[-1][1]
+    mode[last[:, 0].astype(int) - 1] = last[:, 1:]
+    return float(factor[1]), mode
+
+
+def load_path(
+    model: WedgeModel,
+    nodes: Floats,
+    factors: tuple[float, ...],
+    watched: Ints,
+    seconds: float,
+    last: Callable[[LoadPath], int | None] = _never,
+) -> LoadPath:
+    """How nodes (w,) move as loads grow to each of `factors` in turn, in `STEPS` steps each, with large displacements.
+
+    nodes : (p, 3) where the solid is at first, metres.    last : of a path so far, the point after which no more is
+    asked, if there is one yet. Where the program cannot go on, or the seconds are over, the path ends.
+    """
+    text = [*_model(model, nodes), "*NSET, NSET=WATCHED\n", *_rows("%d\n", watched + 1)]
+    for factor in factors:
+        text.append(f"*STEP, NLGEOM, INC=1000\n*STATIC\n{1 / STEPS}, 1., {SMALLEST}, {1 / STEPS}\n*CLOAD\n")
+        text += [*_loads(factor * model.force), "*NODE PRINT, NSET=WATCHED\nU\n*END STEP\n"]
+
+    def until(files: CcxFiles) -> tuple[LoadPath, int | None]:
+        path = _path(files, factors, len(watched))
+        return path, last(path) if len(path.load) > 1 else None
+
+    files = run_ccx(text, seconds, lambda files: until(files)[1] is not None)
+    path, end = until(files)  # wherever the program was by then, the path ends at the same point
+    if end is not None:
+        return path.until(end)
+    if len(path.load) == 1 and not files.ended:
+        raise _late(seconds)
+    if len(path.load) == 1:
+        raise StaticsError(f"CalculiX found no equilibrium under the first step of the load: {files.said[-200:]}")
+    return replace(path, late=not files.ended)
+
+
+def _path(files: CcxFiles, factors: tuple[float, ...], count: int) -> LoadPath:
+    """What was found so far of `count` nodes."""
+    tables = [(time, table) for time, table in files.tables() if len(table) == count]
+    time = np.array([0.0, *(time for time, _ in tables)])
+    u = np.stack([np.zeros((count, 3)), *(table[table[:, 0].argsort(), 1:] for _, table in tables)])
+    ends = np.arange(len(factors) + 1), np.array([0.0, *factors])
+    failed = [
+        (int(np.searchsorted(time, at + 1e-5)) - 1, float(np.interp(at + step, *ends) - np.interp(at, *ends)))
+        for at, step in files.failures()
+    ]
+    return LoadPath(np.interp(time, *ends), u, bool(time[-1] > len(factors) - 1e-6), failed=tuple(failed))
+
+
+def _late(seconds: float) -> StaticsError:
+    return StaticsError(
+        f"CalculiX did not come to an end within {seconds / 60:.3g} minutes; make the mesh coarser "
+        "(--check-edge, surface.edge), or give it more: --minutes"
+    )
+
+
+def _model(model: WedgeModel, nodes: Floats) -> Iterator[str]:
+    """Everything before the step."""
+    solid, used = model.solid, np.unique(model.solid.elements)
+    yield "*NODE, NSET=ALL\n"
+    yield from _rows("%d, %.11e, %.11e, %.11e\n", used + 1, *nodes[used].T)
+    yield "*ELEMENT, TYPE=C3D15, ELSET=SOLID\n"
+    yield from _rows(", ".join(["%d"] * 16) + "\n", np.arange(1, len(solid.elements) + 1), *(solid.elements.T + 1))
+    yield f"*MATERIAL, NAME=SOLID\n*ELASTIC\n{model.material.young:.12g}, {model.material.poisson:.12g}\n"
+    yield "*SOLID SECTION, ELSET=SOLID, MATERIAL=SOLID\n*BOUNDARY\n"
+    yield from _rows("%d, %d, %d\n", model.fixed[:, 0] + 1, model.fixed[:, 1] + 1, model.fixed[:, 1] + 1)
+    one, other, way = (model.opposite + 1).T
+    yield from _rows("*EQUATION\n2\n%d, %d, 1., %d, %d, 1.\n", one, way, other, way)
+
+
+def _loads(force: Floats) -> Iterator[str]:
+    node, way = np.nonzero(force)
+    yield from _rows("%d, %d, %.11e\n", node + 1, way + 1, force[node, way])
+
+
+def _rows(template: str, *columns: Ints | Floats) -> Iterator[str]:
+    """`template % row` for every row of the columns."""
+    yield "".join(template % row for row in zip(*(column.tolist() for column in columns), strict=True))

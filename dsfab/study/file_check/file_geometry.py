@@ -1,0 +1,369 @@
+"""Triangles of an exported file, its thinnest walls and smallest gaps, and its distance from the design."""
+
+from dataclasses import dataclass, field
+from pathlib import Path
+
+import numpy as np
+
+from dsfab.core.arrays import Bools, Floats, Ints, lock
+from dsfab.core.errors import ExportError, SurfaceError
+from dsfab.core.limits import DEFLECTION, FURTHER, OFF_SURFACE
+from dsfab.core.units import METRES_PER, MM_PER_M, metres_per
+from dsfab.design.design import Design
+from dsfab.design.output import curved_design
+from dsfab.export import Limits, read_step, smooth_limits, step_triangles
+from dsfab.preset.model import Preset
+from dsfab.surface import DEFAULT_TRIANGLES, Surface, nearest, raw_mesh
+from dsfab.surface.files.other_libraries import stl_by_trimesh
+from dsfab.surface.topology import edge_table
+from dsfab.thickening.offset_vectors import SHIFT
+from dsfab.thickening.wall_thickness import INSIDE, OPPOSED, Facets, Rays
+
+SUFFIXES = (".stl", ".3mf", ".step", ".stp")
+"""What can be checked."""
+
+STEP_BEGINS = b"ISO-10303-21"
+"""The first words of every STEP file."""
+
+BY_CONVENTION = "mm"
+"""STL files name no unit; dsfab writes millimetres, and workshops read them so."""
+
+CURVED = (
+    *(f"{word}_SURFACE".encode() for word in ("B_SPLINE", "UNIFORM", "BEZIER")),
+    *(f"{word}_SURFACE".encode() for word in ("CYLINDRICAL", "CONICAL", "SPHERICAL", "TOROIDAL")),
+    b"SURFACE_OF_",
+)
+"""What a STEP file calls faces that are not planes."""
+
+
+@dataclass(frozen=True, eq=False)
+class FileContents:
+    """What a reader found in a file.
+
+    V       : (n, 3) metres, no two at the same place.      F : (m, 3) triangles with three different corners.
+    unit    : of the file's numbers.                        declared : whether the file names it.
+    metres  : in one of these units.                        collapsed : triangles without three different corners.
+    reader  : whose reader it was.       path : of the file.
+    deflection : metres that the triangles may be off the faces of the file, which are curved in STEP; else 0.
+    shape   : of STEP, what OCCT read, as it keeps it; else empty.      face : (m,) of it that each triangle is of.
+    """
+
+    path: Path
+    V: Floats
+    F: Ints
+    unit: str
+    declared: bool
+    metres: float
+    collapsed: int
+    reader: str
+    deflection: float = 0.0
+    shape: bytes = b""
+    face: Ints = field(default_factory=lambda: np.zeros(0, dtype=np.int64))
+
+    def __post_init__(self) -> None:
+        lock(self, "V", np.float64, (None, 3))
+        lock(self, "F", np.int64, (None, 3))
+        lock(self, "face", np.int64, (None,))
+
+    @property
+    def size(self) -> float:
+        """Diagonal of the bounding box, metres."""
+        return float(np.linalg.norm(np.ptp(self.V, axis=0)))
+
+
+def read_shipped(
+    path: str | Path, unit: str | None = None, max_triangles: int = DEFAULT_TRIANGLES, deflection: float = 0.0
+) -> FileContents:
+    """The solid in an STL, 3MF or STEP file, read by trimesh, lib3mf or OCCT: none of them wrote it.
+
+    unit : of the numbers of an STL file, millimetres when left out; 3MF and STEP files name theirs.
+    max_triangles : how many an STL or a 3MF file may have; what reading may cost follows from it.
+    deflection : metres that triangles may be off curved faces of STEP; 0 leaves it to the reader.
+
+    Raises SurfaceError or ExportError, one sentence, for a missing, empty, unreadable or foreign file, for coordinates
+    that are not finite, and for a unit given to a file that names its own.
+    """
+    path = Path(path)
+    suffix = path.suffix.lower()
+    if path.is_dir():
+        names = sorted(file.name for file in path.iterdir() if file.suffix.lower() in SUFFIXES)
+        hint = f"give {path / names[0]}" if names else f"`dsfab check` reads {', '.join(SUFFIXES)}, and none is there"
+        raise ExportError(f"{path} is a folder; {hint}")
+    if suffix not in SUFFIXES:
+        raise ExportError(f"{path} has the suffix {suffix!r}; `dsfab check` reads {', '.join(SUFFIXES)}")
+    if unit is not None and suffix != ".stl":
+        raise ExportError(f"{path} names its own unit; leave out --unit, which is for STL files")
+    if suffix in (".step", ".stp"):
+        found = _step(path, deflection)
+    else:
+        raw = raw_mesh(path, max_triangles)
+        here = unit or raw.unit or BY_CONVENTION
+        metres = raw.metres if raw.unit else metres_per(here)
+        V, F, lost = _joined(*(stl_by_trimesh(path) if suffix == ".stl" else (raw.V, raw.F)))
+        found = FileContents(
+            path, V * metres, F, here, raw.unit is not None, metres, lost, "lib3mf" if raw.unit else "trimesh"
+        )
+    if not np.isfinite(found.V).all():
+        raise SurfaceError(f"{path} has coordinates that are not finite numbers; export it again")
+    if not len(found.F):
+        raise ExportError(f"{path} holds no triangle with three different corners; export it again")
+    return found
+
+
+def _step(path: Path, deflection: float) -> FileContents:
+    if not path.is_file():
+        raise ExportError(f"{path} does not exist; check the path")
+    if not path.stat().st_size:
+        raise ExportError(f"{path} is empty; export it again")
+    with path.open("rb") as file:
+        if STEP_BEGINS not in file.read(1000):
+            raise ExportError(f"{path} is no STEP file: it does not begin with {STEP_BEGINS.decode()}; export it again")
+    mesh = read_step(path, deflection * MM_PER_M)
+    if not mesh.solids or not len(mesh.F):
+        raise ExportError(f"{path} holds no solid, only loose faces or nothing; export it again as a solid")
+    V, F, face, lost = step_triangles(mesh)
+    metres = METRES_PER["mm"]
+    off = mesh.deflection * metres if _curved(path) else 0.0
+    return FileContents(path, V, F, "mm", True, metres, lost, "OCCT", off, mesh.shape, face)
+
+
+def _curved(path: Path) -> bool:
+    """Whether a STEP file has faces that are not planes."""
+    text = path.read_bytes()
+    return any(word in text for word in CURVED)
+
+
+def _joined(V: Floats, F: Ints) -> tuple[Floats, Ints, int]:
+    """Vertices at exactly the same place made one."""
+    points, of = np.unique(V + 0.0, axis=0, return_inverse=True)
+    F, lost = _whole(of.reshape(-1)[F])
+    return points, F, lost
+
+
+def _whole(F: Ints) -> tuple[Ints, int]:
+    """The triangles that have three different corners, and how many have not."""
+    whole = (np.roll(F, -1, axis=1) != F).all(axis=1)
+    return F[whole], int((~whole).sum())
+
+
+FLAT = 64 * float(np.finfo(np.float32).eps)
+"""Triangles lower than this share of the size of the mesh say nothing of a direction: single precision moved them."""
+
+
+PARALLEL = float(np.cos(np.radians(3)))
+"""Neighbouring faces that look at each other and are less parallel than this meet in a tip or a notch."""
+
+
+@dataclass(frozen=True, eq=False)
+class Clearance:
+    """A shortest distance between faces that look at each other: metres, and where it is (3,)."""
+
+    size: float
+    place: Floats
+
+    def __post_init__(self) -> None:
+        lock(self, "place", np.float64, (3,))
+
+
+@dataclass(frozen=True, eq=False)
+class Clearances:
+    """The thinnest wall and the smallest gap; None where no two faces look at each other."""
+
+    wall: Clearance | None
+    gap: Clearance | None
+
+
+def clearances(V: Floats, F: Ints) -> Clearances:
+    """Of a closed mesh V (n, 3) metres, F (m, 3) seen from outside.
+
+    Four lines a face, from its centre and near its corners, square to it: into the material for walls, away from it for
+    gaps. What they meet counts where it is parallel to 20 degrees, at the distance of its plane: exact between flat
+    faces. Neighbours that are not parallel to 3 degrees are the two sides of a tip or a notch, which tapers to nothing;
+    they do not count, and neither do flat facets that meet in a point. Widths of members are walls too. Triangles too
+    low for single precision to hold their direction are left out.
+    """
+    N, plain = _normals(V, F)
+    face = np.flatnonzero(plain)
+    corners = V[F[face]]
+    centre = corners.mean(axis=1)
+    start = np.concatenate([centre, *(INSIDE * centre + (1 - INSIDE) * corners[:, k] for k in range(3))])
+    face = np.tile(face, 4)
+    rays, facets = Rays(V, F), Facets(F, N)
+
+    def nearest(sign: float) -> Clearance | None:
+        way = sign * N[face]
+        hit = rays.first(start, way)
+        opposed = -np.einsum("ki,ki->k", N[face], N[hit])
+        met = (hit >= 0) & plain[hit] & (opposed > OPPOSED)
+        tapering = np.flatnonzero(met & (opposed < PARALLEL))
+        met[tapering[_neighbours(F, face[tapering], hit[tapering])]] = False
+        depth = np.einsum("ki,ki->k", V[F[hit, 0]] - start, N[hit])
+        depth = np.where(met, np.abs(depth), np.inf)
+        k = facets.first_apart(depth, face, hit)
+        return None if k is None else Clearance(float(depth[k]), start[k])
+
+    return Clearances(nearest(-1.0), nearest(1.0)) if len(face) else Clearances(None, None)
+
+
+def _normals(V: Floats, F: Ints) -> tuple[Floats, Bools]:
+    """(m, 3) unit normals, and which faces are high enough to have one."""
+    P = V[F]
+    cross = np.cross(P[:, 1] - P[:, 0], P[:, 2] - P[:, 0])
+    twice = np.linalg.norm(cross, axis=1)
+    longest = np.linalg.norm(np.roll(P, -1, axis=1) - P, axis=2).max(axis=1)
+    plain = twice > FLAT * float(np.linalg.norm(np.ptp(V, axis=0))) * longest
+    return cross / np.where(twice > 0, twice, 1.0)[:, None], np.asarray(plain)
+
+
+def _neighbours(F: Ints, one: Ints, other: Ints) -> Bools:
+    """(k,) whether faces of pairs share a corner, or an edge leads from one to the other: the edge of a tip is one."""
+    n = int(F.max()) + 1
+    ends = edge_table(F).ends
+    keys = np.sort(ends[:, 0] * n + ends[:, 1])
+    found = np.zeros(len(one), dtype=bool)
+    for a in F[one].T:
+        for b in F[other].T:
+            key = np.minimum(a, b) * n + np.maximum(a, b)
+            at = np.minimum(np.searchsorted(keys, key), len(keys) - 1)
+            found |= (a == b) | (keys[at] == key)
+    return found
+
+
+SKIN = 0.9
+"""A face is one of the skins where its normal and the sheet's are parallel to this cosine; others are walls."""
+
+UNITS_APART = 0.02
+"""Boxes whose sizes differ by a unit's factor to this share are the same thing in another unit."""
+
+MIXED_UP = {1e-3: "m", 1e-2: "dm", 1e-1: "cm", 25.4: "mm", 1e3: "mm", 1 / 25.4: "in", 1 / 304.8: "ft"}
+"""What the numbers of a file were meant to be, by how many times too large the file, read in millimetres, is."""
+
+
+@dataclass(frozen=True, eq=False)
+class Distance:
+    """Metres between a file's solid and a design; each with its place (3,).
+
+    skin      : how far the skins are from lying half a thickness off the sheet, at most and on average (`skin_mean`).
+                Thickness that the design itself took back in tight bends counts; feet and other extras have no part.
+    to_design : from the file's surface to the design's solid, at most: what is too much or displaced.
+    from_design : from the design's solid to the file's surface, at most: what is missing or displaced.
+    beyond    : the largest of both beyond what is allowed there, below 0 where all is within.
+    allowed   : at the place of `beyond`.
+    scale     : diagonal of the file's box over that of the design.
+    """
+
+    skin: float
+    skin_place: Floats
+    skin_mean: float
+    to_design: float
+    to_place: Floats
+    from_design: float
+    from_place: Floats
+    beyond: float
+    allowed: float
+    scale: float
+
+    def __post_init__(self) -> None:
+        for name in ("skin_place", "to_place", "from_place"):
+            lock(self, name, np.float64, (3,))
+
+    @property
+    def largest(self) -> float:
+        """Of both ways to the design's solid, metres."""
+        return max(self.to_design, self.from_design)
+
+    @property
+    def meant_unit(self) -> str | None:
+        """The unit that the file's numbers seem to be in, when the whole file is another unit's factor off."""
+        close = (unit for factor, unit in MIXED_UP.items() if abs(self.scale / factor - 1) < UNITS_APART)
+        return next(close, None)
+
+
+@dataclass(frozen=True, eq=False)
+class Allowance:
+    """How far a file's solid may be off a design's, as a build has it.
+
+    flat   : metres, everywhere.     limits : of the smooth solid; None where the file has no curved faces.
+    """
+
+    flat: float
+    limits: Limits | None = None
+
+    @classmethod
+    def of(cls, found: FileContents, design: Design) -> "Allowance":
+        """For a file: triangles of STL and 3MF are exact; planar faces of STEP may be simplified, curved ones may be
+        off by the mesh's own chord error, and their triangles, here, by their deflection."""
+        flat, asked = off_surface(design.preset), design.preset.export.step_tolerance
+        if found.reader != "OCCT":
+            return cls(OFF_SURFACE * design.preset.statics.thickness)
+        if not found.deflection:
+            return cls(asked or FURTHER * flat)
+        try:
+            curved = curved_design(design)  # of a surface that may have been cut open
+            limits = smooth_limits(Surface(curved.V, curved.F), curved, MM_PER_M * asked)
+        except ExportError:  # nothing but planes is made of it
+            limits = None
+        return cls(flat + found.deflection, limits)
+
+    def at(self, points: Floats) -> Floats:
+        """(k,) metres, at points (k, 3)."""
+        flat = np.full(len(points), self.flat)
+        if self.limits is None:
+            return flat
+        chord = self.limits.chord[self.limits.nearest(MM_PER_M * points)] / MM_PER_M
+        return np.asarray(flat + chord)
+
+
+def off_surface(preset: Preset) -> float:
+    """Metres that curves of a file may be off a design, beside the mesh's own chord error."""
+    return preset.export.step_tolerance or OFF_SURFACE * preset.statics.thickness
+
+
+def deflection_for(preset: Preset) -> float:
+    """Metres that triangles of a file's curved faces may be off them, to compare it with a design."""
+    return DEFLECTION * off_surface(preset)
+
+
+def distance(found: FileContents, design: Design) -> Distance:
+    """Measured at vertices and centres of faces, on both sides."""
+    V, F, allowed = found.V, found.F, Allowance.of(found, design)
+    to, to_place, to_excess = _farthest(V, F, design.solid.V, design.solid.F, allowed)
+    back, back_place, back_excess = _farthest(design.solid.V, design.solid.F, V, F, allowed)
+    skin, place, mean = _off_the_sheet(V, F, design)
+    scale = float(np.linalg.norm(np.ptp(V, axis=0)) / np.linalg.norm(np.ptp(design.solid.box, axis=0)))
+    return Distance(skin, place, mean, to, to_place, back, back_place, *max(to_excess, back_excess), scale)
+
+
+def _farthest(
+    V: Floats, F: Ints, onto_V: Floats, onto_F: Ints, allowed: Allowance
+) -> tuple[float, Floats, tuple[float, float]]:
+    """The largest distance of vertices and centres of faces from another mesh, and where; the largest excess over what
+    is allowed, and what that is there."""
+    P = np.concatenate([V, V[F].mean(axis=1)])
+    far = nearest(P, onto_V, onto_F).distance
+    k = int(far.argmax())
+    some = np.flatnonzero(far > allowed.flat)  # chord errors of the others need not be asked for
+    some = some if len(some) else np.array([k])
+    most = allowed.at(P[some])
+    worst = int((far[some] - most).argmax())
+    return float(far[k]), P[k], (float(far[some][worst] - most[worst]), float(most[worst]))
+
+
+def _off_the_sheet(V: Floats, F: Ints, design: Design) -> tuple[float, Floats, float]:
+    """Largest and, by area, mean difference of the skins from where they should run; 0 where there is no skin."""
+    sheet: Surface = design.sheet.surface
+    cross = np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]])
+    twice = np.linalg.norm(cross, axis=1)
+    P = V[F].mean(axis=1)
+    close = nearest(P, sheet.V, sheet.F)
+    far, face = close.distance, close.simplex
+    along = np.abs(np.einsum("mi,mi->m", cross, sheet.normals[face]))
+    skin = (twice > 0) & (along > SKIN * twice)
+    half = design.preset.statics.thickness / 2
+    shift = abs(SHIFT[design.preset.thickening.side])
+    meant = np.array([half * (1 - shift), half * (1 + shift)])
+    off = np.abs(far[:, None] - meant).min(axis=1)
+    if not skin.any():
+        return 0.0, np.zeros(3), 0.0
+    k = int(np.where(skin, off, -1).argmax())
+    return float(off[k]), P[k], float((off * twice)[skin].sum() / twice[skin].sum())

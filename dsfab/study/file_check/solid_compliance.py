@@ -1,0 +1,371 @@
+"""The compliance of the solid in a file, by ten-node tetrahedra, beside that of the sheet of the design."""
+
+import importlib.util
+import subprocess
+import tempfile
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.sparse import coo_array, csr_array, diags_array, vstack
+from scipy.spatial import cKDTree
+
+from dsfab.core.arrays import Bools, Floats, Ints, lock
+from dsfab.core.errors import StaticsError
+from dsfab.core.limits import CHANGED_VOLUME
+from dsfab.core.sparse import NotPositiveDefinite, factorise
+from dsfab.design.design import Design
+from dsfab.export.subprocesses import ProgramError, run_program
+from dsfab.statics import Material, elements_of, flat_axis, solve_for
+from dsfab.statics.boundary_conditions import held_middles
+from dsfab.study.file_check import gmsh_program
+from dsfab.study.file_check.file_geometry import FileContents
+from dsfab.surface import LoadCase, Surface
+from dsfab.surface.edge_changes import refined
+from dsfab.thickening.offset_vectors import SHIFT
+
+NEEDED = ("gmsh", "skfem")
+"""What the extra `solid` installs: a mesher (GPL) and assembly of solid elements (BSD-3)."""
+
+SECONDS = 300.0
+"""How long meshing may take."""
+
+SAME_VOLUME = 1e-6
+"""The tetrahedra fill the solid to this share of its volume, or are not of it; on curved faces they have chords, which
+count as everywhere (`CHANGED_VOLUME`)."""
+
+STEP = (".step", ".stp")
+"""Suffixes of files that gmsh reads itself."""
+
+FLAT = 1e-12
+"""A tetrahedron whose volume is a smaller share of its longest edge cubed has none."""
+
+
+@dataclass(frozen=True, eq=False)
+class Tetrahedra:
+    """X (p, 3) metres and T (k, 4), all of positive volume."""
+
+    X: Floats
+    T: Ints
+
+    def __post_init__(self) -> None:
+        lock(self, "X", np.float64, (None, 3))
+        lock(self, "T", np.int64, (None, 4))
+
+
+def missing() -> str:
+    """Why no solid model can be made here, and how to change that; empty when it can."""
+    absent = [name for name in NEEDED if importlib.util.find_spec(name) is None]
+    return f'{" and ".join(absent)} not installed; pip install "dsfab[solid]"' if absent else ""
+
+
+def tetrahedra(found: FileContents, edge: float) -> Tetrahedra:
+    """Fill the sound solid of a file, with edges of at most `edge` metres on its surface.
+
+    A STEP file is read by gmsh itself and gets new triangles; of other files the triangles stay and are halved.
+
+    Raises StaticsError when gmsh fails, takes too long, or fills something else.
+    """
+    volume = Surface(found.V, found.F).volume
+    if found.path.suffix.lower() in STEP:
+        X, T = _filled({"step": str(found.path.resolve()), "edge": edge})
+        return _sound(X, T, volume, CHANGED_VOLUME)
+    fine = refined(Surface(found.V, found.F), edge)
+    middle = found.V.mean(axis=0)
+    X, T = _filled({"V": (fine.V - middle) / found.size, "F": fine.F, "edge": edge / found.size})
+    return _sound(X * found.size + middle, T, volume, SAME_VOLUME)
+
+
+def _filled(given: Mapping[str, Any]) -> tuple[Floats, Ints]:
+    """What the program makes of it; raises StaticsError when it makes nothing."""
+    with tempfile.TemporaryDirectory() as folder:
+        source, made = Path(folder) / "surface.npz", Path(folder) / "tets.npz"
+        np.savez(source, **given)
+        try:
+            run_program(gmsh_program.__file__, str(source), str(made), seconds=SECONDS)
+            with np.load(made) as mesh:
+                return np.asarray(mesh["X"], dtype=np.float64), np.asarray(mesh["T"], dtype=np.int64)
+        except subprocess.TimeoutExpired:
+            raise StaticsError(f"gmsh did not fill the solid with tetrahedra within {SECONDS:.0f} s") from None
+        except (ProgramError, FileNotFoundError) as error:
+            raise StaticsError(f"gmsh could not fill the solid with tetrahedra ({str(error)[:160]})") from None
+
+
+def _sound(X: Floats, T: Ints, volume: float, tolerance: float) -> Tetrahedra:
+    """The tetrahedra turned to positive volume; raises StaticsError when they do not fill the solid."""
+    P = X[T]
+    six = np.einsum("ki,ki->k", P[:, 1] - P[:, 0], np.cross(P[:, 2] - P[:, 0], P[:, 3] - P[:, 0]))
+    T = np.where((six < 0)[:, None], T[:, [0, 2, 1, 3]], T)
+    long = np.linalg.norm(P[:, [1, 2, 3, 2, 3, 3]] - P[:, [0, 0, 0, 1, 1, 2]], axis=2).max(axis=1)
+    if flat := int((np.abs(six) <= FLAT * long**3).sum()):
+        raise StaticsError(f"gmsh left {flat} of {len(T)} tetrahedra without volume; the surface has needles")
+    filled = float(np.abs(six).sum() / 6)
+    if abs(filled - volume) > tolerance * volume:
+        raise StaticsError(f"gmsh filled {filled:.6g} m3 of a solid of {volume:.6g} m3")
+    return Tetrahedra(X, T)
+
+
+AT_ONCE = 20_000
+"""Tetrahedra assembled together: 30 x 30 entries each, which is 150 MB."""
+
+NEAR = 40
+"""Tetrahedra that are tried for a point, those with the nearest centres first."""
+
+OUTSIDE = 0.25
+"""A point may be this far outside its tetrahedron, in barycentric coordinates: skins are chords of curved sheets."""
+
+LARGEST = 1_200_000
+"""More unknowns than this are not solved."""
+
+
+@dataclass(frozen=True, eq=False)
+class SolidModel:
+    """Stiffness K (N, N), N/m, of a solid, and where its unknowns are.
+
+    points : (N / 3, 3) nodes.     node : (N,) the node that each unknown sits on.
+    """
+
+    mesh: Tetrahedra
+    K: csr_array
+    points: Floats
+    node: Ints
+    _dofs: Ints
+
+    @classmethod
+    def of(cls, mesh: Tetrahedra, material: Material) -> "SolidModel":
+        """Assemble. Raises StaticsError for more than `LARGEST` unknowns."""
+        from skfem import ElementTetP2, ElementVector, MeshTet
+
+        tets = MeshTet(np.ascontiguousarray(mesh.X.T), np.ascontiguousarray(mesh.T.T), sort_t=True)
+        element = ElementVector(ElementTetP2())
+        count = 3 * (tets.p.shape[1] + tets.edges.shape[1])
+        if count > LARGEST:
+            raise StaticsError(f"the solid model has {count:,} unknowns, more than the {LARGEST:,} that are solved")
+        K, dofs = _assembled(tets, element, material)
+        points = np.concatenate([tets.p.T, tets.p.T[tets.edges.T].mean(axis=1)])
+        node = np.empty(count, dtype=np.int64)
+        corners, middles = tets.p.shape[1], tets.edges.shape[1]
+        node[: 3 * corners] = np.repeat(np.arange(corners), 3)
+        node[3 * corners :] = corners + np.repeat(np.arange(middles), 3)
+        return cls(Tetrahedra(tets.p.T, tets.t.T), K, points, node, dofs)
+
+    @cached_property
+    def _tree(self) -> Any:
+        return cKDTree(self.mesh.X[self.mesh.T].mean(axis=1))
+
+    def at(self, points: Floats, reach: float) -> csr_array:
+        """(3 k, N) from the unknowns to the displacements of points (k, 3): x, y, z of the first, then of the second.
+
+        reach : metres that a point may lie outside the solid.   Raises StaticsError for one that lies farther out.
+        """
+        tet, local = self._inside(points, reach)
+        phi = _shapes(local)  # (10, k)
+        k = len(points)
+        rows = np.broadcast_to(3 * np.arange(k)[None, None] + np.arange(3)[None, :, None], (10, 3, k))
+        columns = self._dofs[:, tet].reshape(10, 3, k)
+        values = np.broadcast_to(phi[:, None], (10, 3, k))
+        entries = (values.ravel(), (rows.ravel(), columns.ravel()))
+        return csr_array(coo_array(entries, shape=(3 * k, self.K.shape[0])))
+
+    def _inside(self, points: Floats, reach: float) -> tuple[Ints, Floats]:
+        """The tetrahedron (k,) that holds each point best, and the point's place in it (3, k)."""
+        near = np.asarray(self._tree.query(points, k=min(NEAR, len(self.mesh.T)))[1]).reshape(len(points), -1)
+        P = self.mesh.X[self.mesh.T[near]]
+        edges = np.swapaxes(P[:, :, 1:] - P[:, :, :1], 2, 3)
+        local = np.linalg.solve(edges, (points[:, None] - P[:, :, 0])[..., None])[..., 0]
+        lowest = np.minimum(local.min(axis=2), 1 - local.sum(axis=2))
+        best = lowest.argmax(axis=1)
+        own = np.arange(len(points))
+        out = np.maximum(-lowest[own, best], 0) * np.abs(edges[own, best]).max(axis=(1, 2))
+        lost = np.flatnonzero((lowest[own, best] < -OUTSIDE) | (out > reach))
+        if len(lost):
+            place = points[lost[0]].round(4).tolist()
+            raise StaticsError(
+                f"{len(lost)} of {len(points)} loaded or held points of the sheet have no material of the file around "
+                f"them (first at {place} m)"
+            )
+        return near[own, best], local[own, best].T
+
+
+def _assembled(tets: Any, element: Any, material: Material) -> tuple[csr_array, Ints]:
+    """The stiffness, and the unknowns of each tetrahedron (30, k)."""
+    from skfem import Basis
+    from skfem.models.elasticity import lame_parameters, linear_elasticity
+
+    form = linear_elasticity(*lame_parameters(material.young, material.poisson))
+    K: csr_array | None = None
+    for start in range(0, tets.t.shape[1], AT_ONCE):
+        part = np.arange(start, min(start + AT_ONCE, tets.t.shape[1]))
+        basis = Basis(tets, element, elements=part, intorder=2)  # strains are linear: exact
+        added = csr_array(form.assemble(basis))
+        K = added if K is None else csr_array(K + added)
+        dofs = basis.dofs.element_dofs
+    if K is None:
+        raise StaticsError("the solid has no tetrahedra")
+    return K, np.asarray(dofs, dtype=np.int64)
+
+
+def _shapes(local: Floats) -> Floats:
+    """(10, k) the quadratic shape functions at local places (3, k), in scikit-fem's order."""
+    from skfem import ElementTetP2
+
+    return np.stack([ElementTetP2().lbasis(local, a)[0] for a in range(10)])
+
+
+@dataclass(frozen=True, eq=False)
+class Holding:
+    """What keeps a model in place: springs, N/m, along combinations of its unknowns.
+
+    rows : (r, N) one combination each.     stiffness : (r,) N/m; a rigid support is a very stiff spring.
+    """
+
+    rows: csr_array
+    stiffness: Floats
+
+
+def compliances(model: SolidModel, holding: Holding, forces: Sequence[Floats]) -> Floats:
+    """(c,) f . u, joules, of each force (N,). Raises StaticsError when the solid is not held."""
+    weighted = diags_array(holding.stiffness) @ holding.rows
+    K = csr_array(model.K + holding.rows.T @ weighted)
+    scale = 1 / np.sqrt(K.diagonal())
+    inner = csr_array(diags_array(scale) @ K @ diags_array(scale))
+    inner.sort_indices()
+    f = scale[:, None] * np.stack(forces, axis=1)
+    try:
+        solve = factorise(inner, model.points, model.node)
+    except NotPositiveDefinite:
+        raise StaticsError("the solid is not held by the supports, or falls into pieces") from None
+    x = solve(f)
+    x = x + solve(f - inner @ x)
+    return np.asarray((f * x).sum(axis=0))
+
+
+EDGE = 1.0
+"""Longest edge on the solid's surface, in thicknesses; but not finer than `COARSE` of the solid's size. On members two
+thicknesses wide, edges of two thicknesses gave 2.5 to 5 % less compliance."""
+
+COARSE = 1 / 100
+"""See `EDGE`: very thin sheets would take millions of tetrahedra, and quadratic ones bend well at 1 : 5."""
+
+RIGID = 1e3
+"""A rigid support is a spring of this many times Young's modulus times the thickness."""
+
+GAUSS = ((np.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (-np.sqrt(0.6), 5 / 18))
+"""Heights over the middle, in half thicknesses, and their weights."""
+
+
+@dataclass(frozen=True)
+class SolidCompliance:
+    """Compliances, joules, of the cut sheet as a shell and of the file as a solid, under what the pattern follows.
+
+    tetrahedra, unknowns : of the solid model.    edge : longest edge on its surface, metres.
+    elements : of the shell.
+    """
+
+    shell: float
+    solid: float
+    tetrahedra: int
+    unknowns: int
+    edge: float
+    elements: str
+
+    @property
+    def ratio(self) -> float:
+        """Solid over shell: above 1 the file is softer than the verdict on the sheet."""
+        return self.solid / self.shell
+
+
+def carrying(found: FileContents, design: Design, edge: float | None = None) -> SolidCompliance:
+    """Compare the sound solid in a file with the sheet of its design.
+
+    edge : longest edge on the surface of the solid model, metres; else one thickness, or a hundredth of the size.
+
+    Loads and supports are those of the cut sheet. Its vertices, and points along its held edges, lie in the solid (see
+    `elastic`), and what acts on one acts on the mean through the thickness there, as it does on a shell.
+    Sheets that are loaded in their plane do not leave it. Raises StaticsError when gmsh or the solver cannot do it.
+    """
+    sheet, statics = design.sheet.surface, design.preset.statics
+    loads, t = design.cut_loads, statics.thickness
+    longest = edge or max(EDGE * t, COARSE * found.size)
+    model = SolidModel.of(tetrahedra(found, longest), statics.elastic)
+    points = SupportPoints(model, sheet, t, SHIFT[design.preset.thickening.side])
+    at = points.mean(sheet.V, sheet.vertex_normals)
+    forces = [at.T @ load.force.ravel() for load in loads.values()]
+    solid = compliances(model, _holding(points, at, loads, RIGID * statics.young * t), forces)
+    answers = solve_for(statics.sheet().on(sheet), loads, "compliance_once")
+    used = next(iter(answers.values())).elements
+    pair = replace(used, bending=used.bending or elements_of("compliance_once").bending)  # none in a plane
+    weights = np.array([design.preset.followed[name] for name in loads])
+    shell = sum(weight * answers[name].compliance for name, weight in design.preset.followed.items())
+    return SolidCompliance(
+        float(shell), float(weights @ solid), len(model.mesh.T), model.K.shape[0], longest, str(pair)
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class SupportPoints:
+    """Points of a sheet in a solid of `thickness` metres, whose middle lies `shift` half thicknesses off the sheet."""
+
+    model: SolidModel
+    sheet: Surface
+    thickness: float
+    shift: int
+
+    def mean(self, places: Floats, normals: Floats) -> csr_array:
+        """(3 k, N) displacements of places (k, 3) of the sheet, averaged through the thickness by three Gauss points.
+
+        The points lie evenly about the middle: a force so divided has no moment about it.
+        """
+        parts = (weight * self._level(places, normals, height) for height, weight in GAUSS)
+        return csr_array(sum(parts, start=csr_array((3 * len(places), self.model.K.shape[0]))))
+
+    def turn(self, edges: Bools) -> csr_array:
+        """(r, N) how far the outer Gauss points move apart, square to each of the marked edges and along the sheet."""
+        places, normals, along = self.samples(edges)
+        across = np.cross(along, normals)
+        across /= np.linalg.norm(across, axis=1, keepdims=True)
+        high = GAUSS[0][0]
+        apart = self._level(places, normals, high) - self._level(places, normals, -high)
+        k = len(places)
+        entries = (across.ravel(), (np.repeat(np.arange(k), 3), np.arange(3 * k)))
+        return csr_array(csr_array(entries, shape=(k, 3 * k)) @ apart)
+
+    def samples(self, edges: Bools) -> tuple[Floats, Floats, Floats]:
+        """Places (k, 3) on marked edges, half a thickness apart at most, with the normal of a face and the edge there.
+
+        A line that is held in fewer points gives way between them, which a held shell does not.
+        """
+        table = self.sheet.edges
+        start, end = np.moveaxis(self.sheet.V[table.ends[edges]], 1, 0)
+        count = np.ceil(2 * np.linalg.norm(end - start, axis=1) / self.thickness).astype(np.int64)
+        of = np.repeat(np.arange(len(start)), count)
+        number = np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count)
+        share = ((number + 0.5) / count[of])[:, None]
+        face = table.order[table.start[:-1][edges]] // 3
+        along = end - start
+        return start[of] + share * along[of], self.sheet.normals[face][of], along[of]
+
+    def _level(self, places: Floats, normals: Floats, height: float) -> csr_array:
+        lift = (self.shift + height) * self.thickness / 2
+        return self.model.at(places + lift * normals, self.thickness)
+
+
+def _holding(points: SupportPoints, at: csr_array, loads: Mapping[str, LoadCase], rigid: float) -> Holding:
+    """Supports of the sheet: held directions of vertices and along edges, springs, and edges that stay."""
+    sheet, load = points.sheet, next(iter(loads.values()))
+    fixed, middles = load.fixed.copy(), held_middles(sheet, load.fixed)
+    if (axis := flat_axis(sheet, *loads.values())) is not None:
+        fixed[:, axis] = True
+    stiffness = np.where(fixed, rigid, load.spring).ravel()
+    held = np.flatnonzero(stiffness)
+    rows, strength = [at[held]], [stiffness[held]]
+    for axes in np.unique(middles[middles.any(axis=1)], axis=0):  # edges that are held alike
+        places, normals, _ = points.samples(np.asarray((middles == axes).all(axis=1)))
+        rows.append(points.mean(places, normals)[np.flatnonzero(np.tile(axes, len(places)))])
+    if load.clamped.any() and axis is None:
+        rows.append(points.turn(load.clamped))
+    strength += [np.full(row.shape[0], rigid) for row in rows[1:]]
+    return Holding(csr_array(vstack(rows)), np.concatenate(strength))

@@ -1,0 +1,426 @@
+"""Runs of a sweep: the sampled points, their SQLite database, and the optimiser that chooses the next points."""
+
+import csv
+import hashlib
+import json
+import sqlite3
+import time
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, field
+from itertools import product
+from math import isfinite, log
+from pathlib import Path
+from typing import Any, Literal, Self
+
+import numpy as np
+from scipy.optimize import differential_evolution
+from scipy.stats import qmc
+
+from dsfab.core.arrays import Floats
+from dsfab.core.errors import DsfabError, PresetError
+from dsfab.preset.file import overridden, parse_override
+from dsfab.preset.model import Preset
+from dsfab.study.sweeps.metrics import ABOUT
+from dsfab.study.sweeps.plan import Axis, Constraint, Plan
+
+Changes = dict[str, Any]
+
+MOST = 1_000_000
+"""More runs than this are a mistake in the grid."""
+
+TRIED = 5000
+"""As many runs are checked before anything is built: a mistake in a key shows in the first."""
+
+
+def points(plan: Plan) -> list[Changes]:
+    """What each run changes, each once. Raises PresetError for grids beyond `MOST` and CSV files that cannot be read.
+
+    sobol : Sobol points, scrambled by the seed; the first N of more are the same N, so a sweep can be extended.
+    lhs   : a Latin hypercube [McKay, Beckman, Conover 1979]; another N gives other points.
+    """
+    kind, _, rest = plan.sampling.partition(":")
+    if kind == "csv":
+        found: Iterator[Changes] = from_csv(Path(rest))
+    elif kind == "grid":
+        found = _grid(plan.axes)
+    else:
+        found = (point_on_axes(plan.axes, u) for u in _unit(kind, int(rest), len(plan.axes), plan.seed))
+    return list({digest(changes): changes for changes in found}.values())
+
+
+def digest(changes: Mapping[str, Any]) -> str:
+    """A text that tells runs apart by what they change."""
+    return hashlib.sha256(json.dumps(changes, sort_keys=True, default=str).encode()).hexdigest()[:20]
+
+
+def point_on_axes(axes: list[Axis], u: Floats) -> Changes:
+    """The point at u (k,) in 0..1 along each axis."""
+    changes: Changes = {}
+    for axis, place in zip(axes, u, strict=True):
+        changes.update(axis.at(float(place)))
+    return changes
+
+
+def trials(plan: Plan) -> list[Changes]:
+    """Points that show what is wrong with the keys and values of a search: each axis from end to end."""
+    middle = np.full(len(plan.axes), 0.5)
+    found = []
+    for i, axis in enumerate(plan.axes):
+        for u in np.linspace(0, 1, max(len(axis.rows), 3)):
+            place = middle.copy()
+            place[i] = u
+            found.append(point_on_axes(plan.axes, place))
+    return found
+
+
+def check_points(preset: Preset, found: list[Changes]) -> None:
+    """Raise PresetError, before anything is built, for keys and values that presets do not allow: each mistake once."""
+    wrong: dict[str, None] = {}
+    for changes in found[:TRIED]:
+        try:
+            overridden(preset, changes)
+        except PresetError as error:
+            wrong.setdefault(str(error))
+    if wrong:
+        shown = list(wrong)[:3]
+        more = f" (and {len(wrong) - len(shown)} more mistakes)" if len(wrong) > len(shown) else ""
+        raise PresetError("; ".join(shown) + more)
+
+
+def _grid(axes: list[Axis]) -> Iterator[Changes]:
+    listed = [axis.listed() for axis in axes]
+    total = int(np.prod([float(len(one)) for one in listed]))
+    if total > MOST:
+        raise PresetError(f'the full grid has {total:,} runs; take fewer values, or sampling = "sobol:200"')
+    for chosen in product(*listed):
+        yield {key: value for part in chosen for key, value in part.items()}
+
+
+def _unit(kind: str, count: int, dimensions: int, seed: int) -> Floats:
+    """(count, dimensions) in 0..1."""
+    if count > MOST:
+        raise PresetError(f"{kind}:{count} asks for too many runs; take up to {MOST:,}")
+    if kind == "lhs":
+        return np.asarray(qmc.LatinHypercube(dimensions, rng=np.random.default_rng(seed)).random(count))
+    sampler = qmc.Sobol(dimensions, rng=np.random.default_rng(seed))
+    return np.asarray(sampler.random_base2(max(count - 1, 0).bit_length())[:count])
+
+
+def from_csv(path: Path) -> Iterator[Changes]:
+    """One run for each row; columns are dotted keys, with or without 'in:', and others are passed over when there are
+    columns with 'in:'. Values as after --set."""
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            rows = list(csv.DictReader(file))
+    except (OSError, UnicodeDecodeError, csv.Error) as error:
+        raise PresetError(f"points {path} cannot be read: {getattr(error, 'strerror', None) or error}") from None
+    names = list(rows[0]) if rows else []
+    keys = {name: name.removeprefix("in:") for name in names if name and name.startswith("in:")}
+    keys = keys or {name: name for name in names if name}
+    if not rows or not keys:
+        raise PresetError(f"points {path.name} has no rows; give a header of dotted keys and a row for each run")
+    for row in rows:
+        yield {key: parse_override(f"{key}={row[name] or ''}")[1] for name, key in keys.items()}
+
+
+NAME, FORMAT = "runs.db", 1
+
+State = Literal["waiting", "running", "done", "failed", "killed"]
+"""Failed: the design refuses to be made. Killed: its worker was, from outside: nothing is known of the design."""
+
+_KILLED_ONCE = "state = 'failed' AND error LIKE 'the worker was killed % times while it made this run%'"
+"""Runs that an earlier dsfab, which knew no `killed`, took for failed."""
+
+_SCHEMA = """
+CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
+CREATE TABLE runs (
+    number INTEGER PRIMARY KEY, digest TEXT NOT NULL UNIQUE, changes TEXT NOT NULL, state TEXT NOT NULL,
+    tries INTEGER NOT NULL DEFAULT 0, lost INTEGER NOT NULL DEFAULT 0, ended REAL, seconds REAL, peak INTEGER,
+    worker TEXT, metrics TEXT NOT NULL DEFAULT '{}', files TEXT NOT NULL DEFAULT '[]', error TEXT NOT NULL DEFAULT '');
+CREATE INDEX by_state ON runs (state);
+"""
+
+
+@dataclass(frozen=True)
+class RunRow:
+    """One run as it is recorded: tries counts how often it was begun, lost how often its worker died, ever."""
+
+    number: int
+    changes: Mapping[str, Any]
+    state: State
+    metrics: Mapping[str, float] = field(default_factory=dict)
+    error: str = ""
+    files: tuple[str, ...] = ()
+    seconds: float | None = None
+    tries: int = 0
+    lost: int = 0
+
+
+class Store:
+    """The database of a sweep folder; use as `with Store.open(folder) as store`.
+
+    Every method raises DsfabError, in one sentence, when the disk is full or the file cannot be used.
+    """
+
+    def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
+        self._path, self._db = path, connection
+
+    @classmethod
+    def create(cls, folder: Path) -> "Store":
+        """The database of a new sweep, or the one that is there."""
+        return cls._opened(folder / NAME)
+
+    @classmethod
+    def open(cls, folder: Path) -> "Store":
+        """The database of a sweep; raises DsfabError where there is none."""
+        if not (folder / NAME).is_file():
+            raise DsfabError(f"{folder} holds no sweep ({NAME} is missing); give a sweep's folder or a sweep file")
+        return cls._opened(folder / NAME)
+
+    @classmethod
+    def _opened(cls, path: Path) -> "Store":
+        try:
+            connection = sqlite3.connect(path, timeout=30, isolation_level=None)
+        except sqlite3.Error as error:
+            raise _refusal(path, error) from error
+        store = cls(path, connection)
+        try:
+            store._begin()
+        except BaseException:
+            connection.close()
+            raise
+        return store
+
+    def _begin(self) -> None:
+        """Make the tables where there are none, and look whether they are ours."""
+        path, connection = self._path, self._db
+        try:
+            connection.execute("PRAGMA journal_mode = WAL")
+            connection.execute("PRAGMA synchronous = FULL")
+            if not connection.execute("SELECT 1 FROM sqlite_master WHERE name = 'runs'").fetchone():
+                with self._change() as db:
+                    for statement in _SCHEMA.split(";"):
+                        db.execute(statement)
+                    db.execute("INSERT INTO meta VALUES ('format', ?)", (str(FORMAT),))
+        except sqlite3.Error as error:
+            raise _refusal(path, error) from error
+        if self.meta("format") != str(FORMAT):
+            raise DsfabError(f"{path} was written by another version of dsfab; use that one, or another folder")
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        self._db.close()
+
+    @contextmanager
+    def _change(self) -> Iterator[sqlite3.Connection]:
+        """All of what is written inside, or nothing."""
+        try:
+            self._db.execute("BEGIN IMMEDIATE")
+            yield self._db
+            self._db.execute("COMMIT")
+        except sqlite3.Error as error:
+            if self._db.in_transaction:
+                self._db.execute("ROLLBACK")
+            raise _refusal(self._path, error) from error
+
+    def _read(self, query: str, values: Sequence[Any] = ()) -> list[Any]:
+        try:
+            return self._db.execute(query, values).fetchall()
+        except sqlite3.Error as error:
+            raise _refusal(self._path, error) from error
+
+    def meta(self, key: str) -> str | None:
+        """A text about the sweep."""
+        found = self._read("SELECT value FROM meta WHERE key = ?", (key,))
+        return str(found[0][0]) if found else None
+
+    def describe(self, texts: Mapping[str, str]) -> None:
+        """Keep texts about the sweep."""
+        with self._change() as db:
+            db.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", list(texts.items()))
+
+    def add(self, runs: Sequence[Mapping[str, Any]], texts: Mapping[str, str]) -> int:
+        """Record runs that are not there yet, waiting, and texts with them; returns how many were new."""
+        with self._change() as db:
+            before = db.total_changes
+            number = db.execute("SELECT coalesce(max(number), 0) FROM runs").fetchone()[0]
+            known = {row[0] for row in db.execute("SELECT digest FROM runs")}
+            fresh = [run for run in runs if digest(run) not in known]
+            db.executemany(
+                "INSERT INTO runs (number, digest, changes, state) VALUES (?, ?, ?, 'waiting')",
+                [(number + i, digest(run), json.dumps(run)) for i, run in enumerate(fresh, start=1)],
+            )
+            count = db.total_changes - before
+            db.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", list(texts.items()))
+        return count
+
+    def again(self, states: Sequence[State] = ("running",)) -> int:
+        """Let runs in these states wait again: those in progress when a coordinator died, or all of them."""
+        marks = ", ".join("?" * len(states))
+        with self._change() as db:
+            db.execute(f"UPDATE runs SET state = 'killed' WHERE {_KILLED_ONCE}")
+            return db.execute(f"UPDATE runs SET state = 'waiting' WHERE state IN ({marks})", tuple(states)).rowcount
+
+    def start(self, number: int, worker: str) -> None:
+        """Record that a run begins."""
+        with self._change() as db:
+            db.execute(
+                "UPDATE runs SET state = 'running', worker = ?, tries = tries + 1 WHERE number = ?", (worker, number)
+            )
+
+    def lose(self, number: int) -> None:
+        """Record that the worker of a run died: it waits again."""
+        with self._change() as db:
+            db.execute("UPDATE runs SET state = 'waiting', lost = lost + 1 WHERE number = ?", (number,))
+
+    def give_up(self, number: int, why: str, files: Sequence[str] = ()) -> None:
+        """Record that a run is not tried again in this session, for its worker was killed each time."""
+        with self._change() as db:
+            db.execute(
+                "UPDATE runs SET state = 'killed', error = ?, files = ?, ended = ? WHERE number = ?",
+                (why, json.dumps(list(files)), time.time(), number),
+            )
+
+    def finish(
+        self,
+        number: int,
+        metrics: Mapping[str, float],
+        error: str = "",
+        files: Sequence[str] = (),
+        seconds: float = 0.0,
+        peak: int = 0,
+    ) -> None:
+        """Record how a run ended: failed if there is an error, whatever was measured."""
+        with self._change() as db:
+            db.execute(
+                "UPDATE runs SET state = ?, metrics = ?, error = ?, files = ?, seconds = ?, peak = ?, ended = ? "
+                "WHERE number = ?",
+                (
+                    "failed" if error else "done",
+                    json.dumps(metrics),
+                    error,
+                    json.dumps(list(files)),
+                    seconds,
+                    peak,
+                    time.time(),
+                    number,
+                ),
+            )
+
+    def counts(self) -> dict[str, int]:
+        """How many runs are in which state."""
+        return dict(self._read("SELECT state, count(*) FROM runs GROUP BY state"))
+
+    def rows(self, state: State | None = None) -> list[RunRow]:
+        """All runs by number, or those in one state."""
+        where, values = ("WHERE state = ?", (state,)) if state else ("", ())
+        found = self._read(
+            "SELECT number, changes, state, metrics, error, files, seconds, tries, lost FROM runs "
+            f"{where} ORDER BY number",
+            values,
+        )
+        return [
+            RunRow(n, json.loads(c), s, json.loads(m), e, tuple(json.loads(f)), t, tries, lost)
+            for n, c, s, m, e, f, t, tries, lost in found
+        ]
+
+
+def _refusal(path: Path, error: sqlite3.Error) -> DsfabError:
+    text = str(error)
+    if "full" in text or "disk I/O" in text:
+        return DsfabError(
+            f"{path} cannot be written: {text}; what was recorded is kept: free some space and give the command again"
+        )
+    if "readonly" in text or "unable to open" in text:
+        return DsfabError(f"{path} cannot be written: {text}; choose another folder with -o")
+    if "locked" in text or "busy" in text:
+        return DsfabError(f"{path} is in use by another program; wait until it has ended")
+    return DsfabError(f"{path} cannot be used: {text}; restore it from a copy, or begin in another folder")
+
+
+FEWEST, PER_AXIS = 12, 4
+"""Points of a generation: four for each axis, at least twelve. They do not depend on how long it runs, so that a search
+can be extended."""
+
+MISSED, FAILED, NOT_MADE = 1e3, 1e6, 1e9
+"""Costs from which on runs miss constraints, have failed, or were not made: each is worse than all before it, and among
+those that miss, the nearer is the better [Deb 2000]."""
+
+SHRUNK = 1e-9
+"""A population whose costs differ by less than this share has nothing more to find."""
+
+Make = Callable[[Sequence[Mapping[str, Any]]], Mapping[str, RunRow]]
+"""Makes runs that are not there yet, and returns all runs there are by their digest."""
+
+
+def search(plan: Plan, make: Make) -> None:
+    """Look for the best of `plan.search.metric` under the constraints, in as many runs as it allows."""
+    _Search(plan, make).run()
+
+
+def cost(row: RunRow | None, metric: str, limits: Sequence[Constraint]) -> float:
+    """What is minimised: the logarithm of the metric (its negative where more is better), or a cost above `MISSED`."""
+    if row is None:
+        return NOT_MADE
+    value = row.metrics.get(metric, float("nan"))
+    if row.state != "done" or not isfinite(value):
+        return FAILED
+    missed = sum(limit.missed_by(row.metrics) for limit in limits)
+    if not all(limit.holds(row.metrics) for limit in limits):
+        return MISSED + min(missed, MISSED)
+    sign = -1.0 if ABOUT[metric].better == "more" else 1.0
+    return sign * (log(value) if value > 0 else value - MISSED / 2)
+
+
+class _Search:
+    def __init__(self, plan: Plan, make: Make) -> None:
+        assert plan.search is not None
+        self.ask, self.axes, self.limits, self.seed = plan.search, plan.axes, plan.limits, plan.seed
+        self.make = make
+        self.made: set[str] = set()
+
+    def run(self) -> None:
+        count = max(FEWEST, PER_AXIS * len(self.axes))
+        evolve: Any = differential_evolution  # its stubs know neither vectorized functions nor callbacks that end it
+        evolve(
+            self._costs,
+            [(0.0, 1.0)] * len(self.axes),
+            strategy="best1bin",
+            maxiter=100 * self.ask.evaluations,
+            init=_spread(count, len(self.axes), self.seed),
+            tol=0,
+            atol=SHRUNK,
+            mutation=(0.4, 0.9),
+            recombination=0.8,
+            callback=self._enough,
+            polish=False,
+            vectorized=True,
+            updating="deferred",
+            rng=np.random.default_rng(self.seed),
+        )
+
+    def _costs(self, u: Floats) -> Floats:
+        """(S,) costs of a generation u (k, S); beyond the number of runs that is allowed, none is made."""
+        asked = [point_on_axes(self.axes, np.clip(column, 0.0, 1.0)) for column in u.T]
+        names = [digest(changes) for changes in asked]
+        fresh = list(dict.fromkeys(name for name in names if name not in self.made))
+        allowed = set(fresh[: self.ask.evaluations - len(self.made)]) | self.made
+        wanted = {name: changes for name, changes in zip(names, asked, strict=True) if name in allowed}
+        rows = self.make(list(wanted.values()))
+        self.made.update(wanted)
+        found = [rows.get(name) if name in wanted else None for name in names]
+        return np.array([cost(row, self.ask.metric, self.limits) for row in found])
+
+    def _enough(self, *_: Any, **__: Any) -> bool:
+        return len(self.made) >= self.ask.evaluations
+
+
+def _spread(count: int, dimensions: int, seed: int) -> Floats:
+    """(count, dimensions) Sobol points."""
+    from scipy.stats import qmc
+
+    sampler = qmc.Sobol(dimensions, rng=np.random.default_rng(seed))
+    return np.asarray(sampler.random_base2((count - 1).bit_length())[:count])

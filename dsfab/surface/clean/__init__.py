@@ -1,0 +1,1 @@
+"""Repair of meshes: seams, duplicate sheets, ragged borders, holes, raw scans."""

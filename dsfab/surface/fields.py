@@ -1,0 +1,407 @@
+"""Fields on a surface: linear hat functions, level lines, fields per face corner and on divided faces."""
+
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Literal, NamedTuple, Self
+from weakref import WeakKeyDictionary
+
+import igl
+import numpy as np
+from scipy.sparse import coo_array, csr_array, eye_array, vstack
+
+from dsfab.core.arrays import Bools, Floats, Ints, lock
+from dsfab.surface.edge_changes import halved, with_longest
+from dsfab.surface.geodesic import Origins
+from dsfab.surface.mesh import Surface
+
+
+def hat_gradients(surface: Surface) -> Floats:
+    """Gradients of the three hat functions on each face, (m, 3 corners, 3 xyz), per metre.
+
+    grad phi_i = n x (p_k - p_j) / (2 A), with i, j, k counter-clockwise about the normal n.
+    """
+    P = surface.V[surface.F]
+    u, v, w = (P[:, (2, 0, 1)] - P[:, (1, 2, 0)]).transpose(2, 0, 1)  # the opposite edges
+    x, y, z = surface.normals.T[:, :, None]
+    gradients = np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=2)
+    gradients /= (2 * surface.areas)[:, None, None]
+    return gradients
+
+
+def tangents(surface: Surface) -> Floats:
+    """(m, 2, 3) an orthonormal frame of each face's plane: the first edge's direction, and normal x that direction."""
+    edge = surface.V[surface.F[:, 1]] - surface.V[surface.F[:, 0]]
+    t1 = edge / np.linalg.norm(edge, axis=1, keepdims=True)
+    return np.stack([t1, np.cross(surface.normals, t1)], axis=1)
+
+
+_MASSES: WeakKeyDictionary[Surface, Floats] = WeakKeyDictionary()
+
+
+def voronoi_mass(surface: Surface) -> Floats:
+    """(n,) Voronoi areas of the vertices, square metres; they sum to the area [Meyer et al. 2003, mixed areas].
+
+    Computed once for a surface that lives.
+    """
+    if surface not in _MASSES:
+        diagonal: Floats = igl.massmatrix(surface.V, surface.F, igl.MASSMATRIX_TYPE_VORONOI).diagonal()
+        diagonal.flags.writeable = False
+        _MASSES[surface] = diagonal
+    return _MASSES[surface]
+
+
+def assemble(surface: Surface, blocks: Floats, diagonal: Floats | None = None) -> csr_array:
+    """(n, n) sparse sum of the (m, 3, 3) face blocks, row and column i of a block belonging to corner i.
+
+    diagonal : (n,) added to it. All matrices with one have the same pattern: what is 0 stays an entry.
+    """
+    rows = np.repeat(surface.F, 3, axis=1).ravel()
+    columns = np.tile(surface.F, (1, 3)).ravel()
+    values = blocks.ravel()
+    if diagonal is not None:
+        every = np.arange(surface.n)
+        rows, columns = np.concatenate([rows, every]), np.concatenate([columns, every])
+        values = np.concatenate([values, diagonal])
+    return coo_array((values, (rows, columns)), shape=(surface.n, surface.n)).tocsr()
+
+
+Kind = Literal["edge", "centre"]
+
+
+@dataclass(frozen=True, eq=False)
+class StructureLine:
+    """A polyline on a surface, with what it is.
+
+    kind   : "edge", where material ends, or "centre", along the middle of a member.
+    family : what it belongs to: "major", "minor", "keep", "rim"; or "boundary" where material ends with the surface.
+    number : of the stripe in its family, the integer k of its middle z = k; 0 for other families.
+    part   : 1, 2, ... among the lines of the same kind, family and number.
+    points : (k, 3) metres; the last is the first again if the line is closed.
+    length : metres, of the line on the mesh, before any simplification.
+    """
+
+    kind: Kind
+    family: str
+    number: int
+    part: int
+    points: Floats
+    length: float
+
+    def __post_init__(self) -> None:
+        lock(self, "points", np.float64, (None, 3))
+
+    @cached_property
+    def closed(self) -> bool:
+        """Whether it ends where it begins."""
+        return len(self.points) > 2 and bool((self.points[0] == self.points[-1]).all())
+
+    @property
+    def layer(self) -> str:
+        """`edges-major`, `centre-minor`, `boundary` ...: where a drawing program puts it."""
+        return (
+            self.family
+            if self.family == "boundary"
+            else f"{'edges' if self.kind == 'edge' else 'centre'}-{self.family}"
+        )
+
+    @property
+    def id(self) -> str:
+        """Its name, the same whenever the same design is drawn: `centre-major-3.1`."""
+        return f"{self.layer}-{self.number}.{self.part}"
+
+
+class Track(NamedTuple):
+    """A level line: points (k, 3) in metres, its level's index, and for each of its k - 1 chords the face it is in."""
+
+    points: Floats
+    level: int
+    faces: Ints
+
+
+def polyline_length(points: Floats) -> float:
+    """Length of the polyline through (k, 3) points."""
+    return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+
+
+def level_lines(surface: Surface, x: Floats, levels: Floats, within: Bools | None = None) -> list[Track]:
+    """The lines on which a field x (n,), linear over each face, has one of the levels (l,), ascending.
+
+    within : (m,) faces to draw in; lines end where these do. All faces when left out.
+    The chords are exact; where a level passes through a vertex, no chord without length is left.
+    """
+    nodes = _nodes(surface, x, levels)
+    if nodes.level.size == 0:
+        return []
+    face, one, two = _chords(surface, x, levels, nodes)
+    if within is not None:
+        kept = within[face]
+        face, one, two = face[kept], one[kept], two[kept]
+    found = []
+    for order, chord in chains(one, two, len(nodes.level)):
+        points = nodes.points[order]
+        moved = (np.diff(points, axis=0) != 0).any(axis=1)
+        if moved.any():
+            points = points[np.concatenate([[True], moved])]
+            found.append(Track(points, int(nodes.level[order[0]]), face[chord][moved]))
+    return found
+
+
+class _Nodes(NamedTuple):
+    """Where levels cross edges: those of edge e are offset[e] + 0, 1, ... for the levels begin[e], begin[e] + 1, ..."""
+
+    offset: Ints
+    begin: Ints
+    level: Ints
+    points: Floats
+
+
+def _nodes(surface: Surface, x: Floats, levels: Floats) -> _Nodes:
+    ends = surface.edges.ends
+    below = np.searchsorted(levels, x, side="right")  # a vertex on a level is above it
+    begin, end = below[ends].min(axis=1), below[ends].max(axis=1)
+    offset = np.concatenate([[0], np.cumsum(end - begin)])
+    edge = np.repeat(np.arange(len(ends)), end - begin)
+    level = begin[edge] + np.arange(offset[-1]) - offset[edge]
+    p, q = ends[edge].T
+    t = ((levels[level] - x[p]) / (x[q] - x[p]))[:, None] if len(edge) else np.zeros((0, 1))
+    t = np.clip(t, 0.0, 1.0)
+    return _Nodes(
+        offset[:-1], begin, level, np.where(t == 1, surface.V[q], surface.V[p] + t * (surface.V[q] - surface.V[p]))
+    )
+
+
+def _chords(surface: Surface, x: Floats, levels: Floats, nodes: _Nodes) -> tuple[Ints, Ints, Ints]:
+    """The face and the two nodes of every chord."""
+    below = np.searchsorted(levels, x[surface.F], side="right")
+    rank = np.argsort(below, axis=1, kind="stable")
+    low, mid, high = np.take_along_axis(below, rank, axis=1).T
+    face = np.repeat(np.arange(surface.m), high - low)
+    level = low[face] + np.arange(len(face)) - (np.cumsum(high - low) - (high - low))[face]
+    lowest, middle, highest = rank[face].T
+    longest = _side(lowest, highest)
+    other = np.where(level < mid[face], _side(lowest, middle), _side(middle, highest))
+    edge = surface.edges.of[face]
+    at = np.arange(len(face))
+    e, f = edge[at, longest], edge[at, other]
+    return face, nodes.offset[e] + level - nodes.begin[e], nodes.offset[f] + level - nodes.begin[f]
+
+
+def _side(i: Ints, j: Ints) -> Ints:
+    """The side between two corners of a triangle: side c runs from corner c to the next."""
+    return np.where((i + 1) % 3 == j, i, j)
+
+
+def chains(one: Ints, two: Ints, count: int) -> list[tuple[Ints, Ints]]:
+    """Links one (k,) - two (k,) between `count` nodes, at most two at each, as chains: their nodes, and their links,
+    (c,).
+
+    Open chains first, each from its end with the lower number; of closed ones the first node is named twice.
+    """
+    node = np.concatenate([one, two])
+    order = np.argsort(node, kind="stable")
+    degree = np.bincount(node, minlength=count)
+    start = np.cumsum(degree) - degree
+    link = np.full((count, 2), -1)
+    for k in range(2):
+        has = degree > k
+        link[has, k] = order[start[has] + k] % len(one)
+    sum_of_ends, links = (one + two).tolist(), link.tolist()
+    used = bytearray(len(one))
+    found = []
+    for begin in [*np.flatnonzero(degree == 1).tolist(), *np.flatnonzero(degree == 2).tolist()]:
+        nodes, passed, at = [begin], list[int](), begin
+        while True:
+            a, b = links[at]
+            step = a if a >= 0 and not used[a] else b
+            if step < 0 or used[step]:
+                break
+            used[step] = True
+            at = sum_of_ends[step] - at
+            nodes.append(at)
+            passed.append(step)
+        if passed:
+            found.append((np.array(nodes), np.array(passed)))
+    return found
+
+
+def simplified_line(points: Floats, tolerance: float) -> Floats:
+    """The polyline (k, d) with fewer of its own points: none that is left out is farther than `tolerance` from it.
+
+    The ends stay; of a closed polyline also the point farthest from its beginning [Douglas, Peucker 1973].
+    """
+    keep = np.zeros(len(points), dtype=bool)
+    keep[[0, -1]] = True
+    spans = [(0, len(points) - 1)]
+    if len(points) > 3 and (points[0] == points[-1]).all():
+        far = int(np.linalg.norm(points - points[0], axis=1).argmax())
+        keep[far] = True
+        spans = [(0, far), (far, len(points) - 1)]
+    while spans:
+        a, b = spans.pop()
+        if b - a < 2:
+            continue
+        off = _from_segment(points[a + 1 : b], points[a], points[b])
+        worst = int(off.argmax())
+        if off[worst] > tolerance:
+            middle = a + 1 + worst
+            keep[middle] = True
+            spans += [(a, middle), (middle, b)]
+    return points[keep]
+
+
+def _from_segment(points: Floats, a: Floats, b: Floats) -> Floats:
+    """(k,) distances of points from the segment from a to b."""
+    along = b - a
+    squared = float(along @ along)
+    away = points - a
+    if squared:  # np.clip and np.linalg.norm would take longer than all else here
+        away -= np.minimum(np.maximum(away @ along / squared, 0.0), 1.0)[:, None] * along
+    return np.asarray(np.sqrt((away * away).sum(axis=1)))
+
+
+@dataclass(frozen=True, eq=False)
+class CornerField:
+    """A field on a surface with n vertices and m faces.
+
+    x      : (n, 1) values at the vertices; (n, 2) for a band, see `dsfab.slicing.cutting.cut`: material is where
+    x[:, 0] has
+             more levels below it than x[:, 1].
+    sign   : (m, 3) 1 or -1, and shift : (m, 3): what the face sees at each corner is sign * x + shift.
+    blank  : (m,) faces in which the field means nothing; they are not cut.
+    wanted : (m,) share of each face where the field is wanted, or None for everywhere. It is decided for each opening
+             that earlier fields leave as a whole, by the mean over its area: what is drawn in one ends at its walls.
+    """
+
+    x: Floats
+    sign: Floats
+    shift: Floats
+    blank: Bools
+    wanted: Floats | None = None
+
+    def __post_init__(self) -> None:
+        lock(self, "x", np.float64, (None, None))
+        lock(self, "sign", np.float64, (None, 3))
+        lock(self, "shift", np.float64, (len(self.sign), 3))
+        lock(self, "blank", np.bool_, (len(self.sign),))
+        if self.wanted is not None:
+            lock(self, "wanted", np.float64, (len(self.sign),))
+
+    @cached_property
+    def turned(self) -> Bools:
+        """(m,) faces that see some value at another sign or shift than it has."""
+        return np.asarray(((self.sign < 0) | (self.shift != 0)).any(axis=1))
+
+    def corners(self, F: Ints) -> Floats:
+        """(m, 3, 1 or 2) what the faces F (m, 3) see at their corners."""
+        x, sign = self.x[F], self.sign[:, :, None]
+        return np.asarray(np.where(sign > 0, x, -x[..., ::-1]) + self.shift[:, :, None])
+
+
+@dataclass(frozen=True, eq=False)
+class Divided:
+    """A surface with n vertices and m faces in parts: n' vertices and m' triangles on the same sheet.
+
+    whole   : the surface.    surface : its parts, on its vertices first.
+    parent  : (m',) the face that each is a part of.
+    weights : (n', n) barycentric weights of the vertices on the undivided ones, as in `dsfab.slicing.Sheet`.
+    """
+
+    whole: Surface
+    surface: Surface
+    parent: Ints
+    weights: csr_array
+
+    def __post_init__(self) -> None:
+        lock(self, "parent", np.int64, (self.surface.m,))
+
+    @classmethod
+    def nowhere(cls, surface: Surface) -> Self:
+        """Every face its own part."""
+        return cls(surface, surface, np.arange(surface.m), csr_array(eye_array(surface.n)))
+
+    def halved(self, edges: Bools, at: Floats | None = None) -> "Divided":
+        """With marked edges (e',) halved, and the longest of each face with them, which keeps angles from shrinking.
+
+        at : (e',) where they are divided, from 0 at their first end to 1; in their middle when left out.
+        """
+        old = self.surface
+        edges = with_longest(old.V, old.edges, edges)
+        V, F, source = halved(old.V, old.F, old.edges, edges)
+        t = np.full(edges.sum(), 0.5) if at is None else at[edges]
+        step = _interpolation(old.edges.ends[edges], t, old.n)
+        V[old.n :] = step @ old.V
+        weights = csr_array(vstack([self.weights, step @ self.weights], format="csr"))
+        return Divided(self.whole, Surface(V, F), self.parent[source], weights)
+
+    def new(self) -> Ints:
+        """(k,) the parts that are less than a face."""
+        return np.flatnonzero(self.surface.F.max(axis=1) >= self.whole.n)
+
+    def corners(self, parts: Ints) -> Floats:
+        """(k, 3, 3) barycentric coordinates, in their faces, of the corners of parts (k,)."""
+        rows, columns = self.surface.F[parts][:, :, None], self.whole.F[self.parent[parts]][:, None, :]
+        i, j = (np.broadcast_to(index, (len(parts), 3, 3)).ravel() for index in (rows, columns))
+        return np.asarray(self.weights[i, j]).reshape(-1, 3, 3)
+
+    def carried(self, origins: Origins) -> Origins:
+        """What is marked on the surface, on its parts."""
+        if self.surface is self.whole:
+            return origins
+        n, old, new = self.whole.n, self.whole.edges, self.surface.edges
+        vertices, edges = np.zeros(self.surface.n, dtype=bool), np.zeros(len(new.ends), dtype=bool)
+        vertices[:n] = origins.vertices
+        same = np.flatnonzero(new.ends[:, 1] < n)
+        at = np.searchsorted(old.ends @ (n, 1), new.ends[same] @ (n, 1))
+        edges[same] = origins.edges[at]
+        parts = self.new()
+        corners = self.corners(parts)
+        on = (corners == 0) & (
+            corners[:, [1, 2, 0]] == 0
+        )  # side k of a part, on the side of its face opposite corner j
+        marked = origins.edges[old.of[self.parent[parts]][:, [1, 2, 0]]]
+        part, side, _ = np.nonzero(on & marked[:, None, :])
+        edges[new.of[parts[part], side]] = True
+        faces = origins.faces[self.parent]
+        edges[new.of[faces]] = True
+        vertices[new.ends[edges]] = True
+        return Origins(vertices, edges, faces)
+
+
+def _interpolation(ends: Ints, at: Floats, n: int) -> csr_array:
+    """(k, n) from values at n vertices to those between the ends (k, 2) of edges, `at` 0 to 1 from the first to the
+    second."""
+    rows = np.repeat(np.arange(len(ends)), 2)
+    return csr_array((np.stack([1 - at, at], axis=1).ravel(), (rows, ends.ravel())), shape=(len(ends), n))
+
+
+@dataclass(frozen=True, eq=False)
+class DividedField:
+    """Values x (n',), or (n', 2), at the vertices of a divided surface, linear on its parts."""
+
+    divided: Divided
+    x: Floats
+
+    def __post_init__(self) -> None:
+        lock(self, "x", np.float64, (self.divided.surface.n, *([2] if np.ndim(self.x) == 2 else [])))
+
+    @property
+    def at_vertices(self) -> Floats:
+        """(n,) or (n, 2) at the vertices of the undivided surface."""
+        return self.x[: self.divided.whole.n]
+
+    @property
+    def columns(self) -> "tuple[DividedField, ...]":
+        """The one or two fields that have one value at each vertex."""
+        return (self,) if self.x.ndim == 1 else tuple(DividedField(self.divided, x) for x in self.x.T)
+
+    def at_points(self, points: Floats) -> Floats:
+        """(m, p) of one value at each vertex: at points of each face, in barycentric coordinates (p, 3)."""
+        whole, parts = self.divided.whole, self.divided.new()
+        values, inside = self.x[whole.F] @ points.T, np.full((whole.m, len(points)), -np.inf)
+        own = points @ np.linalg.inv(self.divided.corners(parts))  # (k, p, 3) coordinates in each part
+        least, parent = own.min(axis=2), self.divided.parent[parts]
+        np.maximum.at(inside, parent, least)
+        part, point = np.nonzero(least == inside[parent])
+        corners = self.x[self.divided.surface.F[parts[part]]]
+        values[parent[part], point] = np.einsum("kc,kc->k", own[part, point], corners)
+        return np.asarray(values)

@@ -1,0 +1,333 @@
+"""Reader of DXF files, and closed curves and layer marks of DXF and 3DM drawings."""
+
+from collections.abc import Iterable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import lru_cache
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from dsfab.core.arrays import Floats, Ints
+from dsfab.core.errors import SurfaceError, did_you_mean
+from dsfab.core.messages import counted
+from dsfab.core.units import METRES_PER, metres_per
+from dsfab.surface.clean.seams import equal_merged
+from dsfab.surface.files.polygons import Polygons, triangles
+from dsfab.surface.files.reading import (
+    FLAT,
+    LARGEST,
+    Budget,
+    Drawing,
+    DrawingBudget,
+    MalformedFileError,
+    TriangleFile,
+    flattened,
+    readable,
+)
+from dsfab.surface.files.separate_process import read_rhino_apart
+
+UNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m", 7: "km", 14: "dm"}
+"""$INSUNITS."""
+TAIL = 512
+"""Bytes at the end of a file within which it says that this is its end."""
+SOLIDS = ("3DSOLID", "BODY", "REGION", "SURFACE", "EXTRUDEDSURFACE", "LOFTEDSURFACE", "REVOLVEDSURFACE", "SWEPTSURFACE")
+"""Entities with shapes that only AutoCAD reads."""
+
+
+def read_dxf(path: Path, budget: DrawingBudget) -> Drawing:
+    """The curves of a DXF file, text or binary, blocks opened, its layers and its unit.
+
+    Raises MalformedFileError for what is no whole DXF file, SurfaceError beyond the budget.
+    """
+    document = _document(path)
+    runs, dots, count = list[tuple[str, Floats]](), list[tuple[str, Floats]](), 0
+    for entity in _Entities(budget).leaves(document.modelspace(), 0):
+        layer = entity.dxf.layer
+        for curve in _curves(entity):
+            count += len(curve)
+            budget.require("points", count)
+            runs.append((layer, curve))
+        if entity.dxftype() == "POINT":
+            dots.append((layer, np.array([[*entity.dxf.location]])))
+    layers = sorted({layer.dxf.name for layer in document.layers} | {name for name, _ in (*runs, *dots)})
+    return Drawing(tuple(runs), tuple(layers), _unit(document), tuple(dots))
+
+
+def read_dxf_meshes(path: Path, budget: Budget) -> TriangleFile:
+    """The meshes of a DXF file: 3DFACE, MESH, polyface and polygon meshes, blocks opened; vertices at exactly the same
+    place become one.
+
+    Raises SurfaceError for a file without any and beyond the budget, MalformedFileError as `read_dxf` does.
+    """
+    document = _document(path)
+    V, corners, sizes, count, solids = list[Floats](), list[Ints](), list[Ints](), 0, 0
+    drawing = DrawingBudget(entities=budget.triangles, seconds=budget.seconds)
+    for entity in _Entities(drawing).leaves(document.modelspace(), 0):
+        solids += entity.dxftype() in SOLIDS
+        for mesh in _polygons(entity):
+            V.append(mesh.V)
+            corners.append(mesh.corners + count)
+            sizes.append(mesh.sizes)
+            count += len(mesh.V)
+            budget.require_vertices(count)
+    if not V:
+        what = f"{counted(solids, 'solid')} or surface and no mesh" if solids else "no mesh"
+        raise SurfaceError(f"it holds {what}: no 3DFACE, MESH or polyface; export the surface as a mesh, or as STEP")
+    whole = triangles(Polygons(np.concatenate(V), np.concatenate(corners), np.concatenate(sizes)))
+    points, faces = equal_merged(np.concatenate(V), whole.F)
+    faces = faces[(faces != np.roll(faces, 1, axis=1)).all(axis=1)]
+    unit = _unit(document)
+    dropped = (f"{counted(solids, 'solid')} or surface",) if solids else ()
+    return TriangleFile(points, faces, unit, metres_per(unit or "m"), (), dropped)
+
+
+def _document(path: Path) -> Any:
+    """The drawing in a file; raises MalformedFileError for what is none.
+
+    Sound files are read plainly, in half the time of a recovery, which is for those that are not.
+    """
+    import ezdxf
+    from ezdxf import recover
+
+    if b"EOF" not in path.read_bytes()[-TAIL:]:
+        raise MalformedFileError("its end, EOF, is missing: it is no DXF file, or it is cut off")
+    with suppress(ezdxf.DXFError, OSError, ValueError, LookupError, TypeError, AttributeError):
+        return ezdxf.readfile(path)
+    try:
+        return recover.readfile(path)[0]
+    except ezdxf.DXFError as error:
+        raise MalformedFileError((str(error).splitlines() or ["ezdxf says no more"])[0][:120]) from None
+
+
+def _unit(document: Any) -> str | None:
+    return UNITS.get(int(document.header.get("$INSUNITS", 0)))
+
+
+def _polygons(entity: Any) -> Iterator[Polygons]:
+    """The faces of an entity: none of what is no mesh."""
+    from ezdxf.render import MeshBuilder
+
+    kind = entity.dxftype()
+    if kind == "3DFACE":
+        corners = np.array([[*point] for point in entity.wcs_vertices()])
+        yield Polygons(corners, np.arange(len(corners)), np.array([len(corners)]))
+        return
+    if kind == "MESH":
+        mesh = MeshBuilder.from_mesh(entity)
+    elif kind == "POLYLINE" and (entity.is_poly_face_mesh or entity.is_polygon_mesh):
+        mesh = MeshBuilder.from_polyface(entity)
+    else:
+        return
+    V = np.array([[*point] for point in mesh.vertices], dtype=np.float64).reshape(-1, 3)
+    faces = [list(face) for face in mesh.faces if len(face) > 2]
+    sizes = np.array([len(face) for face in faces], dtype=np.int64)
+    if faces:
+        yield Polygons(V, np.array([k for face in faces for k in face], dtype=np.int64), sizes)
+
+
+class _Entities:
+    """Walks through what is drawn and counts it: a block within blocks may be there a million times."""
+
+    def __init__(self, budget: DrawingBudget) -> None:
+        self.budget, self.count = budget, 0
+
+    def leaves(self, entities: Any, depth: int) -> Iterator[Any]:
+        """All that is drawn, blocks opened."""
+        if depth > self.budget.depth:
+            raise MalformedFileError(f"its blocks lie in one another, more than {self.budget.depth} deep")
+        for entity in entities:
+            self.count += 1
+            self.budget.require("entities", self.count)
+            _require_numbers(entity)
+            if entity.dxftype() == "INSERT":
+                yield from self._inserted(entity, depth)
+            else:
+                yield entity
+
+    def _inserted(self, insert: Any, depth: int) -> Iterator[tuple[str, Floats]]:
+        """What a block holds, once for each place of a grid of insertions."""
+        self.budget.require("entities", self.count + insert.mcount)
+        for one in insert.multi_insert() if insert.mcount > 1 else (insert,):
+            yield from self.leaves(one.virtual_entities(), depth + 1)
+
+
+def _require_numbers(entity: Any) -> None:
+    """Raise MalformedFileError for an entity with a number that is none, or beyond all drawings."""
+    for key, value in entity.dxf.all_existing_dxf_attribs().items():
+        numbers = value if hasattr(value, "xyz") else [value] if isinstance(value, float) else []
+        if not all(abs(x) < LARGEST for x in numbers):
+            raise MalformedFileError(f"a {entity.dxftype()} has {key} = {value}")
+
+
+def _curves(entity: Any) -> Iterator[Floats]:
+    """(k, 3) points of each part of what is drawn; nothing for texts, points and dimensions."""
+    from ezdxf import path as paths
+
+    if entity.dxftype() == "SPLINE":
+        yield _spline_points(entity)
+        return
+    try:
+        drawn = paths.make_path(entity)
+    except TypeError:
+        return
+    closed = bool(getattr(entity, "closed", False) or getattr(entity, "is_closed", False))
+    yield from (_path_points(part, closed) for part in drawn.sub_paths())
+
+
+def _path_points(part: Any, closed: bool) -> Floats:
+    """(k, 3) points of lines and arcs one after the other."""
+    size = float(np.linalg.norm(np.ptp(np.array([[*point] for point in part.control_vertices()]), axis=0)))
+    if not size:
+        return np.empty((0, 3))
+    points = np.array([[*point] for point in part.flattening(FLAT * size, segments=4)])
+    return np.concatenate([points, points[:1]]) if closed and (points[0] != points[-1]).any() else points
+
+
+def _spline_points(spline: Any) -> Floats:
+    """(k, 3) points of a spline between its first and its last knot that count: paths of ezdxf go beyond these where
+    knots are not repeated at the ends, as of closed splines."""
+    tool = spline.construction_tool()
+    knots = np.array(tool.knots())
+    spans = np.unique(knots[tool.degree : len(knots) - tool.degree])
+    return flattened(spans, lambda t: np.array([[*point] for point in tool.points(t)]))
+
+
+CLOSE = 1e-6
+"""Ends of curves that are nearer than this share of the drawing's size are at one place."""
+LAYERS_TOLD = 12
+"""Layers of a file that are listed where the one that was asked for is not among them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Marks:
+    """What is drawn on a layer: its name as in the file, points (k, 3) and curves (k, 3), metres."""
+
+    layer: str
+    points: Floats
+    curves: tuple[Floats, ...]
+
+    def about(self, origin: Sequence[float]) -> "Marks":
+        """The same with this point, metres, as the origin."""
+        return Marks(self.layer, self.points - origin, tuple(run - origin for run in self.curves))
+
+    @property
+    def closed(self) -> list[Floats]:
+        """The curves that end where they begin."""
+        return [run for run in self.curves if _ends_meet(run)]
+
+    @property
+    def open(self) -> list[Floats]:
+        """The others."""
+        return [run for run in self.curves if not _ends_meet(run)]
+
+
+def _ends_meet(run: Floats) -> bool:
+    size = float(np.linalg.norm(np.ptp(run, axis=0)))
+    return len(run) > 3 and float(np.linalg.norm(run[0] - run[-1])) <= CLOSE * size
+
+
+_READERS = {".dxf": read_dxf, ".3dm": read_rhino_apart}
+
+
+def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floats, ...]:
+    """The closed curves (k, 3) of a drawing, metres: of one layer, or of all. Lines and arcs that meet end to end are
+    one curve.
+
+    unit : of the file's numbers; left out, what the file says.
+
+    Raises SurfaceError for a file or a layer that is not there, one without closed curves, curves that are open, a
+    file that does not say its unit, and one that is larger than a drawing of outlines (`DrawingBudget`).
+    """
+    path = Path(path)
+    if path.suffix.lower() not in _READERS:
+        raise SurfaceError(f"{path} is no drawing that dsfab reads; give a .dxf or a .3dm file")
+    try:
+        about = path.stat()
+    except OSError as error:
+        raise SurfaceError(f"the drawing {path} cannot be read: {error.strerror}") from None
+    return _read_once(path, layer, unit, about.st_mtime_ns, about.st_size)
+
+
+def marks_on_layers(path: Path, words: Iterable[str], metres: float) -> dict[str, Marks]:
+    """What is drawn on the layers of these names, in capitals or not, by name; only those with something on them.
+
+    metres : in one unit of the file's numbers. Raises SurfaceError for a file that cannot be read, as `closed_curves`.
+    """
+    path = Path(path)
+    drawing = _drawing(path, path.stat().st_size, DrawingBudget())
+    found = {}
+    for word in words:
+        points = [metres * place for layer, place in drawing.points if layer.lower() == word]
+        curves = [metres * run for layer, run in drawing.runs if layer.lower() == word and len(run) > 1]
+        layer = next((one for one in drawing.layers if one.lower() == word), word)
+        if points or curves:
+            found[word] = Marks(layer, np.concatenate(points) if points else np.empty((0, 3)), tuple(curves))
+    return found
+
+
+@lru_cache(maxsize=16)
+def _read_once(path: Path, layer: str | None, unit: str | None, _changed: int, size: int) -> tuple[Floats, ...]:
+    """The curves of a file as it is now: pickers ask for them again and again."""
+    budget = DrawingBudget()
+    drawing = _drawing(path, size, budget)
+    if layer is not None and layer not in drawing.layers:
+        told = ", ".join(drawing.layers[:LAYERS_TOLD]) + (", ..." if len(drawing.layers) > LAYERS_TOLD else "")
+        raise SurfaceError(
+            f"{path} has no layer {layer!r}{did_you_mean(layer, drawing.layers)}; its layers are: {told}"
+        )
+    if unit is None and drawing.unit is None:
+        raise SurfaceError(f'{path} does not say its unit; give unit = "mm", or one of {", ".join(METRES_PER)}')
+    where = f"{path}" + (f", layer {layer!r}," if layer is not None else "")
+    found = [run for name, run in drawing.runs if layer in (None, name) and len(run) > 1]
+    if not found:
+        raise SurfaceError(
+            f"{where} has no curve; draw a closed one, as polyline, circle, ellipse, spline, lines or arcs"
+        )
+    if not all((np.abs(run) < LARGEST).all() for run in found):
+        raise SurfaceError(f"{where} has a curve with a point that is none, or beyond all drawings; draw it again")
+    metres = metres_per(unit or drawing.unit or "m")
+    return tuple(metres * loop for loop in _loops(found, where, budget))
+
+
+def _drawing(path: Path, size: int, budget: DrawingBudget) -> Drawing:
+    """What a file of `size` bytes draws; raises SurfaceError for one that cannot be read, and beyond the budget."""
+    with readable(path, "draw less into it", "it is damaged"):
+        budget.require("bytes", size)
+        return _READERS[path.suffix.lower()](path, budget)
+
+
+def _loops(runs: list[Floats], where: str, budget: DrawingBudget) -> Iterator[Floats]:
+    """Runs joined where their ends meet, the first of the file first: the closed curves, without their last point,
+    which is the first.
+
+    Raises SurfaceError for what stays open.
+    """
+    corners = np.concatenate([[run.min(axis=0), run.max(axis=0)] for run in runs])
+    close = CLOSE * float(np.linalg.norm(np.ptp(corners, axis=0)))
+    ends = cKDTree(np.concatenate([[run[0], run[-1]] for run in runs]))  # 2 k is where run k begins, 2 k + 1 its end
+    free = np.ones(len(runs), dtype=bool)
+    for first in range(len(runs)):
+        if not free[first]:
+            continue
+        free[first], chain = False, [runs[first]]
+        while np.linalg.norm(chain[0][0] - chain[-1][-1]) > close or (len(chain) == 1 and len(chain[0]) < 3):
+            budget.require_time()
+            near = (end for end in sorted(ends.query_ball_point(chain[-1][-1], close)) if free[end // 2])
+            if (end := next(near, None)) is None:
+                raise SurfaceError(_open(np.concatenate(chain), where))
+            free[end // 2] = False
+            chain.append(runs[end // 2][::-1] if end % 2 else runs[end // 2])
+        whole = np.concatenate([chain[0], *(run[1:] for run in chain[1:])])
+        yield whole[:-1]
+
+
+def _open(run: Floats, where: str) -> str:
+    ends = " and ".join(f"({', '.join(f'{x:.6g}' for x in end)})" for end in (run[0], run[-1]))
+    gap = float(np.linalg.norm(run[0] - run[-1]))
+    return (
+        f"{where} has a curve that is open: its ends at {ends} are {gap:.3g} apart, in the file's unit; close it, or "
+        "name the layer of the closed ones"
+    )

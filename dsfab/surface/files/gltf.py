@@ -1,0 +1,317 @@
+"""Reader of glTF 2.0 files (.gltf and .glb)."""
+
+import base64
+import binascii
+import json
+import struct
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from typing import Any
+from urllib.parse import unquote
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsfab.core.arrays import Floats, Ints
+from dsfab.core.messages import counted
+from dsfab.surface.clean.seams import equal_merged
+from dsfab.surface.files.reading import Budget, MalformedFileError, TriangleFile, text_file
+from dsfab.surface.orientation import upright
+
+_TYPES = {5120: "<i1", 5121: "<u1", 5122: "<i2", 5123: "<u2", 5125: "<u4", 5126: "<f4"}
+_WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
+
+
+@dataclass(frozen=True)
+class Buffers:
+    """The buffers that a file's JSON `tree` names; `binary` is the one in the file, `beside` reads one next to it."""
+
+    tree: dict[str, Any]
+    binary: bytes | None
+    beside: Callable[[str], bytes] | None
+    budget: Budget
+    known: dict[int, bytes] = field(default_factory=dict)
+
+    def view(self, number: int) -> tuple[bytes, int]:
+        """The bytes of a view of a buffer, and how far its elements are apart, 0 if they follow each other.
+
+        Raises MalformedFileError for one that reaches beyond its buffer.
+        """
+        view = self.tree["bufferViews"][number]
+        start, length = _count(view.get("byteOffset", 0)), _count(view["byteLength"])
+        data = self._buffer(_count(view["buffer"]))
+        if start + length > len(data):
+            raise MalformedFileError(
+                f"it names bytes up to {start + length:,} of a buffer with {len(data):,}: it is cut off"
+            )
+        return data[start : start + length], _count(view.get("byteStride", 0))
+
+    def _buffer(self, number: int) -> bytes:
+        if number not in self.known:
+            uri = self.tree["buffers"][number].get("uri")
+            self.known[number] = self._content(uri)
+            self.budget.require_bytes(sum(map(len, self.known.values())))
+        return self.known[number]
+
+    def _content(self, uri: Any) -> bytes:
+        if uri is None:
+            if self.binary is None:
+                raise MalformedFileError("the part with its numbers is missing")
+            return self.binary
+        if not isinstance(uri, str):
+            raise MalformedFileError("a buffer of it has no name")
+        if uri.startswith("data:"):
+            try:
+                return base64.b64decode(uri.partition(",")[2], validate=True)
+            except (binascii.Error, ValueError):
+                raise MalformedFileError("the numbers in its text are damaged") from None
+        if self.beside is None or "://" in uri:
+            raise MalformedFileError(f"its numbers are elsewhere ({uri[:60]}): export it as one file")
+        return self.beside(unquote(uri))
+
+
+def accessor(tree: dict[str, Any], buffers: Buffers, number: Any, width: int) -> NDArray[Any]:
+    """(count, width) what an accessor of the file holds, whole numbers that stand for shares as shares.
+
+    Raises MalformedFileError for one of another width or beyond its bytes, before memory is taken for it.
+    """
+    entry = tree["accessors"][_count(number)]
+    count, kind = _count(entry["count"]), _TYPES.get(entry["componentType"])
+    if kind is None or _WIDTHS.get(entry["type"]) != width:
+        raise MalformedFileError("it has numbers of a type that glTF does not know there")
+    buffers.budget.require_vertices(count)
+    if "bufferView" in entry:
+        values = _elements(buffers, entry, kind, count, width)
+    else:
+        values = np.zeros((count, width), dtype=kind)
+    if "sparse" in entry:
+        values = _with_sparse(buffers, entry["sparse"], values)
+    if entry.get("normalized"):
+        values = np.maximum(values / np.iinfo(values.dtype).max, -1.0)
+    return values
+
+
+def _elements(buffers: Buffers, entry: dict[str, Any], kind: str, count: int, width: int) -> NDArray[Any]:
+    """(count, width) elements from an offset in a view on."""
+    data, stride = buffers.view(_count(entry["bufferView"]))
+    start, each = _count(entry.get("byteOffset", 0)), np.dtype(kind).itemsize * width
+    stride = stride or each
+    if stride < each or (count and start + stride * (count - 1) + each > len(data)):
+        raise MalformedFileError(
+            f"{count:,} elements are announced that its bytes do not hold: it is damaged or cut off"
+        )
+    if not count:
+        return np.zeros((0, width), dtype=kind)
+    return np.ndarray((count, width), kind, data, start, (stride, np.dtype(kind).itemsize)).copy()
+
+
+def _with_sparse(buffers: Buffers, sparse: dict[str, Any], values: NDArray[Any]) -> NDArray[Any]:
+    """Values (n, width) with those of some elements in place."""
+    count, indices = _count(sparse["count"]), sparse["indices"]
+    kind = _TYPES.get(indices["componentType"])
+    if kind is None or count > len(values):
+        raise MalformedFileError("it replaces more elements than there are")
+    at = _elements(buffers, indices, kind, count, 1).ravel().astype(np.int64)
+    if count and not 0 <= at.min() <= at.max() < len(values):
+        raise MalformedFileError("it replaces elements that are not there")
+    values[at] = _elements(buffers, sparse["values"], values.dtype.str, count, values.shape[1])
+    return values
+
+
+def _count(value: Any) -> int:
+    """A whole number from 0 on."""
+    if not isinstance(value, int) or isinstance(value, bool) or value < 0:
+        raise MalformedFileError("a number of its JSON is negative or none")
+    return value
+
+
+_JSON, _BIN = 0x4E4F534A, 0x004E4942
+_HARMLESS = ("KHR_materials_", "KHR_texture_", "KHR_lights_", "EXT_texture_", "KHR_mesh_quantization", "KHR_xmp")
+"""Beginnings of the names of extensions that change no shape beyond what is read here."""
+_TRIANGLES, _STRIP, _FAN = 4, 5, 6
+DEEPEST = 200
+"""Nodes above one another: a scene of 100 levels is one that a program made."""
+
+
+def read_glb(data: bytes, budget: Budget, _beside: Callable[[str], bytes]) -> TriangleFile:
+    """The triangles of the scene in a binary file, metres with z up; see `read_gltf`.
+
+    Raises MalformedFileError for a file that is cut off or broken, SurfaceError beyond the budget.
+    """
+    if data[:4] != b"glTF":
+        raise MalformedFileError("there is no glTF header")
+    if len(data) < 20:
+        raise MalformedFileError("it is cut off within its header")
+    version, whole = struct.unpack_from("<II", data, 4)
+    if version != 2:
+        raise MalformedFileError(f"its version of glTF is {version}, and dsfab reads 2")
+    if whole > len(data):
+        raise MalformedFileError(f"it announces {whole:,} bytes and has {len(data):,}: it is cut off")
+    chunks: dict[int, bytes] = {}
+    at = 12
+    while at + 8 <= whole:
+        size, kind = struct.unpack_from("<II", data, at)
+        if at + 8 + size > whole:
+            raise MalformedFileError("one of its parts is longer than the file")
+        chunks.setdefault(kind, data[at + 8 : at + 8 + size])
+        at += 8 + size
+    if _JSON not in chunks:
+        raise MalformedFileError("it has no part that says what it holds")
+    more = len(data) - whole
+    dropped = (f"{counted(more, 'byte')} after its end",) if more else ()
+    return _scene(_parsed(chunks[_JSON]), chunks.get(_BIN), None, budget, dropped)
+
+
+def read_gltf(data: bytes, budget: Budget, beside: Callable[[str], bytes]) -> TriangleFile:
+    """The triangles of the scene in a file of JSON; `beside` gives the content of a file next to it.
+
+    Vertices at exactly the same place become one; y, up by the specification, becomes z.
+
+    Raises MalformedFileError for a file that is broken, SurfaceError beyond the budget.
+    """
+    if data[:4] == b"glTF":
+        return read_glb(data, budget, beside)
+    file = text_file(data)
+    return _scene(_parsed(file.text.encode("utf-8")), None, beside, budget, (), file.doubts)
+
+
+def _parsed(data: bytes) -> dict[str, Any]:
+    try:
+        tree = json.loads(data)
+    except (ValueError, RecursionError):
+        raise MalformedFileError("its JSON is broken or cut off") from None
+    if not isinstance(tree, dict) or not isinstance(tree.get("asset"), dict):
+        raise MalformedFileError("its JSON is no glTF")
+    required = tree.get("extensionsRequired", [])
+    unknown = [str(name) for name in required if not str(name).startswith(_HARMLESS)]
+    if unknown:
+        raise MalformedFileError(
+            f"it needs {', '.join(unknown)}, which dsfab does not read: export it without compression"
+        )
+    return tree
+
+
+def _scene(
+    tree: dict[str, Any],
+    binary: bytes | None,
+    beside: Callable[[str], bytes] | None,
+    budget: Budget,
+    dropped: tuple[str, ...] = (),
+    doubts: tuple[str, ...] = (),
+) -> TriangleFile:
+    scene = _Scene(tree, Buffers(tree, binary, beside, budget), budget)
+    try:
+        parts = list(scene.parts())
+    except (KeyError, TypeError, AttributeError, IndexError):
+        raise MalformedFileError("a part that its JSON names is missing or of another kind") from None
+    passed = tuple(counted(count, thing) for thing, count in scene.passed.items())
+    if not parts:
+        return TriangleFile(np.empty((0, 3)), np.empty((0, 3), dtype=np.int64), "m", 1.0, doubts, (*dropped, *passed))
+    offsets = np.cumsum([0, *(len(V) for V, _ in parts)])[:-1]
+    V = np.concatenate([V for V, _ in parts])
+    F = np.concatenate([F + offset for (_, F), offset in zip(parts, offsets.tolist(), strict=True)])
+    V, F = equal_merged(V, F)
+    return TriangleFile(upright(V, "y"), F, "m", 1.0, doubts, (*dropped, *passed))
+
+
+@dataclass(frozen=True)
+class _Scene:
+    """The nodes of a file's scene, walked from its roots."""
+
+    tree: dict[str, Any]
+    buffers: Buffers
+    budget: Budget
+    passed: Counter[str] = field(default_factory=Counter)
+
+    def parts(self) -> Iterator[tuple[Floats, Ints]]:
+        """V (n, 3), metres, and F (m, 3) of each primitive where it stands."""
+        total = 0
+        for mesh, matrix in self._placed():
+            for primitive in self.tree["meshes"][mesh]["primitives"]:
+                mode = primitive.get("mode", _TRIANGLES)
+                if mode not in (_TRIANGLES, _STRIP, _FAN):
+                    self.passed["set of lines or points"] += 1
+                    continue
+                V, F = self._primitive(primitive, mode)
+                total += len(F)
+                self.budget.require_triangles(total)
+                self.budget.require_time()
+                yield V @ matrix[:3, :3].T + matrix[:3, 3] if (matrix != np.eye(4)).any() else V, F
+
+    def _placed(self) -> Iterator[tuple[int, Floats]]:
+        """Meshes of the scene and where they stand."""
+        nodes, scenes = self.tree.get("nodes", []), self.tree.get("scenes", [])
+        if not scenes:
+            raise MalformedFileError("it names no scene, so that nothing says what is shown")
+        waiting = [(k, np.eye(4), 1) for k in reversed(scenes[self.tree.get("scene", 0)].get("nodes", []))]
+        seen = set[int]()
+        while waiting:
+            number, above, depth = waiting.pop()
+            if number in seen or depth > DEEPEST:
+                raise MalformedFileError("its nodes are no tree: one stands below itself, or in two places")
+            seen.add(number)
+            node = nodes[number]
+            here = above @ _matrix(node)
+            if "skin" in node:
+                self.passed["skin, at rest here"] += 1
+            if "mesh" in node:
+                yield node["mesh"], here
+            waiting.extend((child, here, depth + 1) for child in reversed(node.get("children", [])))
+
+    def _primitive(self, primitive: dict[str, Any], mode: int) -> tuple[Floats, Ints]:
+        if "KHR_draco_mesh_compression" in primitive.get("extensions", {}):
+            raise MalformedFileError("it is compressed (KHR_draco_mesh_compression): export it without compression")
+        if "targets" in primitive:
+            self.passed["shape that it morphs to"] += len(primitive["targets"])
+        V = accessor(self.tree, self.buffers, primitive["attributes"]["POSITION"], 3).astype(np.float64)
+        order = np.arange(len(V))
+        if "indices" in primitive:
+            order = accessor(self.tree, self.buffers, primitive["indices"], 1).ravel().astype(np.int64)
+        if len(order) and not 0 <= order.min() <= order.max() < len(V):
+            raise MalformedFileError(f"its triangles name vertices outside the {len(V):,} that they have")
+        return V, self._faces(order, mode)
+
+    def _faces(self, order: Ints, mode: int) -> Ints:
+        """(m, 3) triangles, of a strip every second one turned."""
+        if mode == _TRIANGLES:
+            if len(order) % 3:
+                self.passed["corner beyond the last triangle"] += len(order) % 3
+            return order[: len(order) // 3 * 3].reshape(-1, 3)
+        if len(order) < 3:
+            return np.empty((0, 3), dtype=np.int64)
+        if mode == _FAN:
+            return np.stack([order[1:-1], order[2:], np.full(len(order) - 2, order[0])], axis=1)
+        F = np.stack([order[:-2], order[1:-1], order[2:]], axis=1)
+        F[1::2] = F[1::2, [1, 0, 2]]
+        tied = np.equal(F, np.roll(F, 1, axis=1)).any(axis=1)  # where one strip goes over to the next
+        strip: Ints = F[~tied]
+        return strip
+
+
+def _matrix(node: dict[str, Any]) -> Floats:
+    """(4, 4) of a node: a matrix, columns first, or a scale, a turn (a quaternion) and a shift."""
+    if "matrix" in node:
+        return _numbers(node["matrix"], 16).reshape(4, 4).T
+    x, y, z, w = _numbers(node.get("rotation", [0, 0, 0, 1]), 4)
+    turn = np.array(
+        [
+            [1 - 2 * (y * y + z * z), 2 * (x * y - z * w), 2 * (x * z + y * w)],
+            [2 * (x * y + z * w), 1 - 2 * (x * x + z * z), 2 * (y * z - x * w)],
+            [2 * (x * z - y * w), 2 * (y * z + x * w), 1 - 2 * (x * x + y * y)],
+        ]
+    )
+    matrix = np.eye(4)
+    matrix[:3, :3] = turn * _numbers(node.get("scale", [1, 1, 1]), 3)
+    matrix[:3, 3] = _numbers(node.get("translation", [0, 0, 0]), 3)
+    return matrix
+
+
+def _numbers(values: Any, count: int) -> Floats:
+    try:
+        found = np.array(values, dtype=np.float64)
+    except (ValueError, TypeError):
+        found = np.empty(0)
+    if found.shape != (count,):
+        raise MalformedFileError("a node of its scene has a place that is none")
+    return found

@@ -1,0 +1,245 @@
+"""Mesh file of any format to raw arrays, with shared vertices joined."""
+
+import difflib
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from dsfab.core.arrays import Bools, Floats, Ints, distinct, first
+from dsfab.core.errors import SurfaceError
+from dsfab.core.messages import counted
+from dsfab.core.units import metres_per
+from dsfab.surface.files import DEFAULT_TRIANGLES, NOTHING_READ, Budget, FileRecord, TriangleFile
+from dsfab.surface.files.drawings import read_dxf_meshes
+from dsfab.surface.files.gltf import read_glb, read_gltf
+from dsfab.surface.files.obj_and_off import read_obj, read_off
+from dsfab.surface.files.ply import read_ply
+from dsfab.surface.files.polygons import Polygons, triangles
+from dsfab.surface.files.reading import MalformedFileError, PolygonFile, readable
+from dsfab.surface.files.separate_process import read_3dm, read_cad
+from dsfab.surface.files.stl_and_3mf import read_3mf, read_stl
+
+
+def joined(file: PolygonFile) -> tuple[PolygonFile, tuple[str, ...]]:
+    """The mesh with its faces joined where it is meant to be joined, and what was repaired, a few words.
+
+    That is so where no two faces share a vertex, as in STL files, and where every free edge has an exact twin that runs
+    the other way or the same way: what is left then has no free edge at all. Edges must have two faces at most
+    afterwards. All other vertices at the same place stay apart: they may be meant as a joint.
+    """
+    mesh = file.mesh
+    corners, V = mesh.corners, mesh.V
+    if not len(corners) or corners.min() < 0 or corners.max() >= len(V):
+        return file, ()
+    used = np.zeros(len(V), dtype=bool)
+    used[corners] = True
+    if not _some_places_twice(V[used]):
+        return file, ()
+    soup = len(mesh.sizes) > 1 and len(distinct(corners)) == len(corners)
+    if not soup and not _free(mesh, corners).any():
+        return file, ()
+    fewer, became = _first_at_each_place(V)
+    welded = became[corners]
+    crowded = np.unique(_edges(mesh, welded), return_counts=True)[1].max() > 2
+    gone = len(distinct(corners)) - len(distinct(welded))
+    if crowded or not gone or not (soup or not _free(mesh, welded).any()):
+        return file, ()
+    words = f"{counted(gone, 'vertex')} joined with others at exactly the same place"
+    return replace(file, mesh=replace(mesh, corners=fewer[welded])), (words,)
+
+
+def _some_places_twice(V: Floats) -> bool:
+    """Whether vertices may be at the same place: by one number of each, which is quickly sorted."""
+    if not np.isfinite(V).all():
+        return False
+    numbers = V[:, 0] * 0.5298 + V[:, 1] * 0.6741 + V[:, 2] * 0.5144
+    numbers.sort()
+    return bool((numbers[1:] == numbers[:-1]).any())
+
+
+def _first_at_each_place(V: Floats) -> tuple[Ints, Ints]:
+    """(k,) the first vertex at each place, in the order of the file, and which of them (n,) each vertex became."""
+    _, first, became = np.unique(V + 0.0, axis=0, return_index=True, return_inverse=True)
+    order = np.argsort(first)
+    rank = np.empty_like(order)
+    rank[order] = np.arange(len(order))
+    return first[order], rank[became.ravel()]
+
+
+def _edges(mesh: Polygons, corners: Ints) -> Ints:
+    """(c,) a number for the edge from each corner to the next one of its face, the same in both directions."""
+    last = np.cumsum(mesh.sizes) - 1
+    following = np.roll(corners, -1)
+    some = mesh.sizes > 0
+    following[last[some]] = corners[(last - mesh.sizes + 1)[some]]
+    low, high = np.minimum(corners, following), np.maximum(corners, following)
+    numbers: Ints = low * (len(mesh.V) + 1) + high
+    return numbers
+
+
+def _free(mesh: Polygons, corners: Ints) -> Bools:
+    """(e,) which edges have one face."""
+    return np.asarray(np.unique(_edges(mesh, corners), return_counts=True)[1] == 1)
+
+
+@dataclass(frozen=True, eq=False)
+class RawMesh:
+    """Vertices V (n, 3) in the file's own numbers, faces F (m, 3), and the polygons and the unit the file declares.
+
+    polygons : number of faces in the file, before they were cut into triangles.
+    unit     : the unit the file declares for them, None if it does not say.
+    metres   : in one of the file's units; 1 where it does not say.
+    record   : what was read, repaired and dropped so far.
+    up       : the axis that the program which wrote the file has up unasked, "y" or "z"; None where it does not say.
+    """
+
+    V: Floats
+    F: Ints
+    polygons: int
+    unit: str | None = None
+    metres: float = 1.0
+    record: FileRecord = NOTHING_READ
+    up: str | None = None
+
+
+OF_PROGRAMS = (
+    *(".dwg", ".dgn", ".skp", ".iges", ".igs", ".sat", ".x_t"),
+    *(".fbx", ".blend", ".ifc", ".rvt", ".gh"),
+)
+"""Files of CAD programs that hold surfaces, but no mesh that is read here."""
+
+
+def raw_mesh(path: str | Path, most_triangles: int = DEFAULT_TRIANGLES) -> RawMesh:
+    """Read OBJ, PLY, STL, OFF, glTF, 3MF, 3DM, DXF, STEP or BREP, by the suffix.
+
+    glTF's y axis (up, by its specification) becomes z.
+
+    Quads are cut along a fold, or the shorter diagonal. STL and glTF vertices at exactly the same place become one,
+    those of other files where the faces share none (`dsfab.surface.files.mesh_files`); vertices without a face go.
+
+    most_triangles : what the file may have; bytes, vertices and seconds are limited by it (`formats.limits`).
+
+    Raises SurfaceError for a path that is no readable mesh file, and for one beyond the limits.
+    """
+    path = Path(path)
+    suffix = _suffix(path)
+    budget = Budget(most_triangles)
+    with readable(path, "make the mesh coarser", "it is damaged, or of a kind that dsfab does not know"):
+        budget.require_bytes(path.stat().st_size)
+        raw = _read(path, suffix, budget)
+    return _checked(path, raw)
+
+
+def _read(path: Path, suffix: str, budget: Budget) -> RawMesh:
+    if suffix in _BY_PATH:
+        return _from_triangles(_BY_PATH[suffix](path, budget), suffix)
+    data = path.read_bytes()
+    if suffix in _POLYGONS:
+        return _from_polygons(_POLYGONS[suffix](data, budget), suffix, budget)
+    if suffix == ".3mf":
+        found = read_3mf(path, data, budget)
+    elif suffix == ".stl":
+        found = read_stl(data, budget)
+    else:
+        found = _GLTF[suffix](data, budget, lambda name: _beside(path, name, budget))
+    return _from_triangles(found, suffix)
+
+
+def _from_triangles(found: TriangleFile, suffix: str) -> RawMesh:
+    record = _record(suffix, found, len(found.V), len(found.F))
+    return RawMesh(found.V, found.F, len(found.F), found.unit, found.metres, record)
+
+
+def _from_polygons(file: PolygonFile, suffix: str, budget: Budget) -> RawMesh:
+    budget.require_triangles(int(np.maximum(file.mesh.sizes - 2, 0).sum()))
+    faces = np.flatnonzero(file.mesh.sizes >= 3)
+    few = len(file.mesh.sizes) - len(faces)
+    dropped = (f"{counted(few, 'face')} with fewer than three corners",) if few else ()
+    whole, repaired = joined(replace(file, mesh=file.mesh.part(faces)) if few else file)
+    cut = triangles(whole.mesh)
+    crossing = len(cut.fanned)
+    if crossing:
+        at = ", ".join(str(k) for k in faces[cut.fanned[:3]].tolist())
+        repaired = (*repaired, f"{counted(crossing, 'face')} that cross themselves cut as fans (first, from 0: {at})")
+    record = _record(suffix, file, len(file.mesh.V), len(file.mesh.sizes))
+    record = record.also(repaired, dropped)
+    metres = metres_per(file.unit) if file.unit else 1.0
+    return RawMesh(whole.mesh.V, cut.F, len(file.mesh.sizes), file.unit, metres, record, file.up)
+
+
+def _record(suffix: str, file: PolygonFile | TriangleFile, vertices: int, faces: int) -> FileRecord:
+    what = f"{suffix[1:].upper()}: {counted(vertices, 'vertex')}, {counted(faces, 'face')}"
+    return FileRecord((what, *file.doubts), (), file.dropped)
+
+
+def _beside(path: Path, name: str, budget: Budget) -> bytes:
+    """The content of a file next to another one, or in a folder there."""
+    other = path.parent / name
+    if Path(name).is_absolute() or ".." in Path(name).parts:
+        raise MalformedFileError(f"its numbers are in {name[:60]!r}, outside its folder: export it as one file")
+    if not other.is_file():
+        raise SurfaceError(f"its numbers are in {name[:60]!r}, which is not beside it; put it there, or export a .glb")
+    budget.require_bytes(other.stat().st_size)
+    return other.read_bytes()
+
+
+def _checked(path: Path, raw: RawMesh) -> RawMesh:
+    """What was read with the vertices that have faces alone; raises SurfaceError where faces name others."""
+    over = "".join(f"; passed over: {what}" for what in raw.record.dropped)  # why it is so, often
+    if not len(raw.F):
+        some = f"{path} holds {len(raw.V)} vertices and no faces"
+        raise SurfaceError(f"{some}{over}; give a mesh with at least one triangle")
+    n = len(raw.V)
+    bad = np.flatnonzero((raw.F.min(axis=1) < 0) | (raw.F.max(axis=1) >= n))
+    if len(bad):
+        raise SurfaceError(
+            f"{path}: {counted(len(bad), 'face')} {'name' if len(bad) > 1 else 'names'} vertices outside the file's "
+            f"{n} vertices (first triangles: {first(bad)}){over}; export it again"
+        )
+    used, F = np.unique(raw.F, return_inverse=True)
+    record = raw.record
+    if len(used) < n and not record.repaired:
+        record = record.also((), (f"{counted(n - len(used), 'vertex')} without a face",))
+    return replace(raw, V=raw.V[used], F=F.reshape(-1, 3).astype(np.int64), record=record)
+
+
+def _suffix(path: Path) -> str:
+    """The known suffix of an existing file with something in it."""
+    suffix = path.suffix.lower()
+    known = ", ".join(MESH_SUFFIXES)
+    if path.is_dir():
+        raise SurfaceError(f"{path} is a folder; give a mesh file ({known})")
+    if suffix not in MESH_SUFFIXES:
+        near = difflib.get_close_matches(suffix, MESH_SUFFIXES, n=1, cutoff=0.5)
+        hint = f"did you mean {near[0]}? " if near and suffix not in OF_PROGRAMS else ""
+        if suffix in OF_PROGRAMS:
+            hint = "export the surface as a mesh from the program that made it, best as OBJ; "
+        raise SurfaceError(f"{path} has the suffix {suffix!r}, which dsfab does not read; {hint}use one of {known}")
+    if not path.exists():
+        near = difflib.get_close_matches(path.name, _siblings(path), n=1)
+        raise SurfaceError(f"{path} does not exist; " + (f"did you mean {near[0]}?" if near else "check the path"))
+    if not path.stat().st_size:
+        raise SurfaceError(f"{path} is empty; export it again")
+    return suffix
+
+
+def _siblings(path: Path) -> list[str]:
+    return [p.name for p in path.parent.iterdir()] if path.parent.is_dir() else []
+
+
+_POLYGONS: dict[str, Callable[[bytes, Budget], PolygonFile]] = {".obj": read_obj, ".ply": read_ply, ".off": read_off}
+_GLTF: dict[str, Callable[[bytes, Budget, Callable[[str], bytes]], TriangleFile]] = {
+    ".glb": read_glb,
+    ".gltf": read_gltf,
+}
+_BY_PATH: dict[str, Callable[[Path, Budget], TriangleFile]] = {
+    ".3dm": read_3dm,
+    ".dxf": read_dxf_meshes,
+    ".step": read_cad,
+    ".stp": read_cad,
+    ".brep": read_cad,
+}
+MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf", ".3mf", ".3dm", ".dxf", ".step", ".stp", ".brep")
+"""Of the mesh files that are read."""

@@ -1,0 +1,189 @@
+"""Reader of OBJ and OFF files."""
+
+import re
+from array import array
+from collections import Counter
+from collections.abc import Iterator
+
+import numpy as np
+
+from dsfab.core.messages import counted
+from dsfab.surface.files.polygons import Polygons
+from dsfab.surface.files.reading import (
+    Budget,
+    MalformedFileError,
+    PolygonFile,
+    TextFile,
+    float_of,
+    may_lack_digits,
+    said_in_comments,
+    text_file,
+    whole_number,
+)
+
+_LOUD = {"l": "line", "p": "point", "curv": "curve", "curv2": "curve", "surf": "free-form surface"}
+"""What has a shape that dsfab does not read."""
+_QUIET = frozenset(
+    "vt vn vp g o s mg usemtl mtllib usemap maplib shadow_obj trace_obj bevel c_interp d_interp lod call csh "  # noqa: SIM905
+    "cstype deg bmat step parm trim hole scrv sp end con ctech stech".split()
+)
+"""What says nothing about the shape of polygons, or is part of free-form curves and surfaces."""
+_NUMBERS = {3, 4, 6, 7}
+"""How many numbers a vertex has: its place, a weight, a colour."""
+_COMMENT = re.compile(r"^([^\S\n]*#[^\n]*)\\$", re.MULTILINE)
+"""A comment that ends with a backslash."""
+_DIVIDED = re.compile(r"[^\s\\]\\\n(?=\S)")
+"""A backslash at the end of a line with words right before it and right behind it."""
+_DECIMAL_COMMA = re.compile(r"\d,\d")
+"""In a number, as programs write it that follow the language of the desk."""
+OFTEN = 1 << 14
+"""Lines between two looks at how many vertices and faces there are."""
+
+
+def read_obj(data: bytes, budget: Budget) -> PolygonFile:
+    """Vertices and faces; textures, normals and groups are passed over, lines, points and free forms counted.
+
+    Raises MalformedFileError with the number of the line that cannot be read, SurfaceError beyond the budget.
+    """
+    file = text_file(data)
+    said = said_in_comments(file.text, ("#",))
+    if "\\\n" in file.text:
+        file = TextFile(_continued(file.text), file.doubts, file.ended)
+    V, corners, sizes = array("d"), array("q"), array("q")
+    others: Counter[str] = Counter()
+    odd, last = "", [""]
+    for number, line in file.numbered(budget):
+        words = line.split() if "#" not in line else line[: line.index("#")].split()
+        if not words:
+            continue
+        if number % OFTEN == 0:
+            budget.require_vertices(len(V) // 3)
+            budget.require_triangles(len(sizes))
+        last, word = words, words[0]
+        try:
+            if word == "v":
+                _add_vertex(V, words, line)
+            elif word == "f":
+                _add_face(corners, sizes, words, len(V) // 3)
+            elif word not in _QUIET:
+                others[word] += 1
+                if not odd and word not in _LOUD:
+                    odd = f"line {number}: {line.strip()[:40]!r}"
+        except (ValueError, IndexError):
+            comma = ": numbers have commas where points should be" if _DECIMAL_COMMA.search(line) else ""
+            raise MalformedFileError(f"line {number} cannot be read: {line.strip()[:60]!r}{comma}") from None
+    budget.require_vertices(len(V) // 3)
+    mesh = Polygons(np.array(V).reshape(-1, 3), np.array(corners), np.array(sizes))
+    doubts = file.cut_off("a vertex") if last[0] == "v" else ()
+    if last[0] == "f" and not file.ended and _may_be_cut(last[1:], max(sizes), len(V) // 3, file.text):
+        doubts = file.cut_off("a face")
+    return PolygonFile(mesh, (*file.doubts, *doubts), _passed_over(others, odd), said.unit, said.up)
+
+
+def _may_be_cut(face: list[str], most: int, count: int, text: str) -> bool:
+    """Whether the last face of a file may lack something: corners that others have, `most`, or a part of its last one.
+
+    count : of vertices.    text : that of the file.
+    """
+    *others, last = (word.split("/") for word in face or [""])
+    if len(face) < max(most, 3) or len(last) < len(others[0]):
+        return True
+    if len(last) > 1:
+        count = len(re.findall(r"^\s*vt\s" if len(last) == 2 else r"^\s*vn\s", text, re.MULTILINE))
+    return may_lack_digits(last[-1], count)
+
+
+def _continued(text: str) -> str:
+    """Lines that end with a backslash joined with the next one; a comment is not continued: it may end with a path.
+
+    Raises MalformedFileError where no space is between them: some programs join the parts of a number, some do not.
+    """
+    text = _COMMENT.sub(r"\1 ", text)
+    if cut := _DIVIDED.search(text):
+        number = text.count("\n", 0, cut.end() - 1) + 1
+        raise MalformedFileError(f"line {number} ends with a backslash that has no space before it or after it")
+    return text.replace("\\\n", " ")
+
+
+def _add_vertex(V: "array[float]", words: list[str], line: str) -> None:
+    if "_" in line or len(words) - 1 not in _NUMBERS:
+        raise ValueError
+    V.extend(map(float, words[1:4]))
+    if len(words) > 4:
+        list(map(float, words[4:]))  # two vertices on one line are none
+
+
+def _add_face(corners: "array[int]", sizes: "array[int]", words: list[str], count: int) -> None:
+    """Corners are counted from 1, negative ones from the last vertex so far; 0 is none."""
+    sizes.append(len(words) - 1)
+    for word in words[1:]:
+        i = int(word.partition("/")[0] if "/" in word else word)
+        corners.append(i - 1 if i > 0 else count + i if -count <= i < 0 else -1)
+
+
+def _passed_over(others: Counter[str], odd: str) -> tuple[str, ...]:
+    found: Counter[str] = Counter()
+    for word, count in others.items():
+        if word in _LOUD:
+            found[_LOUD[word]] += count
+        else:
+            found["other line"] += count
+    texts = [counted(count, thing) for thing, count in found.items() if thing != "other line"]
+    if found["other line"]:
+        texts.append(f"{counted(found['other line'], 'line')} that OBJ does not know (first: {odd})")
+    return tuple(texts)
+
+
+KINDS = {"OFF", "COFF", "NOFF", "CNOFF", "NCOFF", "STOFF", "STCOFF", "STNOFF", "STCNOFF"}
+"""First words of files with three coordinates, with what follows them: colours, normals, textures."""
+
+
+def read_off(data: bytes, budget: Budget) -> PolygonFile:
+    """Vertices and faces; colours, normals and textures are passed over.
+
+    Raises MalformedFileError for a file that is no OFF file or ends too soon, SurfaceError beyond the budget.
+    """
+    file = text_file(data)
+    lines = ((number, words) for number, line in file.numbered(budget) if (words := line.split("#")[0].split()))
+    n, m = _sizes(lines)
+    budget.require_vertices(n)
+    budget.require_triangles(m)
+    V, corners, sizes = array("d"), array("q"), array("q")
+    for kind, count in (("vertices", n), ("faces", m)):
+        for done in range(count):
+            number, words = next(lines, (0, []))
+            if not words:
+                raise MalformedFileError(f"{count:,} {kind} are announced, and it ends after {done:,}")
+            try:
+                if kind == "vertices":
+                    V.extend([float_of(words[0]), float_of(words[1]), float_of(words[2])])
+                else:
+                    sizes.append(size := whole_number(words[0]))
+                    corners.extend([whole_number(word) for word in words[1 : 1 + size]])
+                    if size < 0 or len(words) < 1 + size:
+                        raise ValueError
+            except (ValueError, IndexError, OverflowError):
+                raise MalformedFileError(f"line {number} cannot be read: {' '.join(words)[:60]!r}") from None
+    more = sum(1 for _ in lines)
+    bare = not more and m and len(words) == 1 + sizes[-1]  # no colour is behind its corners
+    doubts = file.cut_off("a face") if bare and may_lack_digits(words[-1], n) else ()
+    mesh = Polygons(np.array(V).reshape(-1, 3), np.array(corners), np.array(sizes))
+    dropped = (f"{counted(more, 'line')} after the last face",) if more else ()
+    return PolygonFile(mesh, (*file.doubts, *doubts), dropped, said_in_comments(file.text, ("#",)).unit)
+
+
+def _sizes(lines: Iterator[tuple[int, list[str]]]) -> tuple[int, int]:
+    """The numbers of vertices and of faces, on the first line behind OFF or on the next one."""
+    _, words = next(lines, (0, [""]))
+    if words[0].upper() not in KINDS:
+        raise MalformedFileError("the first word is not OFF, or says that points have other than three coordinates")
+    rest = words[1:] or next(lines, (0, []))[1]
+    if [word.upper() for word in rest[:1]] == ["BINARY"]:
+        raise MalformedFileError("it is binary, and dsfab reads the text form only")
+    try:
+        n, m = whole_number(rest[0]), whole_number(rest[1])
+        if n < 0 or m < 0:
+            raise ValueError
+    except (ValueError, IndexError):
+        raise MalformedFileError("the numbers of vertices and faces are missing") from None
+    return n, m

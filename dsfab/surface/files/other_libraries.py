@@ -1,0 +1,155 @@
+"""Meshes of other libraries as surfaces, and ours as theirs; metres here, each library imported when asked for."""
+
+import importlib.util
+import warnings
+from collections.abc import Iterable
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import numpy as np
+
+from dsfab.core.arrays import Floats, Ints
+from dsfab.core.errors import SurfaceError
+from dsfab.core.units import metres_per
+from dsfab.surface.clean.seams import equal_merged, merged
+from dsfab.surface.files.polygons import Polygons, polygons, triangles
+from dsfab.surface.files.reader import orientable
+from dsfab.surface.mesh import Surface
+
+if TYPE_CHECKING:
+    import compas.datastructures
+    import compas.geometry
+    import pyvista
+    import trimesh
+
+
+def surface_from(V: Any, F: Iterable[Any], unit: str = "m") -> Surface:
+    """A surface of vertices V (n, 3), numbers in `unit`, and polygons F: (m, 3), (m, 4), or lists of any length.
+
+    Polygons are cut into triangles, and faces turned the same way, as those of a file are (`dsfab.read_surface`).
+    Vertices keep their numbers, and so those at the same place stay apart. Raises SurfaceError for what is no mesh, and
+    as `read_surface` does.
+    """
+    mesh = _polygons(V, F)
+    return orientable(mesh.V * metres_per(unit), triangles(mesh).F)
+
+
+def _merged_surface(V: Any, F: Iterable[Any], unit: str) -> Surface:
+    """The same with vertices at the same place made one: libraries have them where a mesh was cut or has a seam."""
+    mesh = _polygons(V, F)
+    fewer, became = merged(mesh.V)
+    mesh = replace(mesh, V=fewer, corners=became[mesh.corners])
+    return orientable(mesh.V * metres_per(unit), triangles(mesh).F)
+
+
+def _polygons(V: Any, F: Iterable[Any]) -> Polygons:
+    """V (n, 3) and polygons F, checked. Raises SurfaceError for what is no mesh."""
+    try:
+        faces = [[int(corner) for corner in face] for face in F]
+        mesh = polygons(np.asarray(V, dtype=np.float64).reshape(-1, 3).tolist(), faces)
+    except (TypeError, ValueError) as error:
+        raise SurfaceError(
+            f"vertices are (n, 3) numbers and faces lists of vertex indices; this is not: {error}"
+        ) from None
+    if faces and not (mesh.corners.min() >= 0 and mesh.corners.max() < len(mesh.V) and mesh.sizes.min() >= 3):
+        raise SurfaceError(f"faces need three corners or more, each one of 0..{len(mesh.V) - 1}; repair the mesh")
+    return mesh
+
+
+def surface_of(mesh: Any, unit: str | None = None) -> Surface:
+    """The surface that a mesh of another library is: trimesh, pyvista, compas, meshio, or any with vertices and faces.
+
+    unit : of its numbers; None takes the unit that it says itself (trimesh may), else metres.
+
+    Vertices at the same place become one, as those of STL and GLB files do; a `Surface` is taken as it is.
+    Raises SurfaceError for what is none of these, and as `surface_from` does.
+    """
+    if isinstance(mesh, Surface):
+        return mesh
+    own = getattr(mesh, "units", None)
+    unit = unit or (own if isinstance(own, str) and own else "m")
+    if hasattr(mesh, "to_vertices_and_faces"):  # compas
+        V, F = mesh.to_vertices_and_faces()
+        return _merged_surface(V, F, unit)
+    if hasattr(mesh, "extract_surface") and hasattr(mesh, "points"):  # pyvista
+        shell = mesh.extract_surface(algorithm=None) if not hasattr(type(mesh), "regular_faces") else mesh
+        return _merged_surface(shell.points, shell.irregular_faces, unit)
+    if hasattr(mesh, "cells_dict") and hasattr(mesh, "points"):  # meshio
+        cells = [face for kind in ("triangle", "quad") for face in mesh.cells_dict.get(kind, ())]
+        return _merged_surface(mesh.points, cells, unit)
+    if hasattr(mesh, "vertices") and hasattr(mesh, "faces"):
+        return _merged_surface(mesh.vertices, mesh.faces, unit)
+    raise SurfaceError(
+        f"a {type(mesh).__name__} is no mesh that dsfab knows; give one with vertices and faces, or call from_mesh"
+    )
+
+
+def stl_by_trimesh(path: Path) -> tuple[Floats, Ints]:
+    """V (n, 3), in the file's unit, and F (m, 3) of an STL file as trimesh reads it: neither our reader nor our writer.
+
+    Raises SurfaceError for a file that trimesh does not read.
+    """
+    import trimesh
+
+    try:
+        with warnings.catch_warnings():
+            warnings.simplefilter("ignore")
+            mesh: Any = trimesh.load(path, file_type="stl", force="mesh", process=False)
+        return equal_merged(np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64))
+    except Exception:  # whatever it throws at a bad file
+        raise SurfaceError(f"{path} cannot be read by trimesh, though dsfab reads it; export it again") from None
+
+
+def as_trimesh(V: Floats, F: Ints) -> "trimesh.Trimesh":
+    """V (n, 3), metres, and F (m, 3) as they are, with nothing merged or turned."""
+    import trimesh
+
+    mesh = trimesh.Trimesh(V, F, process=False)
+    mesh.units = "m"
+    return mesh
+
+
+def as_pyvista(V: Floats, F: Ints) -> "pyvista.PolyData":
+    """V (n, 3), metres, and F (m, 3) as they are."""
+    import pyvista
+
+    made: Any = pyvista.PolyData.from_regular_faces  # typed for Python's own numbers only
+    mesh: pyvista.PolyData = made(np.asarray(V), np.asarray(F))
+    return mesh
+
+
+def as_compas(V: Floats, F: Ints) -> "compas.datastructures.Mesh":
+    """V (n, 3), metres, and F (m, 3) as they are; raises SurfaceError where compas is not installed."""
+    require_compas()
+    from compas.datastructures import Mesh
+
+    mesh: compas.datastructures.Mesh = Mesh.from_vertices_and_faces(V.tolist(), F.tolist())
+    return mesh
+
+
+def as_polyline(points: Floats) -> "compas.geometry.Polyline":
+    """Through points (k, 2), in the plane, or (k, 3), metres; raises SurfaceError where compas is not installed."""
+    require_compas()
+    from compas.geometry import Polyline
+
+    return Polyline(_in_space(points).tolist())
+
+
+def as_circle(middle: Floats, radius: float) -> "compas.geometry.Circle":
+    """In the plane, around (2,), metres; raises SurfaceError where compas is not installed."""
+    require_compas()
+    from compas.geometry import Circle, Frame
+
+    return Circle(radius, frame=Frame(_in_space(middle[None])[0].tolist(), [1.0, 0.0, 0.0], [0.0, 1.0, 0.0]))
+
+
+def require_compas() -> None:
+    """Raises SurfaceError where compas is not installed."""
+    if importlib.util.find_spec("compas") is None:
+        raise SurfaceError('compas is not installed; install it with: pip install "dsfab[compas]"')
+
+
+def _in_space(points: Floats) -> Floats:
+    """(k, 3) of points in the plane (k, 2) or in space."""
+    return np.pad(points, ((0, 0), (0, 3 - points.shape[1])))

@@ -1,0 +1,412 @@
+"""Reader of PLY files, text and binary, and PLY text of a mesh."""
+
+import re
+import warnings
+from array import array
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dsfab import __version__
+from dsfab.core.arrays import Floats, Ints
+from dsfab.core.messages import counted
+from dsfab.surface.files.polygons import Polygons
+from dsfab.surface.files.reading import (
+    Budget,
+    MalformedFileError,
+    PolygonFile,
+    float_of,
+    said_in_comments,
+    text_file,
+    whole_number,
+)
+
+CHUNK = 1 << 16
+"""Records between two looks at the clock."""
+BLOCK = 1 << 20
+"""Bytes of text that are made into numbers together."""
+_SPACE = re.compile(rb"\s")
+
+
+@dataclass(frozen=True)
+class PlyProperty:
+    """One property of an element; a list has the type of its length in front."""
+
+    name: str
+    type: str
+    length: str | None = None
+
+
+@dataclass(frozen=True)
+class PlyElement:
+    """An element: what it is called, how many records of it there are, and what each holds."""
+
+    name: str
+    count: int
+    properties: list[PlyProperty]
+
+    @property
+    def has_lists(self) -> bool:
+        """Whether records may differ in length."""
+        return any(one.length for one in self.properties)
+
+    def cut_off(self) -> MalformedFileError:
+        """What is said where a file has fewer records than announced."""
+        return MalformedFileError(
+            f"the file ends within the element {self.name!r}, of which {self.count:,} are announced"
+        )
+
+
+Columns = dict[str, Any]
+"""Of each property an array (count,); of a list a pair: the values of all records (c,), and how many each has."""
+
+
+def text_numbers(body: bytes) -> tuple[Floats, bool]:
+    """(c,) all numbers of a text up to the first word that is none, and whether there is such a word."""
+    parts, at, odd = [np.empty(0)], 0, False
+    while at < len(body) and not odd:
+        gap = _SPACE.search(body, at + BLOCK)
+        end = gap.start() if gap else len(body)
+        block, at = body[at:end].strip(), end
+        try:
+            with warnings.catch_warnings():
+                warnings.simplefilter("error", DeprecationWarning)  # what numpy before 2.3 says of other words
+                parts.append(np.fromstring(block, dtype=np.float64, sep=" ") if block else np.empty(0))
+        except (ValueError, DeprecationWarning):
+            parts.append(_numbers_before_words(block))
+            odd = True
+    return np.concatenate(parts), odd
+
+
+def _numbers_before_words(block: bytes) -> Floats:
+    numbers = []
+    for word in block.split():
+        try:
+            numbers.append(float_of(word.decode("ascii")))
+        except ValueError:
+            break
+    return np.array(numbers, dtype=np.float64)
+
+
+def text_element(numbers: Floats, at: int, element: PlyElement, budget: Budget) -> tuple[Columns, int]:
+    """The properties of an element whose records begin with number `at` of (c,), and where the next one begins.
+
+    Raises MalformedFileError for a file that ends before, or has a word that is no number there.
+    """
+    if not element.properties or not element.count:
+        return {p.name: _nothing(p) for p in element.properties}, at
+    if element.count * len(element.properties) > len(numbers) - at:  # before anything is made of it
+        raise element.cut_off()
+    begins, counts, stop = _even(numbers, at, element) or _text_walk(numbers, at, element, budget)
+    found: Columns = {}
+    for i, p in enumerate(element.properties):
+        found[p.name] = _as_column(p, numbers[_places(begins[:, i], counts[:, i], 1)], counts[:, i])
+    return found, stop
+
+
+def _even(numbers: Floats, at: int, element: PlyElement) -> tuple[Ints, Ints, int] | None:
+    """(count, p) where each property of each record begins, how many values it has, and the end; None where lists
+    differ in length from those of the first record."""
+    start, sizes, lists, place = [], [], [], 0
+    for p in element.properties:
+        if p.length is not None:
+            size = numbers[at + place] if at + place < len(numbers) else -1
+            if not 0 <= size <= len(numbers):
+                return None
+            lists.append(place)
+            place += 1
+        start.append(place)
+        sizes.append(int(size) if p.length is not None else 1)
+        place += sizes[-1]
+    stop = at + place * element.count
+    if stop > len(numbers):
+        return None
+    table = numbers[at:stop].reshape(element.count, place)
+    if any((table[:, k] != table[0, k]).any() for k in lists):
+        return None
+    first = at + place * np.arange(element.count)
+    return first[:, None] + np.array(start), np.tile(np.array(sizes), (element.count, 1)), stop
+
+
+def _text_walk(numbers: Floats, at: int, element: PlyElement, budget: Budget) -> tuple[Ints, Ints, int]:
+    """The same record by record."""
+    start, sizes = array("q"), array("q")
+    for k in range(element.count):
+        if k % CHUNK == 0:
+            budget.require_time()
+        for p in element.properties:
+            size = 1
+            if p.length is not None:
+                told = numbers[at] if at < len(numbers) else -1.0
+                size = int(told) if 0 <= told <= len(numbers) and told == int(told) else -1
+                at += 1
+            if size < 0 or at + size > len(numbers):
+                raise element.cut_off()
+            start.append(at)
+            sizes.append(size)
+            at += size
+    begins, counts = (np.array(x, dtype=np.int64).reshape(element.count, -1) for x in (start, sizes))
+    return begins, counts, at
+
+
+def binary_element(body: bytes, at: int, element: PlyElement, order: str, budget: Budget) -> tuple[Columns, int]:
+    """The same for binary, from byte `at`: at once if all lists are as long as the first record's, else one by one.
+
+    order : '<' little endian, '>' big endian.
+    """
+    if not element.properties or not element.count:
+        return {p.name: _nothing(p) for p in element.properties}, at
+    least = sum(np.dtype(p.length or p.type).itemsize for p in element.properties)
+    if element.count * least > len(body) - at:  # before anything is made of it
+        raise element.cut_off()
+    dtype, lists = _first_record(body, at, element, order)
+    stop = at + dtype.itemsize * element.count
+    if stop <= len(body):
+        table = np.frombuffer(body, dtype, element.count, at)
+        if all((table[f"length of {name}"] == size).all() for name, size in lists.items()):
+            return {p.name: _column(p, table[p.name]) for p in element.properties}, stop
+    begins, counts, at = _walk(body, at, element, order, budget)
+    raw = np.frombuffer(body, np.uint8)
+
+    found: Columns = {}
+    for i, p in enumerate(element.properties):
+        width = np.dtype(p.type).itemsize
+        places = _places(begins[:, i], counts[:, i], width)
+        found[p.name] = _as_column(
+            p, raw[places[:, None] + np.arange(width)].view(order + p.type).ravel(), counts[:, i]
+        )
+    return found, at
+
+
+def _first_record(body: bytes, at: int, element: PlyElement, order: str) -> tuple[np.dtype[Any], dict[str, int]]:
+    """The type of the record that begins at byte `at`, and the lengths of its lists."""
+    fields: list[tuple[Any, ...]] = []
+    lists: dict[str, int] = {}
+    for p in element.properties:
+        if p.length is None:
+            fields.append((p.name, order + p.type))
+            continue
+        width = np.dtype(p.length).itemsize
+        start = at + np.dtype(fields).itemsize
+        size = int(np.frombuffer(body, order + p.length, 1, start)[0]) if start + width <= len(body) else -1
+        if size < 0 or size > len(body):
+            raise element.cut_off()
+        lists[p.name] = size
+        fields += [(f"length of {p.name}", order + p.length), (p.name, order + p.type, (size,))]
+    return np.dtype(fields), lists
+
+
+def _walk(body: bytes, at: int, element: PlyElement, order: str, budget: Budget) -> tuple[Ints, Ints, int]:
+    """(count, p) the byte at which each property of each record begins, how many values it has, and the end."""
+    byte = "little" if order == "<" else "big"
+    steps = [
+        (
+            np.dtype(p.length).itemsize if p.length else 0,
+            np.dtype(p.type).itemsize,
+            bool(p.length and p.length[0] == "i"),
+        )
+        for p in element.properties
+    ]
+    start, sizes = array("q"), array("q")
+    for k in range(element.count):
+        if k % CHUNK == 0:
+            budget.require_time()
+        for wide, width, signed in steps:
+            size = int.from_bytes(body[at : at + wide], byte, signed=signed) if wide else 1  # type: ignore[arg-type]
+            at += wide
+            if size < 0 or at + size * width > len(body):
+                raise element.cut_off()
+            start.append(at)
+            sizes.append(size)
+            at += size * width
+    begins, counts = (np.array(x, dtype=np.int64).reshape(element.count, -1) for x in (start, sizes))
+    return begins, counts, at
+
+
+def _places(begin: Ints, count: Ints, step: int) -> Ints:
+    """(c,) where each value of one property is: `count` of them from `begin` on, `step` apart."""
+    within = np.arange(int(count.sum())) - np.repeat(np.cumsum(count) - count, count)
+    places: Ints = np.repeat(begin, count) + step * within
+    return places
+
+
+def _as_column(p: PlyProperty, values: NDArray[Any], count: Ints) -> Any:
+    return values.astype(np.float64) if p.length is None else (values, count)
+
+
+def _column(p: PlyProperty, values: NDArray[Any]) -> Any:
+    if p.length is None:
+        return values.astype(np.float64)
+    return values.ravel(), np.full(len(values), values.shape[1])
+
+
+def _nothing(p: PlyProperty) -> Any:
+    empty = np.empty(0)
+    return empty if p.length is None else (empty.astype(np.int64), np.empty(0, dtype=np.int64))
+
+
+_NUMBERS = (
+    "char=i1 uchar=u1 short=i2 ushort=u2 int=i4 uint=u4 float=f4 double=f8 "
+    "int8=i1 uint8=u1 int16=i2 uint16=u2 int32=i4 uint32=u4 float32=f4 float64=f8"
+)
+_TYPES = dict(pair.split("=") for pair in _NUMBERS.split())
+_ORDERS = {"binary_little_endian": "<", "binary_big_endian": ">"}
+_END = re.compile(rb"(?<=[\r\n])end_header[ \t]*(\r\n|\n|\r|\Z)")
+LONGEST_HEADER = 1 << 20
+"""Bytes within which a header ends."""
+
+_FACE = np.dtype([("count", "u1"), ("vertices", "<i4", 3)])
+
+
+def read_ply(data: bytes, budget: Budget) -> PolygonFile:
+    """Vertices and faces of a PLY file; colours, normals and other elements are passed over.
+
+    Raises MalformedFileError when the file is not a PLY file, is cut off or lacks a property, SurfaceError beyond the
+    budget; both before anything is made of what the header announces.
+    """
+    if data[:3] != b"ply":  # with a byte order mark, or UTF-16
+        file = text_file(data)
+        if not file.text.startswith("ply"):
+            raise MalformedFileError("there is no PLY header")
+        data, doubts = file.text.encode("utf-8"), file.doubts
+    else:
+        doubts = ()
+    end = _END.search(data, 0, LONGEST_HEADER)
+    if end is None:
+        raise MalformedFileError("there is no PLY header, or it does not end")
+    header = data[: end.start()].decode("ascii", errors="replace")
+    said = said_in_comments(header, ("comment", "obj_info"))
+    style, elements = _header(header)
+    found, left = _elements(data[end.end() :], style, elements, budget)
+    passed = tuple(
+        f"{counted(e.count, 'record')} of the element {e.name!r}" for e in elements if e.name not in ("vertex", "face")
+    )
+    if style == "ascii" and not data.endswith((b"\n", b"\r")) and elements:
+        doubts = (*doubts, f"the last line has no end: the file may be cut off within the last {elements[-1].name}")
+    return PolygonFile(_polygons(found), doubts, (*passed, *left), said.unit)
+
+
+def _elements(
+    body: bytes, style: str, elements: list[PlyElement], budget: Budget
+) -> tuple[dict[str, dict[str, Any]], tuple[str, ...]]:
+    """The properties of each element, and what there is behind the last one."""
+    for element in elements:
+        _require_within(budget, element)
+    found: dict[str, dict[str, Any]] = {}
+    numbers, odd = text_numbers(body) if style == "ascii" else (np.empty(0), False)
+    at = 0
+    for element in elements:
+        budget.require_time()
+        if style == "ascii":
+            try:
+                found[element.name], at = text_element(numbers, at, element, budget)
+            except MalformedFileError:
+                if odd:
+                    raise MalformedFileError(f"the element {element.name!r} holds a word that is no number") from None
+                raise
+        else:
+            found[element.name], at = binary_element(body, at, element, _ORDERS[style], budget)
+    more = len(numbers) - at if style == "ascii" else len(body) - at
+    thing = "number" if style == "ascii" else "byte"
+    left = [counted(more, thing)] if more else []
+    left += ["words that are no numbers"] if odd else []
+    return found, (f"{' and '.join(left)} after the last element",) if left else ()
+
+
+def _require_within(budget: Budget, element: PlyElement) -> None:
+    """Raise SurfaceError for an element with more records than are accepted; those without a property cost nothing."""
+    count = element.count if element.properties else 0
+    if element.name == "face":
+        budget.require_triangles(count)
+    else:
+        what = "vertices" if element.name == "vertex" else f"records of the element {element.name!r}"
+        budget.require_vertices(count, what)
+
+
+def _polygons(found: dict[str, dict[str, Any]]) -> Polygons:
+    """Raises MalformedFileError where the element vertex, one of its places, or whole numbers in faces are missing."""
+    vertex, face = found.get("vertex"), found.get("face", {})
+    if vertex is None:
+        raise MalformedFileError("it has no element 'vertex'")
+    missing = [axis for axis in "xyz" if not isinstance(vertex.get(axis), np.ndarray)]
+    if missing:
+        raise MalformedFileError(f"its vertices have no property {', '.join(missing)}")
+    V = np.stack([np.asarray(vertex[axis], dtype=np.float64) for axis in "xyz"], axis=1)
+    lists = face.get("vertex_indices", face.get("vertex_index"))
+    if lists is None:
+        return Polygons(V, np.empty(0, dtype=np.int64), np.empty(0, dtype=np.int64))
+    if not isinstance(lists, tuple):
+        raise MalformedFileError("the property vertex_indices of its faces is no list")
+    return Polygons(V, _whole(lists[0]), lists[1])
+
+
+def _whole(indices: NDArray[Any]) -> Ints:
+    if indices.dtype.kind == "f" and not ((np.abs(indices) < 2**53) & (indices == np.floor(indices))).all():
+        raise MalformedFileError("its faces name vertices by numbers that are not whole")
+    return indices.astype(np.int64)
+
+
+def ply_chunks(V: Floats, F: Ints, unit: str) -> Iterator[bytes]:
+    """A binary file, little endian, of V (n, 3), doubles in `unit`, which a comment names, and of F (m, 3)."""
+    lines = [
+        "ply",
+        "format binary_little_endian 1.0",
+        f"comment written by dsfab {__version__}",
+        f"comment unit: {unit}",
+        f"element vertex {len(V)}",
+        *(f"property double {axis}" for axis in "xyz"),
+        f"element face {len(F)}",
+        "property list uchar int vertex_indices",
+        "end_header",
+    ]
+    faces = np.empty(len(F), dtype=_FACE)
+    faces["count"] = 3
+    faces["vertices"] = F
+    yield ("\n".join(lines) + "\n").encode("ascii")
+    yield V.astype("<f8").tobytes()
+    yield faces.tobytes()
+
+
+def _header(text: str) -> tuple[str, list[PlyElement]]:
+    """The format (ascii, binary_...) and the elements, in the order of the file."""
+    style, elements = "", list[PlyElement]()
+    for number, line in enumerate(text.splitlines(), start=1):
+        match line.split():
+            case ["format", kind, *_]:
+                style = kind
+            case ["element", name, count]:
+                elements.append(PlyElement(name, _count(count, number), []))
+            case ["property", "list", length, kind, name] if elements and {length, kind} <= set(_TYPES):
+                elements[-1].properties.append(PlyProperty(name, _TYPES[kind], _TYPES[length]))
+            case ["property", kind, name] if elements and kind in _TYPES:
+                elements[-1].properties.append(PlyProperty(name, _TYPES[kind]))
+            case [] | ["ply"] | ["comment" | "obj_info", *_]:
+                pass
+            case _:
+                raise MalformedFileError(f"line {number} of its header cannot be read: {line.strip()[:60]!r}")
+    if style != "ascii" and style not in _ORDERS:
+        raise MalformedFileError(f"the format {style!r} is not ascii, binary_little_endian or binary_big_endian")
+    _require_unique([element.name for element in elements], "element")
+    for element in elements:
+        _require_unique([one.name for one in element.properties], f"property of {element.name!r}")
+        if any(one.length in ("f4", "f8") for one in element.properties):
+            raise MalformedFileError(f"a list of {element.name!r} has a length that is no whole number")
+    return style, elements
+
+
+def _count(word: str, line: int) -> int:
+    try:
+        count = whole_number(word)
+    except ValueError:
+        count = -1
+    if count < 0:
+        raise MalformedFileError(f"line {line} of its header has no number of records: {word[:40]!r}")
+    return count
+
+
+def _require_unique(names: list[str], what: str) -> None:
+    if twice := {name for name in names if names.count(name) > 1}:
+        raise MalformedFileError(f"its header has the {what} {min(twice)!r} twice")

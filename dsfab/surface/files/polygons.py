@@ -1,0 +1,331 @@
+"""Polygon meshes as arrays, and their quads and larger polygons cut into triangles."""
+
+from dataclasses import dataclass
+from itertools import chain, pairwise
+from typing import Any
+
+import mapbox_earcut
+import numpy as np
+import pythoncdt as cdt
+
+from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
+
+FLAT, WARPED = (float(np.cos(np.radians(angle))) for angle in (2, 10))
+"""Quads whose triangles are more parallel than the one are flat; those that are less parallel than the other may lie
+across a fold."""
+ON, BETTER = 2 * float(np.sin(np.radians(10) / 2)), 0.25
+"""The longer diagonal is taken where its triangles go on in the flat faces beside them within 10 degrees, and bend
+there by so small a share of what those of the shorter one do. On a saddle no quad is flat."""
+
+
+def quads_cut(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
+    """(2 q, 3) the two triangles of each of the faces `quads` (q,), which have four corners.
+
+    V : (n, 3).    corners : (c,) of all faces, one after the other; those of quads outside 0..n-1 are cut anyhow.
+    sizes : (f,) how many each face has.
+
+    Where one diagonal alone stays inside a quad it is that; where they are equal, the one from the first corner.
+    """
+    start = np.cumsum(sizes) - sizes
+    Q = corners[start[quads][:, None] + np.arange(4)]
+    P = V[_inside(Q, len(V))] if len(Q) and len(V) else np.zeros((len(Q), 4, 3))
+    d02, d13 = P[:, 2] - P[:, 0], P[:, 3] - P[:, 1]
+    area = np.cross(d02, d13)
+    normals = np.stack([np.cross(P[:, j] - P[:, i], P[:, k] - P[:, i]) for i, j, k in _TRIANGLES], axis=1)
+    fits = np.einsum("qti,qi->qt", normals, area) > 0
+    fits02, fits13 = fits[:, :2].all(axis=1), fits[:, 2:].all(axis=1)
+    shorter = np.linalg.norm(d13, axis=1) < (1 - 1e-9) * np.linalg.norm(d02, axis=1)
+    other = np.where(fits02 == fits13, shorter, fits13)
+    at = unit_vectors(normals)
+    parallel = np.where(other, *(np.einsum("qi,qi->q", at[:, k], at[:, k + 1]) for k in (2, 0)))
+    rows = np.flatnonzero(fits02 & fits13 & (parallel < WARPED))
+    if len(rows):
+        bent = np.zeros(len(sizes), dtype=bool)
+        bent[quads] = parallel < FLAT
+        beside = _normals_beside(V, corners, sizes, bent, start[quads[rows]])
+        bend = [_bend(at[rows][:, which], beside) for which in _AT_SIDES]
+        chosen, instead = np.where(other[rows], bend[::-1], bend)
+        other[rows] ^= instead < np.minimum(ON, BETTER * chosen)
+    cut = np.where(other[:, None], [[1, 2, 3, 1, 3, 0]], [[0, 1, 2, 0, 2, 3]])
+    return np.take_along_axis(Q, cut, axis=1).reshape(-1, 3)
+
+
+_TRIANGLES = (0, 1, 2), (0, 2, 3), (1, 2, 3), (1, 3, 0)
+"""Of a quad cut from corner 0 to 2, and of one cut from 1 to 3."""
+_AT_SIDES = (0, 0, 1, 1), (3, 2, 2, 3)
+"""The triangle at each side, which runs from the corner of its number to the next, for both cuts."""
+
+
+def _inside(corners: Ints, n: int) -> Ints:
+    return np.where((corners < 0) | (n <= corners), 0, corners)
+
+
+def _bend(at: Floats, beside: Floats) -> Floats:
+    """(r,) how far unit normals (r, 4, 3) of triangles are off those beside them at most: chords of angles."""
+    there = (beside != 0).any(axis=2)
+    return np.asarray((np.linalg.norm(at - beside, axis=2) * there).max(axis=1))
+
+
+def _normals_beside(V: Floats, corners: Ints, sizes: Ints, bent: Bools, first: Ints) -> Floats:
+    """(r, 4, 3) unit normals of the flat faces beyond the sides of quads, 0 where there is none, or more than one.
+
+    bent : (f,) faces that are not flat.    first : (r,) the places of the first corners among `corners`.
+    """
+    owner, h = np.repeat(np.arange(len(sizes)), sizes), np.arange(len(corners))
+    start = np.cumsum(sizes) - sizes
+    onward = np.where(h + 1 < (start + sizes)[owner], h + 1, start[owner])
+    a, b = _inside(corners, len(V)), _inside(corners[onward], len(V))
+    origin = V[a[start[owner]]]
+    turned = np.cross(V[a] - origin, V[b] - origin)
+    N = unit_vectors(np.stack([np.bincount(owner, x, len(sizes)) for x in turned.T], axis=1))
+    _, edge, count = np.unique(np.minimum(a, b) * len(V) + np.maximum(a, b), return_inverse=True, return_counts=True)
+    side = first[:, None] + np.arange(4)
+    beyond = np.bincount(edge, h)[edge[side]].astype(np.int64) - side  # of two numbers' sum, the other
+    beyond = np.where(count[edge[side]] == 2, beyond, side)
+    known = (beyond != side) & ~bent[owner[beyond]]
+    same = np.where(a[beyond] == a[side], -1.0, 1.0) * known
+    return np.asarray(same[..., None] * N[owner[beyond]])
+
+
+FEW = 12
+"""Corners up to which ears are clipped by their cuts: it takes k^3 steps."""
+MANY = 2000
+"""Corners above which triangles are Delaunay's: of a comb of 100,000 earcut's take 4 s, these .2 s."""
+NOISE = 32 * float(np.finfo(np.float64).eps)
+"""A corner is straight where it is off the line of its neighbours by less, as a share of the largest coordinate."""
+SAME_AREA = 1e-6
+"""Largest accepted difference between the area of a polygon and that of its triangles, relative."""
+ORDER = cdt.VertexInsertionOrder.AUTO
+"""Of points: those near to each other follow each other."""
+TOGETHER = 1 << 12
+"""Polygons of one size that are cut together: as many as keep their numbers in the processor's cache."""
+
+
+def small_polygons_cut(P: Floats) -> Ints:
+    """(q, k - 2, 3) triangles, as corners 0..k-1, of q polygons P (q, k, 3) with 5 <= k <= `FEW` corners.
+
+    Where no corner is an ear (a polygon that crosses itself) the shortest cut of all is made.
+    """
+    parts = [_ears(P[first : first + TOGETHER]) for first in range(0, len(P), TOGETHER)]
+    return np.concatenate(parts) if parts else np.empty((0, P.shape[1] - 2, 3), dtype=np.int64)
+
+
+def _ears(P: Floats) -> Ints:
+    q, k, _ = P.shape
+    P = P - P[:, :1]
+    normal = np.cross(P, np.roll(P, -1, axis=1)).sum(axis=1)
+    left, rows, cuts = np.tile(np.arange(k), (q, 1)), np.arange(q), []
+    while left.shape[1] > 3:
+        before, after = np.roll(left, 1, axis=1), np.roll(left, -1, axis=1)
+        is_ear = _are_ears(P[rows[:, None], left], normal)
+        length = np.linalg.norm(P[rows[:, None], before] - P[rows[:, None], after], axis=2)
+        length = np.where(is_ear | ~is_ear.any(axis=1, keepdims=True), length, np.inf)
+        best = length.argmin(axis=1)
+        cuts.append(np.stack([before[rows, best], left[rows, best], after[rows, best]], axis=1))
+        left = left[np.arange(left.shape[1]) != best[:, None]].reshape(q, -1)
+    return np.stack([*cuts, left], axis=1)
+
+
+def _are_ears(P: Floats, normal: Floats) -> Bools:
+    """(q, k) whether a corner of P (q, k, 3) is convex and its triangle empty, seen along normal (q, 3)."""
+    k = P.shape[1]
+    a, b, c = np.roll(P, 1, axis=1), P, np.roll(P, -1, axis=1)
+    convex = np.einsum("qki,qi->qk", np.cross(b - a, c - b), normal) > 0
+    others = P[:, (np.arange(k)[:, None] + np.arange(2, k - 1)) % k]  # (q, k, k - 3, 3): all but the ear's three
+    within = np.ones(others.shape[:3], dtype=bool)
+    for start, end in ((a, b), (b, c), (c, a)):
+        side = np.cross((end - start)[:, :, None], others - start[:, :, None])
+        within &= np.einsum("qkoi,qi->qko", side, normal) >= 0
+    ears: Bools = convex & ~within.any(axis=2)
+    return ears
+
+
+def large_polygon_cut(P: Floats) -> Ints | None:
+    """(k - 2, 3) triangles of one polygon P (k, 3), as corners 0..k-1, cut as it is seen along its normal.
+
+    None where it crosses itself there, or has no area.
+
+    Every corner is a corner of a triangle, also those in the middle of a straight side: neighbours may end there.
+    """
+    flat, noise = _in_plane(P)
+    x, y = flat.T
+    area = float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
+    if not area > 0:
+        return None
+    ring, runs = _without_straight(flat, noise)
+    F = _with_runs(ring[_ring_cut(flat[ring])], runs)
+    twice = _twice_areas(flat, F)
+    sound = len(F) == len(P) - 2 and bool((twice > 0).all()) and abs(float(twice.sum()) - area) <= SAME_AREA * area
+    return F if sound else None
+
+
+def fan(k: int) -> Ints:
+    """(k - 2, 3) triangles from the first of k corners."""
+    return np.array([[0, b, c] for b, c in pairwise(range(1, k))], dtype=np.int64)
+
+
+def _ring_cut(flat: Floats) -> Ints:
+    """(t, 3) triangles of an outline (k, 2)."""
+    if len(flat) <= MANY:
+        return _earcut(flat)
+    cut, ends = cdt.Triangulation(ORDER, cdt.IntersectingConstraintEdges.NOT_ALLOWED, 0.0), np.arange(len(flat))
+    points: Any = np.ascontiguousarray(flat)  # a buffer, which Python has a word for from 3.12 on
+    sides: Any = np.stack([ends, np.roll(ends, -1)], axis=1).astype(np.uint32)
+    try:
+        cut.insert_vertices(points)
+        cut.insert_edges(sides)
+    except RuntimeError:  # points twice, or sides that cross
+        return _earcut(flat)
+    cut.erase_outer_triangles()
+    return np.asarray(cut.triangles_array()["vertices"], dtype=np.int64)
+
+
+def _earcut(flat: Floats) -> Ints:
+    found = mapbox_earcut.triangulate_float64(np.ascontiguousarray(flat), np.array([len(flat)], dtype=np.uint32))
+    F: Ints = np.asarray(found, dtype=np.int64).reshape(-1, 3)
+    turned = _twice_areas(flat, F) < 0  # versions differ in the direction
+    return np.where(turned[:, None], F[:, ::-1], F)
+
+
+def _in_plane(P: Floats) -> tuple[Floats, float]:
+    """(k, 2) P (k, 3) in a plane square to its mean normal, counter-clockwise, in units of its size; and its noise."""
+    size = float(np.ptp(P, axis=0).max()) or 1.0
+    noise = NOISE * max(1.0, float(np.abs(P).max()) / size)
+    P = (P - P.mean(axis=0)) / size
+    normal = np.cross(P, np.roll(P, -1, axis=0)).sum(axis=0)
+    drop = int(np.abs(normal).argmax())
+    right = np.cross(np.eye(3)[(drop + 1) % 3], normal)
+    axes = np.stack([right, np.cross(normal, right)])
+    length = np.linalg.norm(axes, axis=1, keepdims=True)
+    flat: Floats = P @ np.divide(axes, length, out=np.zeros_like(axes), where=length > 0).T
+    return flat, noise
+
+
+def _twice_areas(flat: Floats, F: Ints) -> Floats:
+    a, b, c = flat[F[:, 0]], flat[F[:, 1]], flat[F[:, 2]]
+    ab, ac = b - a, c - a
+    twice: Floats = ab[:, 0] * ac[:, 1] - ab[:, 1] * ac[:, 0]
+    return twice
+
+
+def _turns(flat: Floats) -> tuple[Floats, Bools]:
+    """Of every corner of an outline (k, 2): how far it is right of the line between its neighbours, and whether the
+    outline goes on there rather than back."""
+    to, on = flat - np.roll(flat, 1, axis=0), np.roll(flat, -1, axis=0) - flat
+    cut = np.linalg.norm(to + on, axis=1)
+    twice = to[:, 0] * on[:, 1] - to[:, 1] * on[:, 0]
+    height: Floats = np.divide(twice, cut, out=np.zeros_like(cut), where=cut > 0)
+    return height, np.asarray(np.einsum("ki,ki->k", to, on) > 0)
+
+
+def _without_straight(flat: Floats, noise: float) -> tuple[Ints, list[Ints]]:
+    """The corners where the outline turns, and the straight runs between two of them, both ends included."""
+    k = len(flat)
+    height, onward = _turns(flat)
+    turning = np.flatnonzero((np.abs(height) > noise) | ~onward)
+    if len(turning) < 3:
+        return np.arange(k), []
+    ends = np.append(turning, turning[0] + k)
+    return turning, [np.arange(a, b + 1) % k for a, b in pairwise(ends.tolist()) if b > a + 1]
+
+
+def _with_runs(F: Ints, runs: list[Ints]) -> Ints:
+    """Triangles F (t, 3) with straight runs in place of the sides from their first to their last corner.
+
+    A run fans out from the corner opposite its side.
+    """
+    if not runs:
+        return F
+    table = {edge: apex for a, b, c in F.tolist() for edge, apex in (((a, b), c), ((b, c), a), ((c, a), b))}
+    more, gone = [], set()
+    for run in runs:
+        first, last = int(run[0]), int(run[-1])
+        apex = table.get((first, last))
+        if apex is None:  # the outline crosses itself
+            continue
+        gone.add(frozenset((first, last, apex)))
+        corners = run.tolist()
+        more += [(a, b, apex) for a, b in pairwise(corners)]
+        table[apex, first], table[last, apex] = corners[1], corners[-2]
+    whole = [(a, b, c) for a, b, c in (*map(tuple, F.tolist()), *more) if frozenset((a, b, c)) not in gone]
+    return np.array(whole, dtype=np.int64).reshape(-1, 3)
+
+
+@dataclass(frozen=True, eq=False)
+class Polygons:
+    """A mesh of polygons: V (n, 3) in the file's unit, and the corners of all faces one after the other.
+
+    corners : (c,) vertex indices; face k has sizes[k] of them.
+    """
+
+    V: Floats
+    corners: Ints
+    sizes: Ints
+
+    def part(self, faces: Ints) -> "Polygons":
+        """The same vertices with some of the faces (f,), in their order."""
+        owner = np.repeat(np.arange(len(self.sizes)), self.sizes)
+        return Polygons(self.V, self.corners[np.isin(owner, faces)], self.sizes[faces])
+
+
+def polygons(V: list[list[float]], faces: list[list[int]]) -> Polygons:
+    """From lists, as the readers meet them."""
+    return Polygons(
+        np.array(V, dtype=np.float64).reshape(-1, 3),
+        np.fromiter(chain.from_iterable(faces), dtype=np.int64),
+        np.array([len(face) for face in faces], dtype=np.int64),
+    )
+
+
+@dataclass(frozen=True, eq=False)
+class CutPolygons:
+    """Triangles of polygons.
+
+    F : (m, 3) vertex indices. owner : (m,) the polygon of each, ascending.
+    fanned : (p,) polygons that could only be cut as fans, from their first corners, because they cross themselves.
+    """
+
+    F: Ints
+    owner: Ints
+    fanned: Ints
+
+
+def triangles(mesh: Polygons) -> CutPolygons:
+    """Polygons cut into triangles.
+
+    A quad is cut as `dsfab.surface.files.polygons` says, mostly along its shorter diagonal, a larger polygon as
+    `dsfab.surface.files.polygons` does. Polygons with fewer than three corners are dropped;
+    one with a vertex outside the mesh, or that is not finite, is fanned, for the caller to refuse.
+    """
+    start = np.concatenate([[0], np.cumsum(mesh.sizes)[:-1]]).astype(np.int64)
+    of3, of4 = np.flatnonzero(mesh.sizes == 3), np.flatnonzero(mesh.sizes == 4)
+    cuts = [mesh.corners[start[of3][:, None] + np.arange(3)], quads_cut(mesh.V, mesh.corners, mesh.sizes, of4)]
+    owners = [of3, np.repeat(of4, 2)]
+    fanned: list[int] = []
+    for k in np.unique(mesh.sizes[mesh.sizes > 4]).tolist():
+        of = np.flatnonzero(mesh.sizes == k)
+        corners = mesh.corners[start[of][:, None] + np.arange(k)]
+        F, crossed = _polygons_cut(mesh.V, corners)
+        cuts.append(np.take_along_axis(corners, F.reshape(len(of), -1), axis=1).reshape(-1, 3))
+        owners.append(np.repeat(of, k - 2))
+        fanned.extend(of[crossed].tolist())
+    F, owner = np.concatenate(cuts), np.concatenate(owners)
+    order = np.argsort(owner, kind="stable")
+    return CutPolygons(F[order], owner[order], np.array(sorted(fanned), dtype=np.int64))
+
+
+def _polygons_cut(V: Floats, corners: Ints) -> tuple[Ints, Bools]:
+    """(q, k - 2, 3) triangles, as corners 0..k-1, of q polygons (q, k), and which (q,) cross themselves."""
+    q, k = corners.shape
+    there = (corners >= 0) & (corners < len(V))
+    P = V[np.where(there, corners, 0)] if len(V) else np.zeros((q, k, 3))
+    sound = there.all(axis=1) & np.isfinite(P).all(axis=(1, 2))
+    F, crossed = np.tile(fan(k), (q, 1, 1)), np.zeros(q, dtype=bool)
+    if k <= FEW:
+        F[sound] = small_polygons_cut(P[sound])
+        return F, crossed
+    for i in np.flatnonzero(sound).tolist():
+        cut = large_polygon_cut(P[i])
+        crossed[i] = cut is None
+        F[i] = F[i] if cut is None else cut
+    return F, crossed

@@ -1,0 +1,304 @@
+"""`read_surface`: a mesh file to a checked, oriented `Surface`; `describe`: the facts about a file, good or bad."""
+
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+import numpy as np
+
+from dsfab.core.arrays import Bools, Floats, Ints, area_vectors, closed_length, face_angles, first, lengths
+from dsfab.core.errors import SurfaceError
+from dsfab.core.messages import counted
+from dsfab.core.units import metres_per
+from dsfab.surface.clean.repair import mended, repaired_scan
+from dsfab.surface.clean.seams import in_reach
+from dsfab.surface.files import DEFAULT_TRIANGLES, FileRecord
+from dsfab.surface.files.mesh_files import RawMesh, raw_mesh
+from dsfab.surface.mesh import ZERO_AREA, Surface, signed_volume, signed_volumes
+from dsfab.surface.orientation import Up, flips_along_tree, upright
+from dsfab.surface.topology import (
+    EdgeTable,
+    boundary_loops,
+    duplicate_faces,
+    edge_table,
+    euler_characteristic,
+    flips_to_orient,
+    manifold_faults,
+    misoriented_edges,
+    named_edges,
+    pieces,
+    pinches,
+)
+
+LARGEST_IN_METRES = 250.0
+"""A mesh with a longer box than this is guessed to be in millimetres: few shells are longer."""
+
+
+@dataclass(frozen=True, eq=False)
+class SurfaceInFile:
+    """The surface in a file, metres, and what was read, repaired and dropped to make it."""
+
+    surface: Surface
+    record: FileRecord
+
+
+def read_surface(
+    path: str | Path,
+    unit: str | None = None,
+    up: Up = "z",
+    mend: bool = False,
+    max_triangles: int = DEFAULT_TRIANGLES,
+    repair: bool = False,
+) -> Surface:
+    """The surface in a mesh file, or a file of a CAD program (`MESH_SUFFIXES`), in metres.
+
+    unit : of the numbers in the file; None takes the unit the file declares (3MF, 3DM, DXF, STEP; glTF is in metres),
+           else metres.
+    up   : the file's axis that points to the sky.
+    mend : whether small faults are mended first: see `dsfab.surface.clean.repair`.
+    max_triangles : how many the file may have; what reading may cost follows from it.
+    repair : whether it is a raw scan, made a sheet first: see `dsfab.surface.clean.repair`.
+
+    Neighbouring faces that face opposite sides are turned, fewest first, and a closed piece that is inside out is
+    turned outward. A piece with one side only (a Moebius strip) keeps a seam of edges where neighbours disagree. A GLB
+    file has y up by its specification and is turned to z up. Pinches (parts touching in a point) and several pieces are
+    accepted: `describe` reports them, and `surface_in_file` what was repaired and dropped.
+
+    Raises SurfaceError for a file that cannot be read, coordinates that are not finite, collapsed or repeated faces,
+    and edges with more than two faces.
+    """
+    return surface_in_file(path, unit, up, mend, max_triangles, repair).surface
+
+
+def surface_in_file(
+    path: str | Path,
+    unit: str | None = None,
+    up: Up = "z",
+    mend: bool = False,
+    max_triangles: int = DEFAULT_TRIANGLES,
+    repair: bool = False,
+) -> SurfaceInFile:
+    """The surface in a file together with what was read, repaired and dropped; see `read_surface`."""
+    raw = raw_mesh(path, max_triangles)
+    return surface_of_file(path, mended_raw(raw, repair, unit) if mend or repair else raw, unit, up)
+
+
+def mended_raw(raw: RawMesh, scan: bool = False, unit: str | None = None) -> RawMesh:
+    """What was read from a file, in its unit where none is given, with its small faults mended, or repaired as a scan,
+    which its record tells."""
+    metres = metres_per(unit) if unit else raw.metres
+    better = (repaired_scan if scan else mended)(raw.V, raw.F, metres)
+    if not better.repairs:
+        return raw
+    return replace(raw, V=better.V, F=better.F, record=raw.record.also(better.repairs))
+
+
+def surface_of_file(path: str | Path, raw: RawMesh, unit: str | None = None, up: Up = "z") -> SurfaceInFile:
+    """The surface of what was read from a file; see `read_surface`, which reads it first."""
+    if not len(raw.F):
+        raise SurfaceError(f"{path}: nothing is left once faults are mended: {'; '.join(raw.record.repaired)}")
+    V = upright(raw.V * (metres_per(unit) if unit else raw.metres), up)
+    try:
+        surface = orientable(V, raw.F)
+    except SurfaceError as error:
+        raise SurfaceError(f"{path}: {error}") from None
+    return SurfaceInFile(surface, raw.record.also(turned_over(raw.F, surface.F)))
+
+
+def turned_over(before: Ints, after: Ints) -> tuple[str, ...]:
+    """How many faces (m, 3) were turned over, a few words; none where none was."""
+    count = int((before != after).any(axis=1).sum())
+    if not count:
+        return ()
+    why = "neighbours face the same side" if count < len(before) else "they face outward"
+    return (f"{counted(count, 'face')} of {len(before):,} turned over, so that {why}",)
+
+
+def orientable(V: Floats, F: Ints) -> Surface:
+    """The surface of V (n, 3), metres, and F (m, 3), its faces turned the same way; see `read_surface`."""
+    surface = Surface(V, F)
+    _check_manifold(F, surface.edges)
+    turned = _oriented(V, F, surface.edges)
+    return surface if turned is F else Surface(V, turned)
+
+
+def normalized(surface: Surface) -> Surface:
+    """The surface as a file would give it back: faces turned the same way, no vertex (n, 3) without a face (m, 3).
+
+    Raises SurfaceError as `read_surface` does.
+    """
+    used, F = np.unique(surface.F, return_inverse=True)
+    if len(used) < surface.n:
+        return orientable(surface.V[used], F.reshape(-1, 3))
+    turned = orientable(surface.V, surface.F)
+    return surface if np.array_equal(turned.F, surface.F) else turned
+
+
+def _check_manifold(F: Ints, edges: EdgeTable) -> None:
+    twice = duplicate_faces(F)
+    if len(twice):
+        raise SurfaceError(
+            f"{len(twice)} of {len(F)} faces repeat an earlier face (first: {first(twice)}); remove them, "
+            "or let surface.mend = true do it"
+        )
+    crowded = np.flatnonzero(edges.count > 2)
+    if len(crowded):
+        raise SurfaceError(
+            f"{len(crowded)} edges have more than two faces (first: {named_edges(crowded, edges)}); "
+            "dsfab needs a manifold sheet: remove the faces inside or split the surface there"
+        )
+
+
+def _oriented(V: Floats, F: Ints, edges: EdgeTable) -> Ints:
+    """F itself, or a copy with faces turned so that neighbours agree and closed pieces face outward."""
+    flips = flips_to_orient(F, edges)
+    if flips is None:
+        flips = flips_along_tree(F, edges)
+    flips = flips ^ _inside_out(V, _flipped(F, flips), edges)
+    return _flipped(F, flips) if flips.any() else F
+
+
+def _flipped(F: Ints, flips: Bools) -> Ints:
+    return np.where(flips[:, None], F[:, ::-1], F)
+
+
+def _inside_out(V: Floats, F: Ints, edges: EdgeTable) -> Bools:
+    """(m,) faces of closed pieces that enclose a negative volume."""
+    count, piece = pieces(F, edges)
+    on_boundary = edges.boundary[edges.of].any(axis=1)
+    is_open = np.bincount(piece, on_boundary, minlength=count) > 0
+    inward: Bools = np.logical_and(~is_open, signed_volumes(V, F, piece, count) < 0)
+    return np.asarray(inward[piece])
+
+
+@dataclass(frozen=True)
+class MeshFacts:
+    """What is known about a mesh file, good or bad. Lengths in metres by the unit given; faces are triangles.
+
+    Faces with vertices that are not finite count in `faces` and nowhere else. `volume` is None unless the mesh is
+    closed and oriented; `genus` is None unless it is one oriented manifold piece. `faults` are the reasons why it is
+    not an oriented manifold, a sentence each, empty for a good mesh. `smallest_angle` is in degrees and leaves the
+    degenerate faces out. `unit_guess` is the file's own unit, or a guess from the size of the numbers; `unit_said`
+    tells which. `record` is what reading it repaired and dropped.
+    """
+
+    path: str
+    unit: str
+    unit_guess: str
+    unit_said: bool
+    vertices: int
+    faces: int
+    polygons: int
+    box: tuple[float, float, float]
+    low: tuple[float, float, float]
+    area: float
+    volume: float | None
+    closed: bool
+    pieces: int
+    boundary_lengths: tuple[float, ...]
+    euler: int
+    genus: int | None
+    faults: tuple[str, ...]
+    non_manifold_edges: int
+    misoriented_edges: int
+    duplicate_faces: int
+    degenerate_faces: int
+    nonfinite_vertices: int
+    pinches: int
+    smallest_angle: float
+    mean_edge: float
+    record: FileRecord
+
+    @property
+    def manifold(self) -> bool:
+        """Whether it is an oriented manifold without pinches and repeated faces."""
+        return not self.faults
+
+    @property
+    def boundary_loops(self) -> int:
+        """Number of boundary loops."""
+        return len(self.boundary_lengths)
+
+
+def describe(path: str | Path, unit: str | None = None, max_triangles: int = DEFAULT_TRIANGLES) -> MeshFacts:
+    """The facts about a mesh file, also about one that `read_surface` refuses.
+
+    Raises SurfaceError when the file cannot be read at all or has no face with finite corners.
+    """
+    return mesh_facts(path, raw_mesh(path, max_triangles), unit)
+
+
+def mesh_facts(path: str | Path, raw: RawMesh, unit: str | None = None) -> MeshFacts:
+    """The same of what was read from a file before."""
+    V = raw.V * (metres_per(unit) if unit else raw.metres)
+    finite: Bools = np.asarray(np.isfinite(V).all(axis=1))
+    F = finite_faces(path, raw)
+    edges = edge_table(F)
+    low, high = V[finite].min(axis=0), V[finite].max(axis=0)
+    faults = manifold_faults(F, edges, len(V))
+    whole = not edges.boundary.any() and not len(misoriented_edges(F, edges)) and not (edges.count > 2).any()
+    count, _ = pieces(F, edges)
+    lengths = _boundary_lengths(V, F, edges)
+    euler = euler_characteristic(F, edges)
+    areas, angle = _areas_and_smallest_angle(V, F, float(np.linalg.norm(high - low)))
+    return MeshFacts(
+        path=str(path),
+        unit=unit or raw.unit or "m",
+        unit_guess=unit_guess(raw),
+        unit_said=raw.unit is not None,
+        vertices=len(V),
+        faces=len(raw.F),
+        polygons=raw.polygons,
+        box=_triple(high - low),
+        low=_triple(low),
+        area=float(areas.sum()),
+        volume=signed_volume(V, F) if whole else None,
+        closed=not edges.boundary.any(),
+        pieces=count,
+        boundary_lengths=lengths,
+        euler=euler,
+        genus=(2 - euler - len(lengths)) // 2 if count == 1 and not faults else None,
+        faults=faults,
+        non_manifold_edges=int((edges.count > 2).sum()),
+        misoriented_edges=len(misoriented_edges(F, edges)),
+        duplicate_faces=len(duplicate_faces(F)),
+        degenerate_faces=int((areas <= ZERO_AREA * ((high - low) ** 2).sum()).sum()),
+        nonfinite_vertices=int((~finite).sum()),
+        pinches=len(pinches(F, edges, len(V))),
+        smallest_angle=angle,
+        mean_edge=float(np.linalg.norm(V[edges.ends[:, 0]] - V[edges.ends[:, 1]], axis=1).mean()),
+        record=raw.record,
+    )
+
+
+def finite_faces(path: str | Path, raw: RawMesh) -> Ints:
+    """(k, 3) the faces of what was read from a file whose corners are finite; raises SurfaceError if there is none."""
+    finite: Bools = np.asarray(np.isfinite(raw.V).all(axis=1))
+    F = raw.F[finite[raw.F].all(axis=1)]
+    if not len(F):
+        raise SurfaceError(f"{path}: no face has three finite corners; repair the mesh")
+    return F
+
+
+def _triple(x: Floats) -> tuple[float, float, float]:
+    return float(x[0]), float(x[1]), float(x[2])
+
+
+def _boundary_lengths(V: Floats, F: Ints, edges: EdgeTable) -> tuple[float, ...]:
+    """Lengths of the boundary loops, longest first, metres; the mesh is oriented for it where that is possible."""
+    flips = flips_to_orient(F, edges)
+    turned = F if flips is None else _flipped(F, flips)
+    loops = boundary_loops(turned, edge_table(turned))
+    return tuple(sorted((closed_length(V[loop]) for loop in loops), reverse=True))
+
+
+def _areas_and_smallest_angle(V: Floats, F: Ints, size: float) -> tuple[Floats, float]:
+    """(m,) areas, square metres, and the smallest angle of the faces that have one, degrees."""
+    areas = lengths(area_vectors(V, F)) / 2
+    sound = areas > ZERO_AREA * size**2
+    return areas, float(np.degrees(face_angles(V, F[sound])).min()) if sound.any() else 0.0
+
+
+def unit_guess(raw: RawMesh) -> str:
+    """The declared unit, else metres for a box up to 250 long (a 30 is 30 m) and millimetres beyond (30000)."""
+    V = raw.V[in_reach(raw.V)]
+    return raw.unit or ("m" if np.ptp(V, axis=0).max() <= LARGEST_IN_METRES else "mm")

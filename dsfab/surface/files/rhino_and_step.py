@@ -1,0 +1,248 @@
+"""Readers of 3DM (Rhino), STEP and BREP files, on the libraries rhino3dm and OCCT."""
+
+import importlib.util
+from collections.abc import Iterable, Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dsfab.core.arrays import Floats, Ints
+from dsfab.core.errors import SurfaceError
+from dsfab.core.messages import counted
+from dsfab.core.units import metres_per
+from dsfab.surface.files.polygons import Polygons, triangles
+from dsfab.surface.files.reading import Drawing, DrawingBudget, MalformedFileError, TriangleFile, flattened
+
+UNITS = {
+    "Millimeters": "mm", "Centimeters": "cm", "Decimeters": "dm", "Meters": "m", "Kilometers": "km",
+    "Inches": "in", "Feet": "ft",
+}  # fmt: skip
+"""Names of rhino3dm."""
+MARKS = ("Point", "TextDot", "PolylineCurve", "LineCurve", "ArcCurve", "NurbsCurve", "PolyCurve", "Light")
+"""What is drawn beside a surface and needs no word."""
+
+
+def read_rhino(path: Path, budget: DrawingBudget) -> Drawing:
+    """The curves of a 3DM file, blocks opened, its layers and its unit.
+
+    Raises SurfaceError without the library and beyond the budget, MalformedFileError for what is no 3DM file. The
+    library may crash on a damaged file: `apart.read_rhino_apart` reads what comes from elsewhere.
+    """
+    require_rhino()
+    import rhino3dm
+
+    model = _model(path)
+    runs, dots, count = list[tuple[str, Floats]](), list[tuple[str, Floats]](), 0
+    for layer, thing, place in _Model.things_of(model, budget):
+        if isinstance(thing, rhino3dm.Curve):
+            runs.append((layer, _moved(_points(thing), place)))
+            count += len(runs[-1][1])
+            budget.require("points", count)
+        elif isinstance(thing, rhino3dm.Point):
+            dots.append((layer, _moved(np.array([[getattr(thing.Location, axis) for axis in "XYZ"]]), place)))
+    layers = tuple(sorted(layer.Name for layer in model.Layers))
+    return Drawing(tuple(runs), layers, UNITS.get(model.Settings.ModelUnitSystem.name), tuple(dots))
+
+
+def read_rhino_meshes(path: Path, budget: DrawingBudget) -> TriangleFile:
+    """The meshes of a 3DM file, blocks opened, and those that it was saved with of surfaces; none joined with another.
+
+    Raises SurfaceError for a file with surfaces alone that were saved without meshes, and as `read_rhino` does.
+    """
+    model = _model(path)
+    V, F, count, bare, others = list[Floats](), list[Ints](), 0, 0, 0
+    for _, thing, place in _Model.things_of(model, budget):
+        meshes = _meshes(thing)
+        bare += meshes is None
+        others += meshes == [] and type(thing).__name__ not in MARKS
+        for mesh in meshes or ():
+            points, corners = _mesh_arrays(mesh)
+            V.append(_moved(points, place))
+            F.append(corners + count)
+            count += len(points)
+    if not V:
+        what = f"{counted(bare, 'surface')} without a mesh" if bare else "no mesh"
+        raise SurfaceError(f"it holds {what}; in Rhino make one (Mesh), or export the surface as STEP")
+    unit = UNITS.get(model.Settings.ModelUnitSystem.name)
+    dropped = [counted(bare, "surface") + " saved without its mesh"] if bare else []
+    dropped += [counted(others, "object") + " that are neither mesh nor surface"] if others else []
+    return TriangleFile(np.concatenate(V), np.concatenate(F), unit, metres_per(unit or "m"), (), tuple(dropped))
+
+
+def _meshes(thing: Any) -> list[Any] | None:
+    """The meshes of what is drawn; [] for what is no surface, None for a surface that was saved without one."""
+    import rhino3dm
+
+    if isinstance(thing, rhino3dm.Mesh):
+        return [thing]
+    if isinstance(thing, rhino3dm.Brep):
+        found = [face.GetMesh(rhino3dm.MeshType.Any) for face in thing.Faces]
+        return found if all(found) else None
+    if isinstance(thing, rhino3dm.Extrusion):
+        mesh = thing.GetMesh(rhino3dm.MeshType.Any)
+        return [mesh] if mesh else None
+    return None if isinstance(thing, rhino3dm.Surface | rhino3dm.SubD) else []
+
+
+def _mesh_arrays(mesh: Any) -> tuple[Floats, Ints]:
+    """V (n, 3) and F (m, 3) of a mesh, quads cut along their shorter diagonals."""
+    V = np.array([[p.X, p.Y, p.Z] for p in mesh.Vertices], dtype=np.float64).reshape(-1, 3)
+    quads = np.array([mesh.Faces[k] for k in range(len(mesh.Faces))], dtype=np.int64).reshape(-1, 4)
+    sizes = np.where(quads[:, 2] == quads[:, 3], 3, 4)
+    corners = quads[np.arange(4) < sizes[:, None]]
+    return V, triangles(Polygons(V, corners, sizes)).F
+
+
+def _model(path: Path) -> Any:
+    """The model in a file; raises MalformedFileError for what is none."""
+    import rhino3dm
+
+    model = rhino3dm.File3dm.Read(str(path))
+    if model is None:
+        raise MalformedFileError("it is damaged, or no 3DM file")
+    return model
+
+
+class _Model:
+    """Walks through what is drawn and counts it: what a block holds lies among all objects, and is drawn where the
+    block is inserted, moved by its matrix."""
+
+    def __init__(self, model: Any, budget: DrawingBudget) -> None:
+        self.model, self.budget, self.count = model, budget, 0
+        self.layers = {layer.Index: layer.Name for layer in model.Layers}
+
+    @classmethod
+    def things_of(cls, model: Any, budget: DrawingBudget) -> Iterator[tuple[str, Any, Floats]]:
+        """Layer, geometry and matrix (4, 4) of everything that is drawn; raises SurfaceError beyond the budget."""
+        budget.require("entities", len(model.Objects))
+        drawn = (thing for thing in model.Objects if not thing.Attributes.IsInstanceDefinitionObject)
+        return cls(model, budget).things(drawn, np.eye(4), 0)
+
+    def things(self, things: Iterable[Any], place: Floats, depth: int) -> Iterator[tuple[str, Any, Floats]]:
+        """The same of some objects, moved by a matrix (4, 4)."""
+        import rhino3dm
+
+        if depth > self.budget.depth:
+            raise MalformedFileError(f"its blocks lie in one another, more than {self.budget.depth} deep")
+        for thing in things:
+            self.count += 1
+            self.budget.require("entities", self.count)
+            if isinstance(thing.Geometry, rhino3dm.InstanceReference):
+                inside = self._block(thing.Geometry.ParentIdefId)
+                yield from self.things(inside, place @ _matrix(thing.Geometry.Xform), depth + 1)
+            else:
+                yield self.layers.get(thing.Attributes.LayerIndex, ""), thing.Geometry, place
+
+    def _block(self, number: Any) -> list[Any]:
+        """What a block holds; raises MalformedFileError for one that is not in the file, as of a linked one."""
+        block = self.model.InstanceDefinitions.FindId(number)
+        inside = [self.model.Objects.FindId(one) for one in block.GetObjectIds()] if block else []
+        if not inside or None in inside:
+            name = f"the block {block.Name!r}" if block else "a block"
+            raise MalformedFileError(f"{name} is inserted and not in the file; explode it, or embed it in Rhino")
+        return inside
+
+
+def _moved(points: Floats, place: Floats) -> Floats:
+    """Points (k, 3) moved by a matrix (4, 4)."""
+    return np.asarray(points @ place[:3, :3].T + place[:3, 3])
+
+
+def _matrix(moved: Any) -> Floats:
+    """(4, 4) of Rhino's transformation."""
+    return np.array([[getattr(moved, f"M{i}{j}") for j in range(4)] for i in range(4)], dtype=np.float64)
+
+
+def require_rhino() -> None:
+    """Raise SurfaceError if rhino3dm is not installed."""
+    if importlib.util.find_spec("rhino3dm") is None:
+        raise SurfaceError('.3dm files need the library rhino3dm; install it with: pip install "dsfab[rhino]"')
+
+
+def _points(curve: Any) -> Floats:
+    """(k, 3) points of a curve, as many as it takes to be within `FLAT` of it; the corners of a polyline."""
+    line = curve.TryGetPolyline()
+    if curve.IsPolyline() and line is not None:
+        return np.array([[p.X, p.Y, p.Z] for p in line])
+    spans = np.linspace(curve.Domain.T0, curve.Domain.T1, 4 * max(curve.SpanCount, 1) + 1)
+    return flattened(spans, lambda t: np.array([[p.X, p.Y, p.Z] for p in map(curve.PointAt, t)]))
+
+
+ACROSS = 2e-4
+"""Largest distance of a triangle from a curved face, as a share of the diagonal of the bounding box."""
+ANGLE = 0.2
+"""Largest turn from one triangle to the next, radians."""
+
+
+def read_occt(path: Path) -> TriangleFile:
+    """The triangles of all faces; those of neighbours stand at the same places and are not joined.
+
+    STEP files are turned into millimetres by OCCT; BREP files do not say their unit. Raises MalformedFileError for what
+    OCCT cannot read, and for a file without faces.
+    """
+    from OCP.Bnd import Bnd_Box
+    from OCP.BRepBndLib import BRepBndLib
+    from OCP.BRepMesh import BRepMesh_IncrementalMesh
+    from OCP.TopAbs import TopAbs_FACE
+    from OCP.TopExp import TopExp_Explorer
+
+    shape, box = _shape(path), Bnd_Box()
+    BRepBndLib.Add_s(shape, box)
+    faces = TopExp_Explorer(shape, TopAbs_FACE)
+    if not faces.More() or box.IsVoid():
+        raise MalformedFileError("it holds no faces, only curves or points")
+    BRepMesh_IncrementalMesh(shape, ACROSS * box.SquareExtent() ** 0.5, False, ANGLE, False)
+    V, F, count, lost = list[Floats](), list[Ints](), 0, 0
+    while faces.More():
+        points, corners = _triangles(faces.Current())
+        V.append(points)
+        F.append(corners + count)
+        count, lost = count + len(points), lost + (not len(corners))
+        faces.Next()
+    if not count:
+        raise MalformedFileError("none of its faces can be meshed")
+    dropped = (f"{lost} of {len(V)} faces that OCCT cannot mesh",) if lost else ()
+    unit, metres = (None, 1.0) if path.suffix.lower() == ".brep" else ("mm", 1e-3)
+    return TriangleFile(np.concatenate(V), np.concatenate(F), unit, metres, (), dropped)
+
+
+def _shape(path: Path) -> Any:
+    """What a file holds."""
+    from OCP.Message import Message
+
+    Message.DefaultMessenger_s().ChangePrinters().Clear()
+    if path.suffix.lower() == ".brep":
+        from OCP.BRep import BRep_Builder
+        from OCP.BRepTools import BRepTools
+        from OCP.TopoDS import TopoDS_Shape
+
+        shape = TopoDS_Shape()
+        if not BRepTools.Read_s(shape, str(path), BRep_Builder()) or shape.IsNull():
+            raise MalformedFileError("it is no BREP file, or it is cut off")
+        return shape
+    from OCP.IFSelect import IFSelect_RetDone
+    from OCP.STEPControl import STEPControl_Reader
+
+    reader = STEPControl_Reader()
+    if reader.ReadFile(str(path)) != IFSelect_RetDone or not reader.TransferRoots():
+        raise MalformedFileError("it is no STEP file with shapes, or it is cut off")
+    return reader.OneShape()
+
+
+def _triangles(face: Any) -> tuple[Floats, Ints]:
+    """V (n, 3) and F (m, 3) of a face, as seen from its outside."""
+    from OCP.BRep import BRep_Tool
+    from OCP.TopAbs import TopAbs_REVERSED
+    from OCP.TopLoc import TopLoc_Location
+    from OCP.TopoDS import TopoDS
+
+    place = TopLoc_Location()
+    mesh = BRep_Tool.Triangulation_s(TopoDS.Face(face), place)
+    if mesh is None:
+        return np.empty((0, 3)), np.empty((0, 3), dtype=np.int64)
+    move = place.Transformation()
+    nodes = (mesh.Node(i).Transformed(move) for i in range(1, mesh.NbNodes() + 1))
+    V = np.array([(p.X(), p.Y(), p.Z()) for p in nodes])
+    F = np.array([mesh.Triangle(i).Get() for i in range(1, mesh.NbTriangles() + 1)], dtype=np.int64).reshape(-1, 3) - 1
+    return V, F[:, ::-1] if face.Orientation() == TopAbs_REVERSED else F

@@ -1,0 +1,214 @@
+"""Reader of STL and 3MF files."""
+
+import io
+import re
+import struct
+import zipfile
+import zlib
+from array import array
+from collections.abc import Iterator
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dsfab.core.arrays import Floats, Ints
+from dsfab.core.messages import counted
+from dsfab.core.units import metres_per
+from dsfab.surface.clean.seams import equal_merged
+from dsfab.surface.files.reading import Budget, MalformedFileError, TriangleFile, text_file
+
+HEAD, EACH = 84, 50
+"""Bytes of the header with the number of triangles behind it, and of each triangle."""
+_RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
+_VERTEX = r"vertex\s+(\S+)\s+(\S+)\s+(\S+)\s+"
+_FACET = re.compile(
+    rf"\s*facet(?:\s+normal\s+\S+\s+\S+\s+\S+)?\s+outer\s+loop\s+{3 * _VERTEX}endloop\s+endfacet(?=\s|$)",
+    re.IGNORECASE,
+)
+_BETWEEN = re.compile(r"\s*(?:end\s*solid|solid)\b[^\n]*?(?=\n|\sfacet\s|\Z)", re.IGNORECASE)
+CHUNK = 1 << 14
+"""Triangles of a text file between two looks at the clock."""
+
+
+def read_stl(data: bytes, budget: Budget) -> TriangleFile:
+    """The triangles, corners at exactly the same place made one: they have the same bits everywhere.
+
+    Many binary files begin with "solid" as those in text do, so the length decides.
+
+    Raises MalformedFileError for a file that is cut off or neither, SurfaceError beyond the budget.
+    """
+    count = struct.unpack_from("<I", data, 80)[0] if len(data) >= HEAD else -1
+    whole = HEAD + EACH * count
+    looks_like_text = b"facet" in data[:2000].replace(b"\0", b"").lower() or len(data) < HEAD
+    if count < 0 or (len(data) != whole and looks_like_text):
+        return _text(data, budget)
+    budget.require_triangles(count)
+    if len(data) < whole:
+        raise MalformedFileError(f"{count:,} triangles are announced, and it ends after {(len(data) - HEAD) // EACH:,}")
+    soup = np.frombuffer(data, _RECORD, count, HEAD)["corners"].astype(np.float64)
+    more = len(data) - whole
+    dropped = (f"{counted(more, 'byte')} after the last triangle",) if more else ()
+    return TriangleFile(*equal_merged(soup.reshape(-1, 3), np.arange(3 * count).reshape(-1, 3)), dropped=dropped)
+
+
+def _text(data: bytes, budget: Budget) -> TriangleFile:
+    file = text_file(data)
+    text, at, numbers, ended = file.text.rstrip(), 0, array("d"), False
+    head = _BETWEEN.match(text)
+    if head is None or not text.lstrip()[:5].lower() == "solid":
+        raise MalformedFileError("it is neither text that begins with 'solid' nor as long as its binary header says")
+    at = head.end()
+    while at < len(text):
+        if found := _FACET.match(text, at):
+            ended = False
+            try:
+                numbers.extend(map(_number, found.groups()))
+            except ValueError:
+                raise MalformedFileError(
+                    f"line {_line(text, at)} and those after it hold a number that is none"
+                ) from None
+            if len(numbers) % (9 * CHUNK) == 0:
+                budget.require_time()
+                budget.require_triangles(len(numbers) // 9)
+        elif found := _BETWEEN.match(text, at):
+            ended = found.group().strip().lower().startswith("end")
+        else:
+            raise MalformedFileError(f"line {_line(text, at)} and those after it are no triangle")
+        at = found.end()
+    budget.require_triangles(len(numbers) // 9)
+    doubts = file.doubts if ended else (*file.doubts, "the last line, endsolid, is missing: it may be cut off")
+    V, F = equal_merged(np.array(numbers).reshape(-1, 3), np.arange(len(numbers) // 3).reshape(-1, 3))
+    return TriangleFile(V, F, doubts=doubts)
+
+
+def _number(word: str) -> float:
+    if "_" in word:
+        raise ValueError
+    return float(word)
+
+
+def _line(text: str, at: int) -> int:
+    """The number, from 1, of the line of the first letter behind `at`."""
+    return text.count("\n", 0, at) + text[at:].count("\n", 0, len(text) - at - len(text[at:].lstrip())) + 1
+
+
+_MICROMETRE = 1e-6
+"""Metres; 3MF alone knows this unit."""
+_UNITS = {"MicroMeter": "um", "MilliMeter": "mm", "CentiMeter": "cm", "Meter": "m", "Inch": "in", "Foot": "ft"}
+
+TIGHTEST = 60
+"""Bytes for each byte of the packed file: numbers pack to a tenth, the same triangle over and over to a hundredth."""
+SMALL = 1 << 24
+"""Bytes that any file may unpack to."""
+DEEPEST = 100
+"""Objects made of objects made of objects."""
+_PARTS = re.compile(rb"<(/?)(?:[\w.-]+:)?(object|component|item)\b([^>]*)>")
+_TRIANGLE = re.compile(rb"[<:]triangle\s")
+_ATTRIBUTE = re.compile(rb"""\b(id|objectid|path)\s*=\s*["']([^"']*)["']""")
+
+Key = tuple[str, bytes]
+"""A part of the file, and the number of an object in it."""
+
+
+def read_3mf(path: Path, data: bytes, budget: Budget) -> TriangleFile:
+    """All objects that the build plate holds, moved to their places.
+
+    Raises MalformedFileError for a file that is damaged, SurfaceError beyond the budget, both before lib3mf sees it.
+    """
+    plate = _Plate(data, budget)
+    budget.require_triangles(plate.triangles())
+    import lib3mf
+
+    model = lib3mf.get_wrapper().CreateModel()
+    try:
+        model.QueryReader("3mf").ReadFromFile(str(path))
+        unit = _UNITS[model.GetUnit().name]
+        parts = list(_meshes(model.MergeToModel()))
+    except lib3mf.ELib3MFException as error:
+        raise MalformedFileError(f"lib3mf refuses it with code {error._code}") from None
+    metres = _MICROMETRE if unit == "um" else metres_per(unit)
+    offsets = np.cumsum([0, *(len(V) for V, _ in parts)])[:-1].tolist()
+    V = np.concatenate([np.empty((0, 3)), *(V for V, _ in parts)])
+    F = np.concatenate([np.empty((0, 3), dtype=np.int64), *(F + n for (_, F), n in zip(parts, offsets, strict=True))])
+    left = len(plate.own) - len(plate.used)
+    dropped = (f"{counted(left, 'object')} that the build plate does not hold",) if left > 0 else ()
+    return TriangleFile(V, F, unit, metres, dropped=dropped)
+
+
+def _meshes(model: Any) -> Iterator[tuple[Floats, Ints]]:
+    """V (n, 3) and F (m, 3) of each mesh."""
+    objects = model.GetMeshObjects()
+    while objects.MoveNext():
+        mesh = objects.GetCurrentMeshObject()
+        V = np.frombuffer(b"".join(mesh.GetVertices()), dtype="<f4").reshape(-1, 3).astype(np.float64)
+        F = np.frombuffer(b"".join(mesh.GetTriangleIndices()), dtype="<u4").reshape(-1, 3).astype(np.int64)
+        yield V, F
+
+
+class _Plate:
+    """What takes memory in a file: triangles of objects, what they are made of, and the plate's items."""
+
+    def __init__(self, data: bytes, budget: Budget) -> None:
+        self.own: dict[Key, int] = {}
+        self.made_of: dict[Key, list[Key]] = {}
+        self.items: list[Key] = []
+        self.used: set[Key] = set()
+        self._known: dict[Key, int] = {}
+        for name, text in _models(data, budget):
+            self._scan(name, text)
+
+    def _scan(self, name: str, text: bytes) -> None:
+        inside, start = (name, b""), -1
+        for found in _PARTS.finditer(text):
+            ends, kind, rest = found.groups()
+            if kind == b"object" and (ends or rest.endswith(b"/")):
+                if start >= 0:
+                    self.own[inside] = sum(1 for _ in _TRIANGLE.finditer(text, start, found.start()))
+                start = -1
+                continue
+            values = dict(_ATTRIBUTE.findall(rest))
+            path = values[b"path"].decode("utf-8", "replace").lstrip("/") if b"path" in values else name
+            if kind == b"object":
+                inside, start = (name, values.get(b"id", b"")), found.end()
+                self.own[inside] = 0
+            elif not ends:
+                whose = self.items if kind == b"item" else self.made_of.setdefault(inside, [])
+                whose.append((path, values.get(b"objectid", b"")))
+
+    def triangles(self) -> int:
+        """Of all items of the plate, with what they are made of."""
+        return sum(self._of(item, 0) for item in self.items)
+
+    def _of(self, key: Key, depth: int) -> int:
+        if depth > DEEPEST:
+            raise MalformedFileError("an object of it is made of itself, or of objects in over 100 levels")
+        self.used.add(key)
+        if key not in self._known:
+            parts = sum(self._of(part, depth + 1) for part in self.made_of.get(key, ()))
+            self._known[key] = self.own.get(key, 0) + parts
+        return self._known[key]
+
+
+def _models(data: bytes, budget: Budget) -> Iterator[tuple[str, bytes]]:
+    """Names and texts of the parts of a file that hold objects, once all parts are known to be small and whole."""
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as packed:
+            size = sum(entry.file_size for entry in packed.infolist())
+            if size > max(SMALL, TIGHTEST * len(data)):
+                raise MalformedFileError(f"it unpacks to {size / len(data):,.0f} times its size, which no mesh does")
+            budget.require_bytes(size, "bytes once it is unpacked")
+            for entry in packed.infolist():
+                budget.require_time()
+                text = packed.read(entry)
+                if not entry.filename.lower().endswith(".model"):
+                    continue
+                if b"<!DOCTYPE" in text:
+                    raise MalformedFileError("it declares a document type, which 3MF forbids")
+                yield entry.filename, text
+    except (zipfile.BadZipFile, zipfile.LargeZipFile, EOFError, ValueError, NotImplementedError, RuntimeError) as error:
+        if isinstance(error, MalformedFileError):
+            raise
+        raise MalformedFileError("it is no ZIP archive, or a damaged one") from None
+    except (OSError, zlib.error):
+        raise MalformedFileError("a part of it cannot be unpacked") from None

@@ -1,0 +1,250 @@
+"""Load cases by name, and their combinations, the user's own and those after EN 1990."""
+
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from itertools import product
+from typing import Annotated, ClassVar, Literal
+
+import numpy as np
+from annotated_types import Ge
+from pydantic import ConfigDict
+
+from dsfab.core.errors import SurfaceError
+from dsfab.surface.loads.load_case import Load, LoadCase, LoadParts
+from dsfab.surface.loads.pickers import STRICT, CaseName, Real
+from dsfab.surface.loads.supports import Support
+from dsfab.surface.mesh import Surface
+
+LimitState = Literal["ULS", "SLS", ""]
+"""Ultimate and serviceability limit state."""
+
+COMBINED = "combined"
+"""What [diffusion] follow says for all cases at once; no case and no combination may have this name."""
+
+
+@dataclass(frozen=True)
+class Combination:
+    """A sum of cases: `[[surface.combination]]  name = "uls"  factors = { dead = 1.35, snow = 1.5 }`.
+
+    factors     : case -> what its loads are multiplied with; cases that are not named take no part.
+    limit_state : ULS, what stress and buckling are judged in; SLS, displacements; empty: both.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    name: CaseName
+    factors: dict[CaseName, Real]
+    limit_state: LimitState = ""
+
+    @property
+    def formula(self) -> str:
+        """The sum in words: '1.35 dead + 1.5 snow'."""
+        return " + ".join(f"{factor:.5g} {case}" for case, factor in self.factors.items())
+
+
+def case_names(loads: Sequence[Load]) -> list[str]:
+    """Names of the cases, in the order in which the loads first name them."""
+    return list(dict.fromkeys(load.case for load in loads))
+
+
+def load_cases(
+    surface: Surface, supports: Sequence[Support], loads: Sequence[Load], weight: float = 0.0
+) -> dict[str, LoadCase]:
+    """The `LoadCase.build` of each case. All have the same supports and the same `loaded`: the vertices under a
+    concentrated load of any case, since the pattern has to carry them all.
+
+    Raises SurfaceError as `LoadCase.build` does, and names the case when there are several.
+    """
+    names = case_names(loads)
+    if len(names) < 2:
+        return {name: LoadCase.build(surface, supports, loads, weight) for name in names or ["load"]}
+    cases = {}
+    for name in names:
+        try:
+            cases[name] = LoadCase.build(surface, supports, [load for load in loads if load.case == name], weight)
+        except SurfaceError as error:
+            raise SurfaceError(f"case {name}: {error}") from None
+    loaded = np.logical_or.reduce([case.loaded for case in cases.values()])
+    return {name: replace(case, loaded=loaded) for name, case in cases.items()}
+
+
+def together(cases: Mapping[str, LoadCase], factors: Mapping[str, float] | None = None) -> LoadCase:
+    """Cases that act at the same time, each multiplied with its factor: all of them once when left out."""
+    first = next(iter(cases.values()))
+    taken = dict.fromkeys(cases, 1.0) if factors is None else factors
+    force = np.sum([factor * cases[name].force for name, factor in taken.items()], axis=0)
+    parts = {name: case.parts for name, case in cases.items() if case.parts is not None}
+    if len(parts) < len(cases):
+        return first.loading(force)
+    return replace(first, force=force, parts=LoadParts.total(parts, taken))
+
+
+CombinationRule = Literal["EN 1990 6.10", "EN 1990 6.10a/b"]
+
+Share = Annotated[Real, Ge(0)]
+Psi = tuple[Share, Share, Share]
+
+PSI: dict[str, Psi] = {
+    "imposed A": (0.7, 0.5, 0.3),  # homes
+    "imposed B": (0.7, 0.5, 0.3),  # offices
+    "imposed C": (0.7, 0.7, 0.6),  # where people meet
+    "imposed D": (0.7, 0.7, 0.6),  # shops
+    "imposed E": (1.0, 0.9, 0.8),  # stores
+    "imposed F": (0.7, 0.7, 0.6),  # vehicles up to 30 kN
+    "imposed G": (0.7, 0.5, 0.3),  # vehicles up to 160 kN
+    "imposed H": (0.0, 0.0, 0.0),  # roofs, for maintenance
+    "snow": (0.5, 0.2, 0.0),  # up to 1000 m above the sea
+    "snow high": (0.7, 0.5, 0.2),  # higher, and the Nordic countries
+    "wind": (0.6, 0.2, 0.0),
+    "temperature": (0.6, 0.5, 0.0),
+}
+"""psi_0, psi_1, psi_2 of variable actions [EN 1990:2002, Table A1.1]."""
+
+ActionKind = Literal[
+    "permanent",
+    "imposed A",
+    "imposed B",
+    "imposed C",
+    "imposed D",
+    "imposed E",
+    "imposed F",
+    "imposed G",
+    "imposed H",
+    "snow",
+    "snow high",
+    "wind",
+    "temperature",
+]
+
+OF_LOADS: dict[str, ActionKind] = {"self_weight": "permanent", "cladding": "permanent", "snow": "snow", "wind": "wind"}
+"""What loads of some kinds are; of others only whoever made the preset knows."""
+
+ONE_AT_A_TIME = ("snow", "snow high", "wind", "temperature")
+"""Cases of these kinds stand for one another: wind blows from one side at a time."""
+
+MOST = 200
+"""Combinations, at most."""
+
+
+@dataclass(frozen=True)
+class DesignFactors:
+    """gamma, xi and psi of a national annex: `[surface.factors]  variable = 1.6  psi = { snow = [0.6, 0.3, 0.0] }`.
+
+    permanent  : gamma_G of permanent loads that are unfavourable.
+    favourable : gamma_G of those that are favourable, as weight is against wind.
+    variable   : gamma_Q.
+    reduction  : xi, of permanent loads in 6.10b.
+    psi        : psi_0, psi_1 and psi_2 of kinds of actions whose own are not those of Table A1.1.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    permanent: Share = 1.35
+    favourable: Share = 1.0
+    variable: Share = 1.5
+    reduction: Share = 0.85
+    psi: dict[ActionKind, Psi] = field(default_factory=dict)
+
+
+@dataclass(frozen=True)
+class _Variable:
+    """A variable action that may take part."""
+
+    case: str
+    kind: str
+    psi: Psi
+
+
+def action_mistakes(
+    loads: Sequence[Load], actions: Mapping[str, ActionKind], rule: CombinationRule | None
+) -> Iterator[str]:
+    """What is wrong with the kinds of cases, as 'key = value: what is allowed'."""
+    cases = case_names(loads)
+    for case in actions:
+        if case not in cases:
+            yield f"surface.actions.{case}: no load has this case (there are: {', '.join(cases)})"
+    if rule is None:
+        return
+    for case in cases:
+        kinds = {load.kind for load in loads if load.case == case}
+        known = {OF_LOADS.get(kind) for kind in kinds}
+        if case not in actions and (None in known or len(known) > 1):
+            why = "do not tell what they are" if None in known else "are of several kinds"
+            yield (
+                f"surface.combinations = {rule!r}: the loads of case {case} ({', '.join(sorted(kinds))}) {why}; give "
+                f'each its own case, or write [surface.actions] {case} = "..." ({", ".join(["permanent", *PSI])})'
+            )
+    if all(case in actions or OF_LOADS.get(_kind(loads, case)) for case in cases):
+        count = len(en1990_combinations(loads, actions, rule, DesignFactors()))
+        if count > MOST:
+            yield (
+                f"surface.combinations = {rule!r}: {len(cases)} cases make {count} combinations, over {MOST}; put "
+                "loads that act together into one case, or write [[surface.combination]]"
+            )
+
+
+def en1990_combinations(
+    loads: Sequence[Load], actions: Mapping[str, ActionKind], rule: CombinationRule, factors: DesignFactors
+) -> list[Combination]:
+    """All combinations of the cases of loads, no two with the same factors; ultimate limit states first.
+
+    Each selection of variable cases takes part, of kinds that stand for one another one case at most, and each of them
+    leads in turn. Weight that is favourable is combined with wind only: other loads press down as it does.
+    """
+    permanent, groups = _permanent_and_groups(loads, actions, factors.psi)
+    found: dict[tuple[str, tuple[tuple[str, float], ...]], Combination] = {}
+    for chosen in product(*groups):
+        acting = [one for one in chosen if one is not None]
+        for k in range(max(len(acting), 1)):
+            order = acting[k : k + 1] + acting[:k] + acting[k + 1 :]
+            for one in _of_order(permanent, order, rule, factors):
+                found.setdefault((one.limit_state, tuple(sorted(one.factors.items()))), one)
+    return sorted(found.values(), key=lambda one: one.limit_state != "ULS")
+
+
+def _of_order(
+    permanent: Sequence[str], order: Sequence[_Variable], rule: CombinationRule, factors: DesignFactors
+) -> Iterator[Combination]:
+    """The combinations in which the first of the variable actions leads."""
+    gamma = factors.variable
+    lead = [gamma * (1.0 if not k else one.psi[0]) for k, one in enumerate(order)]
+    behind = [gamma * one.psi[0] for one in order]
+    if rule == "EN 1990 6.10":
+        uls = {"ULS": (factors.permanent, lead)}
+    else:
+        uls = {"ULS-a": (factors.permanent, behind), "ULS-b": (factors.reduction * factors.permanent, lead)}
+    if any(one.kind == "wind" for one in order):
+        uls["ULS-light"] = (factors.favourable, lead)
+    sls = {
+        "SLS": [1.0 if not k else one.psi[0] for k, one in enumerate(order)],
+        "SLS-frequent": [one.psi[1 if not k else 2] for k, one in enumerate(order)],
+        "SLS-quasi": [one.psi[2] for one in order],
+    }
+    for name, (weight, variable) in (uls | {name: (1.0, shares) for name, shares in sls.items()}).items():
+        if variable and not variable[0]:  # what leads is nothing here: others lead without it
+            continue
+        acting = {one.case: factor for one, factor in zip(order, variable, strict=True) if factor}
+        taken = dict.fromkeys(permanent, weight) | acting
+        taken = {case: round(factor, 6) for case, factor in taken.items() if factor}
+        if taken:
+            said = "-".join(acting) or "permanent"
+            yield Combination(f"{name}-{said}", taken, "ULS" if name.startswith("ULS") else "SLS")
+
+
+def _permanent_and_groups(
+    loads: Sequence[Load], actions: Mapping[str, ActionKind], psi: Mapping[ActionKind, Psi]
+) -> tuple[list[str], list[list[_Variable | None]]]:
+    """Permanent cases; and of each group of variable ones the choices: none of them, or one."""
+    permanent: list[str] = []
+    groups: dict[str, list[_Variable | None]] = {}
+    for case in case_names(loads):
+        kind = actions.get(case) or OF_LOADS[_kind(loads, case)]
+        if kind == "permanent":
+            permanent.append(case)
+            continue
+        group = kind.removesuffix(" high") if kind in ONE_AT_A_TIME else f"{kind} {case}"
+        groups.setdefault(group, [None]).append(_Variable(case, kind, psi.get(kind, PSI[kind])))
+    return permanent, list(groups.values())
+
+
+def _kind(loads: Sequence[Load], case: str) -> str:
+    """The kind of the first load of a case."""
+    return next(load.kind for load in loads if load.case == case)

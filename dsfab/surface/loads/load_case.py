@@ -1,0 +1,453 @@
+"""`LoadCase` and its loads: self-weight, forces, pressures, line loads, cladding, snow and wind."""
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Annotated, ClassVar, Literal, Self
+
+import numpy as np
+from pydantic import ConfigDict, Field
+
+from dsfab.core.arrays import Bools, Floats, lock
+from dsfab.core.errors import SurfaceError
+from dsfab.surface.loads.outlines import Picker
+from dsfab.surface.loads.pickers import STRICT, All, CaseName, Real, Vector, unit_vector
+from dsfab.surface.loads.supports import Name, Support
+from dsfab.surface.mesh import Surface
+from dsfab.surface.orientation import one_sided_pieces, require_two_sides
+
+EDGE_ON = 1e-12
+"""Faces whose normal has a smaller part along a direction are parallel to it."""
+
+
+@dataclass(frozen=True)
+class Snow:
+    """A load in pascals per *plan* area, which falls along `direction` (any length): s A |n . d| d on each face.
+
+    At angles where snow slides off, make it smaller or pick less: s is what lies on the ground plan, shape factor and
+    all [EN 1991-1-3, 5.2]. Open sheets carry it whichever way their normals point, so pick the upper part of one that
+    overhangs; on closed surfaces only the faces that look against `direction` carry.
+
+    covered : whether something covers the openings of the structure and carries it to the ribs; else it lies on these
+              alone.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    pressure: Real
+    direction: Vector = (0.0, 0.0, -1.0)
+    at: Picker = field(default_factory=All)
+    kind: Literal["snow"] = "snow"
+    case: CaseName = "load"
+    name: Name = ""
+    covered: bool = True
+
+    def traction(self, surface: Surface, weight: float = 0.0) -> Floats:
+        """(m, 3) Pa on each face; times the areas it sums to `pressure` times the plan area of the faces."""
+        _require_pressure("snow", self.pressure)
+        d = unit_vector(self.direction, "a load of kind 'snow'")
+        towards = -(outward_normals(surface) @ d)
+        two_sided = ~one_sided_pieces(surface.F, surface.edges)
+        lying = np.where(two_sided & surface.is_closed, towards, np.abs(towards))
+        plan = np.where(picked_faces(surface, self.at, "snow"), lying, 0.0)
+        if plan.max() <= EDGE_ON:
+            raise SurfaceError("a load of kind 'snow' falls past every picked face; pick faces that it can lie on")
+        return np.asarray(self.pressure * np.maximum(plan, 0.0)[:, None] * d)
+
+    def on(self, surface: Surface, weight: float) -> Floats:
+        """(n, 3) newtons."""
+        return to_corners(surface, self.traction(surface) * surface.areas[:, None])
+
+
+@dataclass(frozen=True)
+class Wind:
+    """Wind of velocity pressure q, Pa, that blows towards `direction`: a pressure -c q n on each face, with
+
+        c = windward (-n . d)   where the outside meets the wind (pressed in),
+        c = -leeward (n . d)    where it is turned away (sucked out).
+
+    The outside is where the normals point; on closed surfaces it is outside whichever way they point. The defaults give
+    the walls across the wind their coefficients +0.8 and -0.5 [EN 1991-1-4:2005, table 7.1, zones D and E, h/d = 1]
+    and fade with the cosine to the sides. This is a first estimate for choosing a pattern: suction along roofs and side
+    walls, and the inside of open halls, are not in it; give those as a `pressure` on picked faces.
+
+    covered : as of snow; an open lattice has other coefficients too, for what blows through it [EN 1991-1-4, 7.11].
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    pressure: Real
+    direction: Vector
+    windward: Real = 0.8
+    leeward: Real = 0.5
+    at: Picker = field(default_factory=All)
+    kind: Literal["wind"] = "wind"
+    case: CaseName = "load"
+    name: Name = ""
+    covered: bool = True
+
+    def traction(self, surface: Surface, weight: float = 0.0) -> Floats:
+        """(m, 3) Pa on each face."""
+        _require_pressure("wind", self.pressure)
+        picked = picked_faces(surface, self.at, "wind")
+        require_two_sides(surface, picked, "a load of kind 'wind'")
+        n = outward_normals(surface)
+        along = n @ unit_vector(self.direction, "a load of kind 'wind'")
+        c = self.windward * np.maximum(-along, 0.0) - self.leeward * np.maximum(along, 0.0)
+        c[~picked | (np.abs(along) <= EDGE_ON)] = 0.0
+        if not c.any():
+            raise SurfaceError(
+                "a load of kind 'wind' blows past every picked face or has no coefficients; turn it or pick more faces"
+            )
+        return np.asarray(-self.pressure * c[:, None] * n)
+
+    def on(self, surface: Surface, weight: float) -> Floats:
+        """(n, 3) newtons."""
+        return to_corners(surface, self.traction(surface) * surface.areas[:, None])
+
+
+def outward_normals(surface: Surface) -> Floats:
+    """(m, 3) the faces' normals, turned round when they point into a closed surface."""
+    return -surface.normals if surface.is_closed and surface.volume < 0 else surface.normals
+
+
+def picked_faces(surface: Surface, at: Picker, kind: str) -> Bools:
+    """(m,) the faces whose corners are all picked; raises SurfaceError when there are none."""
+    faces = surface.faces_of(at.vertices(surface))
+    if not faces.any():
+        raise SurfaceError(
+            f"a load of kind '{kind}' is on no face: no triangle has all three corners picked; pick a wider region"
+        )
+    return faces
+
+
+def to_corners(surface: Surface, on_face: Floats) -> Floats:
+    """(n, 3) a third of each face's force (m, 3) at each of its corners."""
+    corners = np.repeat(on_face / 3, 3, axis=0)
+    at = surface.F.ravel()
+    return np.stack([np.bincount(at, corners[:, i], minlength=surface.n) for i in range(3)], axis=1)
+
+
+def _require_pressure(kind: str, pressure: float) -> None:
+    if not pressure > 0:
+        raise SurfaceError(f"a load of kind '{kind}' needs a positive pressure in pascals, not {pressure:g}")
+
+
+AREAS = ("weight", "bare", "covered")
+"""The parts that are spread over faces."""
+
+
+@dataclass(frozen=True, eq=False)
+class LoadParts:
+    """Forces at the vertices of a surface, and tractions on its faces; on the uncut surface all of a face is loaded.
+
+    point   : (n, 3) newtons: forces and lines.
+    weight  : (m, 3) Pa, of the sheet itself: where there is no material, there is none.
+    bare    : (m, 3) Pa that act on material alone: snow and wind on an open lattice.
+    covered : (m, 3) Pa that act on openings too, which something covers: glass, a membrane, boards.
+    """
+
+    point: Floats
+    weight: Floats
+    bare: Floats
+    covered: Floats
+
+    def __post_init__(self) -> None:
+        lock(self, "point", np.float64, (None, 3))
+        lock(self, "weight", np.float64, (None, 3))
+        for name in AREAS[1:]:
+            lock(self, name, np.float64, (len(self.weight), 3))
+
+    @classmethod
+    def total(cls, parts: Mapping[str, Self], factors: Mapping[str, float]) -> Self:
+        """The sum of the named parts, each multiplied with its factor."""
+        weight = {name: factors.get(name, 0.0) for name in parts}
+        sums = (np.sum([f * getattr(parts[k], on) for k, f in weight.items()], axis=0) for on in ("point", *AREAS))
+        return cls(*sums)
+
+    @property
+    def traction(self) -> Floats:
+        """(m, 3) Pa of all that is spread."""
+        return np.asarray(self.weight + self.bare + self.covered)
+
+    def forces(self, surface: Surface) -> Floats:
+        """(n, 3) newtons: a third of each face's force at each of its corners."""
+        traction = self.traction
+        return self.point + to_corners(surface, traction * surface.areas[:, None]) if traction.any() else self.point
+
+    def on_share(self, weight: float | Floats = 1.0, bare: float | Floats = 1.0) -> Self:
+        """With what acts on material multiplied by shares of it, one for all or (m,)."""
+        shares = (np.asarray(share, dtype=np.float64).reshape(-1, 1) for share in (weight, bare))
+        return replace(self, **{on: getattr(self, on) * share for on, share in zip(AREAS, shares, strict=False)})
+
+
+@dataclass(frozen=True)
+class Force:
+    """A force in newtons, the whole of it, spread over the picked vertices in proportion to their areas.
+
+    On a single vertex it is a point force.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    at: Picker
+    force: Vector
+    kind: Literal["force"] = "force"
+    case: CaseName = "load"
+    name: Name = ""
+
+    def on(self, surface: Surface, weight: float) -> Floats:
+        """(n, 3) newtons; they sum to `force`."""
+        if not any(self.force):
+            raise SurfaceError("a load of kind 'force' is zero; give force = [fx, fy, fz] in newtons")
+        share = np.where(self.at.vertices(surface), surface.vertex_areas, 0.0)
+        if not share.any():
+            raise SurfaceError("a load of kind 'force' is on vertices without faces; pick vertices of the surface")
+        return np.asarray((share / share.sum())[:, None] * np.array(self.force))
+
+
+@dataclass(frozen=True)
+class Pressure:
+    """A pressure in pascals on the faces whose corners are all picked; positive presses against their normals.
+
+    A constant pressure gives each corner a third of its face's force: the consistent load of linear triangles.
+
+    covered : whether something covers the openings of the structure and carries it to the ribs (see `Snow`).
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    pressure: Real
+    at: Picker = field(default_factory=All)
+    kind: Literal["pressure"] = "pressure"
+    case: CaseName = "load"
+    name: Name = ""
+    covered: bool = True
+
+    def traction(self, surface: Surface, weight: float = 0.0) -> Floats:
+        """(m, 3) Pa on each face."""
+        return (-self.pressure * surface.faces_of(self.at.vertices(surface)))[:, None] * surface.normals
+
+    def on(self, surface: Surface, weight: float) -> Floats:
+        """(n, 3) newtons; they sum to -pressure times the vector area of the faces."""
+        if self.pressure == 0:
+            raise SurfaceError("a load of kind 'pressure' is zero; give pressure in pascals")
+        faces = picked_faces(surface, self.at, "pressure")
+        require_two_sides(surface, faces, "a load of kind 'pressure'")
+        on_face = (-self.pressure * faces * surface.areas)[:, None] * surface.normals
+        return to_corners(surface, on_face)
+
+
+@dataclass(frozen=True)
+class SelfWeight:
+    """The weight of the sheet, towards `direction` (any length): of the whole of it while it is uncut and directions
+    are sought, and of what is left of it once it is cut."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    direction: Vector = (0.0, 0.0, -1.0)
+    kind: Literal["self_weight"] = "self_weight"
+    case: CaseName = "load"
+    name: Name = ""
+
+    def on(self, surface: Surface, weight: float) -> Floats:
+        """(n, 3) newtons for a sheet of `weight` newtons per square metre; they sum to weight times area."""
+        if not weight > 0:
+            raise SurfaceError(
+                f"a load of kind 'self_weight' needs a sheet that weighs something (it is {weight:g} N/m2); give the "
+                "material a density and a thickness"
+            )
+        return weight * surface.vertex_areas[:, None] * unit_vector(self.direction, "a load of kind 'self_weight'")
+
+    def traction(self, surface: Surface, weight: float = 0.0) -> Floats:
+        """(m, 3) Pa on each face of a sheet of `weight` newtons per square metre."""
+        along = weight * unit_vector(self.direction, "a load of kind 'self_weight'")
+        return np.broadcast_to(along, (surface.m, 3))
+
+
+@dataclass(frozen=True)
+class Cladding:
+    """The weight of what covers the surface, glass, a membrane or boards: a permanent load in pascals of the surface's
+    own area, on openings too, which it carries to the ribs; towards `direction` (any length).
+
+    It lies on the faces whose corners are all picked.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    pressure: Real
+    direction: Vector = (0.0, 0.0, -1.0)
+    at: Picker = field(default_factory=All)
+    kind: Literal["cladding"] = "cladding"
+    case: CaseName = "load"
+    name: Name = ""
+
+    def traction(self, surface: Surface, weight: float = 0.0) -> Floats:
+        """(m, 3) Pa on each face."""
+        if not self.pressure > 0:
+            raise SurfaceError(
+                f"a load of kind 'cladding' needs a positive pressure in pascals, not {self.pressure:g}; its weight "
+                "is its thickness times its density times 9.81: 10 mm of glass are 250 Pa"
+            )
+        along = self.pressure * unit_vector(self.direction, "a load of kind 'cladding'")
+        return picked_faces(surface, self.at, "cladding")[:, None] * along
+
+    def on(self, surface: Surface, weight: float) -> Floats:
+        """(n, 3) newtons; they sum to pressure times the area of the faces."""
+        return to_corners(surface, self.traction(surface) * surface.areas[:, None])
+
+
+@dataclass(frozen=True)
+class Line:
+    """A load in newtons per metre along edges: each edge gives half of its share to both of its ends.
+
+    edges : `boundary`, the free edges whose ends are both picked; `all`, every edge whose ends are both picked, for a
+            path through the sheet (pick a line of vertices, not a region).
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    at: Picker
+    per_metre: Vector
+    edges: Literal["boundary", "all"] = "boundary"
+    kind: Literal["line"] = "line"
+    case: CaseName = "load"
+    name: Name = ""
+
+    def on_edges(self, surface: Surface) -> Floats:
+        """(e, 3) newtons per metre; times the lengths it sums to `per_metre` times the length of the line."""
+        if not any(self.per_metre):
+            raise SurfaceError("a load of kind 'line' is zero; give per_metre = [fx, fy, fz] in newtons per metre")
+        line: Bools = np.asarray(self.at.vertices(surface)[surface.edges.ends].all(axis=1))
+        if self.edges == "boundary":
+            line &= surface.edges.boundary
+        if not line.any():
+            which = "free edge" if self.edges == "boundary" else "edge"
+            raise SurfaceError(
+                f"a load of kind 'line' is on no {which}: none has both ends picked; pick two neighbours at least"
+                + (", or set edges = 'all' for edges within the sheet" if self.edges == "boundary" else "")
+            )
+        return np.asarray(line[:, None] * np.array(self.per_metre))
+
+    def on(self, surface: Surface, weight: float) -> Floats:
+        """(n, 3) newtons."""
+        ends = surface.edges.ends
+        length = np.linalg.norm(surface.V[ends[:, 1]] - surface.V[ends[:, 0]], axis=1)
+        force = np.zeros((surface.n, 3))
+        np.add.at(force, ends.ravel(), np.repeat(self.on_edges(surface) * length[:, None] / 2, 2, axis=0))
+        return force
+
+
+Load = Annotated[Force | Pressure | SelfWeight | Cladding | Line | Snow | Wind, Field(discriminator="kind")]
+
+
+def load_parts(surface: Surface, loads: Sequence[Load], weight: float = 0.0) -> LoadParts:
+    """Loads by what they act on.
+
+    weight : of the sheet, newtons per square metre, as for `LoadCase.build`. Raises SurfaceError as that does.
+    """
+    spread: dict[str, Floats] = {on: np.zeros((surface.m, 3)) for on in AREAS}
+    point = np.zeros((surface.n, 3))
+    for load in loads:
+        if isinstance(load, Force | Line):
+            point += load.on(surface, weight)
+        else:
+            covered = isinstance(load, Cladding) or (not isinstance(load, SelfWeight) and load.covered)
+            on = "weight" if isinstance(load, SelfWeight) else "covered" if covered else "bare"
+            spread[on] = spread[on] + load.traction(surface, weight)
+    return LoadParts(point, **spread)
+
+
+@dataclass(frozen=True, eq=False)
+class LoadCase:
+    """Supports and loads on the vertices of one surface.
+
+    fixed  : (n, 3) True where a vertex may not move along x, y, z.
+    force  : (n, 3) force on each vertex, newtons.
+    loaded : (n,) True at the vertices under a concentrated load (a force or a line; not what is spread over faces),
+             which the pattern may protect with `keep`.
+    spring : (n, 3) stiffness of elastic supports along x, y, z, newtons per metre; none when left out.
+    clamped: (e,) edges that may not turn about themselves; empty, as when left out, for none.
+    fixed_edges : (e, 3) True where an edge may not move between its ends either; empty, as when left out, where the
+             held vertices alone say so (`spanned_edges`).
+    parts  : what the forces are made of, by what it acts on; None where all of it acts on the vertices themselves.
+    """
+
+    fixed: Bools
+    force: Floats
+    loaded: Bools
+    spring: Floats = field(default_factory=lambda: np.zeros((0, 3)))
+    clamped: Bools = field(default_factory=lambda: np.zeros(0, dtype=bool))
+    fixed_edges: Bools = field(default_factory=lambda: np.zeros((0, 3), dtype=bool))
+    parts: LoadParts | None = None
+
+    def __post_init__(self) -> None:
+        lock(self, "fixed", np.bool_, (None, 3))
+        lock(self, "force", np.float64, (len(self.fixed), 3))
+        lock(self, "loaded", np.bool_, (len(self.fixed),))
+        if not len(self.spring):
+            object.__setattr__(self, "spring", np.zeros((len(self.fixed), 3)))
+        lock(self, "spring", np.float64, (len(self.fixed), 3))
+        lock(self, "clamped", np.bool_, (None,))
+        lock(self, "fixed_edges", np.bool_, (None, 3))
+
+    @classmethod
+    def build(cls, surface: Surface, supports: Sequence[Support], loads: Sequence[Load], weight: float = 0.0) -> Self:
+        """The load case of all supports and loads together.
+
+        weight : of the sheet, newtons per square metre (density x thickness x gravity), for self-weight.
+
+        Raises SurfaceError without a support or a load, for pickers that pick nothing, for loads that are zero, and
+        when every load is on directions that are held.
+        """
+        if not supports:
+            raise SurfaceError("the surface has no support; add a [[surface.support]] that holds some vertices")
+        if not loads:
+            raise SurfaceError("the surface has no load; add a [[surface.load]]: a force, a pressure or self_weight")
+        fixed = np.logical_or.reduce([support.fixed(surface) for support in supports])
+        force = np.sum([load.on(surface, weight) for load in loads], axis=0)
+        if not np.isfinite(force).all():
+            raise SurfaceError("a load is not a finite number; give newtons or pascals as plain numbers")
+        if not force[~fixed].any():
+            raise SurfaceError(
+                "every load is on held vertices or cancels out, so nothing is left for the surface to carry; load "
+                "vertices that are free to move"
+            )
+        loaded = np.zeros(surface.n, dtype=bool)
+        for load in loads:
+            if isinstance(load, Force):
+                loaded |= load.at.vertices(surface)
+            elif isinstance(load, Line):
+                loaded[surface.edges.ends[load.on_edges(surface).any(axis=1)]] = True
+        spring = np.sum([support.springs(surface) for support in supports], axis=0)
+        clamped = np.logical_or.reduce([support.clamped(surface) for support in supports])
+        # a free edge from one support to the next is held as its ends are, by elements with a middle too
+        between = fixed[surface.edges.ends].all(axis=1) & surface.edges.boundary[:, None]
+        between = np.logical_or.reduce([between, *(support.fixed_edges(surface) for support in supports)])
+        return cls(fixed, force, loaded, spring, clamped, between, load_parts(surface, loads, weight))
+
+    @property
+    def held(self) -> Bools:
+        """(n,) vertices with any support, springs among them."""
+        return np.asarray((self.fixed | (self.spring > 0)).any(axis=1))
+
+    @property
+    def point(self) -> Floats:
+        """(n, 3) newtons that act on the vertices themselves, of forces and lines."""
+        return self.force if self.parts is None else self.parts.point
+
+    def loading(self, force: Floats, loaded: Bools | None = None) -> Self:
+        """The same supports under other forces (n, 3), newtons, on the vertices."""
+        return replace(self, force=force, loaded=self.loaded if loaded is None else loaded, parts=None)
+
+    def with_parts(self, surface: Surface, parts: LoadParts) -> Self:
+        """The same supports under other loads."""
+        return replace(self, force=parts.forces(surface), parts=parts)
+
+    def under(self, surface: Surface, loads: Sequence[Load], weight: float) -> Self:
+        """The same supports under these loads; `weight` of the sheet, newtons per square metre."""
+        return self.with_parts(surface, load_parts(surface, loads, weight))
+
+    def of_thickness(self, surface: Surface, share: float) -> Self:
+        """The same on a sheet that is `share` times as thick: it weighs as much less."""
+        if self.parts is None or share == 1:
+            return self
+        return self.with_parts(surface, self.parts.on_share(weight=share))
+
+    def on_share(self, surface: Surface, share: Floats) -> Self:
+        """The same where shares (m,) of the faces are there, which carry themselves and what acts on them alone."""
+        if self.parts is None:
+            return self
+        return self.with_parts(surface, self.parts.on_share(share, share))

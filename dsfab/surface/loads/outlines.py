@@ -1,0 +1,414 @@
+"""Pickers by an outline: polygon in plan, closed curves of a drawing, brush stroke; `Picker`, the union of all."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Annotated, Any, ClassVar, Literal
+
+import numpy as np
+from annotated_types import Gt, MinLen
+from pydantic import ConfigDict, Field
+
+from dsfab.core.arrays import Bools, Floats, closed_length, lengths
+from dsfab.core.errors import SurfaceError
+from dsfab.surface.files.drawings import closed_curves
+from dsfab.surface.loads.pickers import (
+    STRICT,
+    TOUCH,
+    All,
+    Ball,
+    Boundary,
+    Box,
+    Extent,
+    Facing,
+    Nearest,
+    Real,
+    Side,
+    Vector,
+    Vertices,
+    VerticesLeft,
+    picker_words,
+    pierced,
+    within_reach,
+)
+from dsfab.surface.mesh import Surface, nearest
+from dsfab.surface.topology import spanned_edges
+
+BEND = 15.0
+"""Degrees from which on a polygon has a corner; by less turn the sides that stand for a curve."""
+LOOKED = 4_000_000
+"""Pairs of a point and a side that are looked at together."""
+
+
+def depth_in(loops: Sequence[Floats], P: Floats) -> Floats:
+    """(p,) distance of points P (p, 2) from polygons (k, 2), in their unit; positive within, negative outside.
+
+    Within is what an odd number of the polygons is around: one in another is an island.
+    """
+    start = np.concatenate(loops)
+    end = np.concatenate([np.roll(loop, -1, axis=0) for loop in loops])
+    space = np.zeros((2 * len(start), 3))
+    space[:, :2] = np.concatenate([start, end])
+    sides = np.arange(2 * len(start)).reshape(2, -1).T
+    points = np.zeros((len(P), 3))
+    points[:, :2] = P
+    away = nearest(points, space, sides).distance
+    return np.asarray(np.where(_within(start, end, P), away, -away))
+
+
+def _within(start: Floats, end: Floats, P: Floats) -> Bools:
+    """(p,) whether a ray from points P (p, 2) along x crosses an odd number of sides, from start to end (s, 2)."""
+    odd, some = np.zeros(len(P), dtype=bool), max(LOOKED // len(start), 1)
+    rise = np.where(end[:, 1] == start[:, 1], 1.0, end[:, 1] - start[:, 1])
+    for k in range(0, len(P), some):
+        x, y = P[k : k + some].T[:, :, None]
+        spans = (start[:, 1] <= y) != (end[:, 1] <= y)
+        there = start[:, 0] + (y - start[:, 1]) / rise * (end[:, 0] - start[:, 0])
+        odd[k : k + some] = (spans & (there > x)).sum(axis=1) % 2 == 1
+    return odd
+
+
+def without_repeats(P: Floats) -> Floats:
+    """The corners (k, d) of a polygon without those at the place of the one before, the first after the last too."""
+    return np.asarray(P[(np.roll(P, 1, axis=0) != P).any(axis=1)])
+
+
+def enclosed_area(P: Floats) -> float:
+    """Area within a polygon (k, 2), positive however it runs, in its unit squared."""
+    (x, y), (u, v) = P.T, np.roll(P, -1, axis=0).T
+    return float(abs(x @ v - u @ y) / 2)
+
+
+def bends(P: Floats) -> Bools:
+    """(k,) the corners of a polygon (k, 2) at which it turns by `BEND` or more."""
+    came, goes = P - np.roll(P, 1, axis=0), np.roll(P, -1, axis=0) - P
+    cross = came[:, 0] * goes[:, 1] - came[:, 1] * goes[:, 0]
+    angle = np.abs(np.arctan2(cross, np.einsum("ki,ki->k", came, goes)))
+    return np.asarray(angle >= np.radians(BEND))
+
+
+def self_crossing(P: Floats) -> tuple[int, int, Floats] | None:
+    """The first two sides of a polygon (k, 2) that cross or touch, neighbours apart, and where (2,); None: none do."""
+    k, Q = len(P), np.roll(P, -1, axis=0)
+    for i in range(k - 2):
+        j = np.arange(i + 2, k - (i == 0))
+        a, b, c, d = P[i], Q[i], P[j], Q[j]
+        one, two = _turns(a, b, c), _turns(a, b, d)
+        three, four = _turns(c, d, a), _turns(c, d, b)
+        across = (one * two <= 0) & (three * four <= 0)
+        on_line = (one == 0) & (two == 0)
+        ahead, span = (c - a) @ (b - a), (d - a) @ (b - a)
+        across &= ~on_line | ((np.maximum(ahead, span) >= 0) & (np.minimum(ahead, span) <= (b - a) @ (b - a)))
+        if across.any():
+            n = int(across.argmax())
+            share = three[n] / (three[n] - four[n]) if three[n] != four[n] else 0.0
+            return i, int(j[n]), a + share * (b - a)
+    return None
+
+
+def _turns(a: Floats, b: Floats, c: Floats) -> Floats:
+    """Twice the signed areas of triangles (..., 2)."""
+    u, v = b - a, c - a
+    return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
+
+
+LEVEL = float(np.cos(np.radians(1)))
+"""A curve whose plane is within a degree of horizontal is seen from above."""
+ONE_PLANE = 1e-3
+"""Curves are in one plane if they are off it by less than this share of their size."""
+SIGHTS = 48
+"""Lines of sight at most through a curve, to see which part of a surface is nearest to it."""
+
+
+class OutlineError(SurfaceError, ValueError):
+    """An outline that is none; being a ValueError too, pydantic collects it with the key that it is at."""
+
+
+@dataclass(frozen=True)
+class PlanPolygon:
+    """What lies within a polygon seen from above: `{ pick = "plan", polygon = [[0, 0], [2, 0], [2, 1]] }`.
+
+    polygon : its corners, x and y, metres.    low, high : z, metres, between which it picks; no limit where left out.
+
+    Raises OutlineError for a polygon without area or that crosses itself, and for heights the wrong way round.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    polygon: tuple[tuple[Real, Real], ...]
+    low: Real | None = None
+    high: Real | None = None
+    pick: Literal["plan"] = "plan"
+
+    def __post_init__(self) -> None:
+        check_polygon(np.array(self.polygon, dtype=np.float64).reshape(-1, 2), "polygon")
+        if self.low is not None and self.high is not None and self.low >= self.high:
+            raise OutlineError(f"low = {self.low:g} is not below high = {self.high:g}; swap them")
+
+    def extent(self, surface: Surface) -> Extent:
+        """The prism over the polygon, as high as the surface or as `low` and `high` say."""
+        P, z = without_repeats(np.array(self.polygon)), surface.V[:, 2]
+        low = -np.inf if self.low is None else self.low
+        high = np.inf if self.high is None else self.high
+
+        def depth(X: Floats) -> Floats:
+            return np.minimum(depth_in([P], X[:, :2]), np.minimum(X[:, 2] - low, high - X[:, 2]))
+
+        room = surface.size
+        floor, roof = max(low, z.min() - room), min(high, z.max() + room)
+        levels = [one for one in (self.low, self.high) if one is not None]
+        uprights = [((*p, floor), (*p, roof)) for p in P[bends(P)]]
+        around = [((*p, one), (*q, one)) for one in levels for p, q in zip(P, np.roll(P, -1, axis=0), strict=True)]
+        return Extent(depth, np.array([*uprights, *around]).reshape(-1, 2, 3), _width(P))
+
+    def vertices(self, surface: Surface) -> Bools:
+        """(n,) the picked vertices; raises SurfaceError when there are none."""
+        return within_reach(self, surface, -self.extent(surface).depth(surface.V), 0.0)
+
+
+@dataclass(frozen=True)
+class ClosedCurves:
+    """What lies within closed curves of a drawing: `{ pick = "curve", file = "door.dxf", layer = "door" }`.
+
+    Horizontal ones are seen from above, all others along the normal of their own plane: a door is drawn in elevation.
+
+    file   : DXF or 3DM; relative paths start at the preset's folder, in Python at the current one.
+    layer  : the layer that they are on; left out, all.    unit : of the file's numbers; left out, as it says.
+    curves : their points in place of a file, metres: each curve a polygon.
+    depth  : metres that they reach to both sides of their plane. Left out, horizontal ones reach everywhere, others as
+             far as the part of the surface that is nearest to them: a door in the front leaves the back as it is.
+
+    Raises OutlineError for less or more than either a file or curves.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    file: Path | None = None
+    layer: str | None = None
+    unit: str | None = None
+    curves: tuple[tuple[Vector, ...], ...] | None = None
+    depth: Annotated[Real, Gt(0)] | None = None
+    pick: Literal["curve"] = "curve"
+
+    def __post_init__(self) -> None:
+        if (self.file is None) == (not self.curves):
+            raise OutlineError('give either file = "door.dxf" or curves = [[[x, y, z], ...], ...]')
+        if self.file is None and (self.layer or self.unit):
+            raise OutlineError("layer and unit are those of a file; curves are in metres")
+
+    def loops(self) -> tuple[Floats, ...]:
+        """The curves (k, 3), metres; raises SurfaceError as `closed_curves` does."""
+        if self.file is not None:
+            return closed_curves(self.file, self.layer, self.unit)
+        return tuple(np.array(curve, dtype=np.float64) for curve in self.curves or ())
+
+    def extent(self, surface: Surface) -> Extent:
+        """The prisms through the curves, square to their planes; raises SurfaceError for curves that are no outline."""
+        planes: list[_Plane] = []
+        for number, loop in enumerate(self.loops()):
+            loop = without_repeats(loop)
+            own = _Plane.of(loop, picker_words(self), number)
+            held = next((k for k, plane in enumerate(planes) if plane.holds(loop)), None)
+            if held is None:
+                planes.append(own)
+            else:
+                planes[held] = planes[held].with_loop(loop)
+        return Extent.union([plane.extent(surface, self.depth) for plane in planes])
+
+    def vertices(self, surface: Surface) -> Bools:
+        """(n,) the picked vertices; raises SurfaceError when there are none, and as `extent` does."""
+        return within_reach(self, surface, -self.extent(surface).depth(surface.V), 0.0)
+
+
+@dataclass(frozen=True)
+class Brush:
+    """What lies within `radius` of any of the points, metres, or of the way from one to the next where the balls around
+    them overlap: what a brush has painted. Points further apart begin another stroke."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    points: Annotated[tuple[Vector, ...], MinLen(1)]
+    radius: Annotated[Real, Gt(0)]
+    pick: Literal["brush"] = "brush"
+
+    def extent(self, surface: Surface) -> Extent:
+        """The balls around the points, and the tubes between those that are one stroke."""
+        points, radius = np.array(self.points, dtype=np.float64), self.radius
+        step, dots = lengths(np.diff(points, axis=0)), np.arange(len(points))
+        ways = np.stack([dots[:-1], dots[1:]], axis=1)[(step > 0) & (step <= 2 * radius)]
+
+        def depth(P: Floats) -> Floats:
+            off = nearest(P, points, dots[:, None]).distance
+            return radius - (np.minimum(off, nearest(P, points, ways).distance) if len(ways) else off)
+
+        return Extent(depth, np.empty((0, 2, 3)), radius)
+
+    def vertices(self, surface: Surface) -> Bools:
+        """(n,) the picked vertices; raises SurfaceError when there are none."""
+        return within_reach(self, surface, -self.extent(surface).depth(surface.V), 0.0)
+
+
+def check_polygon(P: Floats, name: str) -> None:
+    """Raise OutlineError for a polygon (k, 2), metres, that has no area or crosses itself; it is called `name`."""
+    P = without_repeats(P)
+    if len(P) < 3:
+        raise OutlineError(f"{name} has {len(P)} different corners; give three or more")
+    if crossing := self_crossing(P):
+        i, j, (x, y) = crossing
+        raise OutlineError(
+            f"{name} crosses or touches itself: side {i} and side {j} (counted from 0) meet at ({x:.4g}, {y:.4g}); "
+            "put its corners in their order around it"
+        )
+    if not enclosed_area(P) > 0:
+        raise OutlineError(f"{name} has no area: its corners are on a line")
+
+
+@dataclass(frozen=True, eq=False)
+class _Plane:
+    """A plane with curves in it: a point (3,), its axes (3, 3), the normal last, and the curves (k, 3)."""
+
+    origin: Floats
+    axes: Floats
+    loops: tuple[Floats, ...]
+
+    @classmethod
+    def of(cls, loop: Floats, whose: str, number: int) -> "_Plane":
+        """The plane that is nearest to a curve."""
+        if len(loop) < 3:
+            raise SurfaceError(f"{whose}: curve {number} has {len(loop)} different points; give three or more")
+        origin = loop.mean(axis=0)
+        axes = np.linalg.svd(loop - origin, full_matrices=False)[2]
+        if abs(axes[2, 2]) > LEVEL:
+            axes = np.eye(3)
+        flat = cls(origin, axes, (loop,))
+        try:
+            check_polygon(flat.seen(loop), f"curve {number}, seen along its normal,")
+        except OutlineError as error:
+            raise SurfaceError(f"{whose}: {error}") from None
+        return flat
+
+    def seen(self, P: Floats) -> Floats:
+        """(k, 2) points (k, 3) in the plane's axes."""
+        return np.asarray((P - self.origin) @ self.axes[:2].T)
+
+    def off(self, P: Floats) -> Floats:
+        """(k,) how far points (k, 3) are from the plane."""
+        return np.asarray((P - self.origin) @ self.axes[2])
+
+    @cached_property
+    def level(self) -> bool:
+        return bool(abs(self.axes[2, 2]) > LEVEL)
+
+    def holds(self, loop: Floats) -> bool:
+        size = float(np.linalg.norm(np.ptp(np.concatenate([*self.loops, loop]), axis=0)))
+        return bool(np.abs(self.off(loop)).max() < ONE_PLANE * size)
+
+    def with_loop(self, loop: Floats) -> "_Plane":
+        return _Plane(self.origin, self.axes, (*self.loops, loop))
+
+    def extent(self, surface: Surface, depth: float | None) -> Extent:
+        """The prism through the curves, as deep to both sides as given, or as the nearest part of the surface."""
+        loops, normal = [self.seen(loop) for loop in self.loops], self.axes[2]
+        low, high = (-depth, depth) if depth else (-np.inf, np.inf)
+        if depth is None and not self.level:
+            low, high = self._nearest_part(surface)
+
+        def within(P: Floats) -> Floats:
+            off = self.off(P)
+            return np.minimum(depth_in(loops, self.seen(P)), np.minimum(off - low, high - off))
+
+        far = np.abs(self.off(surface.V)).max() + surface.size
+        ends = np.array([max(low, -far), min(high, far)])[:, None] * normal
+        corners = np.concatenate([loop[bends(flat)] for loop, flat in zip(self.loops, loops, strict=True)])
+        foot = corners - self.off(corners)[:, None] * normal
+        return Extent(within, foot[:, None] + ends, min(_width(flat) for flat in loops))
+
+    def _nearest_part(self, surface: Surface) -> tuple[float, float]:
+        """How far the prism reaches to one side and to the other: half the way from what lines of sight through the
+        curves meet first, seen from the plane, to what they meet behind."""
+        far, normal = np.abs(self.off(surface.V)).max() + surface.size, self.axes[2]
+        first, behind = list[float](), list[float]()
+        for p in self._sights():
+            foot = p - self.off(p[None]) * normal
+            _, t = pierced(surface, foot - far * normal, foot + far * normal)
+            if not len(t):
+                continue
+            hits = (2 * t - 1) * far
+            k = int(np.abs(hits).argmin())
+            first.append(float(hits[k]))
+            behind += [float(hit) for hit in hits if abs(hit - hits[k]) > ONE_PLANE * surface.size]
+        if not first:
+            return -np.inf, np.inf
+        least, most = min(first), max(first)
+        below, above = ([hit for hit in behind if hit < least], [hit for hit in behind if hit > most])
+        low = (max(below) + least) / 2 if below else -np.inf
+        return low, (min(above) + most) / 2 if above else np.inf
+
+    def _sights(self) -> Floats:
+        """(k, 3) points on the curves and halfway to their middles."""
+        found = list[Floats]()
+        for loop in self.loops:
+            some = loop[:: max(2 * len(self.loops) * len(loop) // SIGHTS, 1)]
+            found += [some, (some + loop.mean(axis=0)) / 2]
+        return np.concatenate(found)
+
+
+def _width(P: Floats) -> float:
+    """Half of what a polygon (k, 2) is wide where it is slender: the radius of a circle."""
+    return 2 * enclosed_area(P) / closed_length(P)
+
+
+def self_contained(at: Any) -> Any:
+    """A picker with the curves of its file in it; any other one as it is. Raises SurfaceError as `closed_curves`
+    does."""
+    if not isinstance(at, ClosedCurves) or at.file is None:
+        return at
+    curves = tuple(tuple((float(x), float(y), float(z)) for x, y, z in loop) for loop in at.loops())
+    return ClosedCurves(curves=curves, depth=at.depth)
+
+
+Picker = Annotated[
+    All | Box | Ball | Side | Nearest | Boundary | Facing | Vertices | PlanPolygon | ClosedCurves | Brush,
+    Field(discriminator="pick"),
+]
+
+
+def has_outline(at: Picker) -> bool:
+    """Whether a picker means a part of space, so that what it picks ends along a line."""
+    return isinstance(at, PlanPolygon | ClosedCurves | Brush | Ball | Box | Side) and not getattr(at, "boundary", False)
+
+
+def extent_of(at: Picker, surface: Surface) -> Extent | None:
+    """The part of space that a picker means; None for those that mean vertices or faces.
+
+    Raises SurfaceError as `ClosedCurves.extent` does.
+    """
+    if isinstance(at, PlanPolygon | ClosedCurves | Brush):
+        return at.extent(surface)
+    if isinstance(at, Ball):
+        return Extent.ball(*at.metres(surface))
+    if isinstance(at, Box) and not at.boundary:
+        return Extent.box(*at.corners(surface))
+    if isinstance(at, Side):
+        axis = np.eye(3)["xyz".index(at.axis)] * (1 if at.end == "min" else -1)
+        return Extent.below(axis, float((surface.V @ axis).min()) + at.reach(surface), at.reach(surface))
+    return None
+
+
+def edges_of(at: Picker, surface: Surface) -> Bools:
+    """(e,) the edges that a picker means, besides the vertices at their ends; raises SurfaceError as the picker does.
+
+    What means the boundary means free edges alone: one within the sheet may join two of its vertices. What means a part
+    of space, or normals, means the edges with both ends in it, an outline, which may be hollow, those with their middle
+    in it as well; vertices that are named mean what they span (`spanned_edges`).
+    """
+    picked, edges = at.vertices(surface), surface.edges
+    if isinstance(at, VerticesLeft):
+        return at.edges(surface)
+    if isinstance(at, Vertices | Nearest):
+        return spanned_edges(surface.F, edges, picked)
+    both: Bools = np.asarray(picked[edges.ends].all(axis=1))
+    if isinstance(at, Boundary) or getattr(at, "boundary", False):
+        return both & edges.boundary
+    if isinstance(at, PlanPolygon | ClosedCurves | Brush):
+        middle = surface.V[edges.ends[both]].mean(axis=1)
+        both[both] = at.extent(surface).depth(middle) >= -TOUCH * surface.size
+    return both

@@ -1,0 +1,350 @@
+"""Pickers: the vertices of a support or a load, by side, box, ball, boundary and more, and the space they cover."""
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, fields
+from itertools import combinations, product
+from pathlib import Path
+from typing import Annotated, ClassVar, Literal, Protocol
+
+import numpy as np
+from annotated_types import Ge, Gt, Le, MinLen
+from pydantic import AllowInfNan, ConfigDict, StringConstraints
+
+from dsfab.core.arrays import Bools, Floats, Ints, cross, first, lock
+from dsfab.core.errors import SurfaceError
+from dsfab.surface.mesh import Surface
+from dsfab.surface.orientation import require_two_sides
+from dsfab.surface.topology import on_boundary
+
+PARALLEL = 1e-12
+"""A line whose volume with two sides of a face is under this share of their lengths runs along the face."""
+INSIDE = 1e-9
+"""Barycentric rounding: a line meets faces that it passes by this share of them."""
+
+
+@dataclass(frozen=True, eq=False)
+class Extent:
+    """A part of space.
+
+    depth   : (k,) metres that points (k, 3) are within it, negative outside.
+    creases : (c, 2, 3) segments along which its walls bend; the line in which it meets a surface has corners there.
+    width   : metres, the half of it across where it is slender, roughly: what a mesh has to be finer than.
+    """
+
+    depth: Callable[[Floats], Floats]
+    creases: Floats
+    width: float
+
+    def __post_init__(self) -> None:
+        lock(self, "creases", np.float64, (None, 2, 3))
+
+    @classmethod
+    def union(cls, some: "list[Extent]") -> "Extent":
+        """What is within any of several."""
+        if len(some) == 1:
+            return some[0]
+        creases = np.concatenate([one.creases for one in some])
+        return cls(lambda P: np.max([one.depth(P) for one in some], axis=0), creases, min(one.width for one in some))
+
+    @classmethod
+    def ball(cls, center: Floats, radius: float) -> "Extent":
+        """Within a radius of a point (3,), metres."""
+        return cls(lambda P: radius - np.linalg.norm(P - center, axis=1), np.empty((0, 2, 3)), radius)
+
+    @classmethod
+    def box(cls, low: Floats, high: Floats) -> "Extent":
+        """Between two opposite corners (3,), metres."""
+        corners = np.array(list(product(*np.stack([low, high], axis=1))))
+        edges = [(a, b) for a, b in combinations(range(8), 2) if (a ^ b).bit_count() == 1]
+        middle, half = (low + high) / 2, (high - low) / 2
+
+        def depth(P: Floats) -> Floats:
+            off = np.abs(P - middle) - half
+            return np.asarray(-np.linalg.norm(np.maximum(off, 0), axis=1) - np.minimum(off.max(axis=1), 0))
+
+        return cls(depth, corners[np.array(edges)], float(np.sort(half)[1]))
+
+    @classmethod
+    def below(cls, direction: Floats, height: float, width: float) -> "Extent":
+        """Where the product with a unit direction (3,) is under a height, metres."""
+        return cls(lambda P: height - P @ direction, np.empty((0, 2, 3)), width)
+
+
+def pierced(surface: Surface, a: Floats, b: Floats) -> tuple[Ints, Floats]:
+    """(k,) faces that the segment from a to b (3,), metres, meets, and (k,) how far along it, 0 to 1, in this order.
+
+    A face that it runs along counts as not met [Moeller and Trumbore 1997].
+    """
+    P, Q, R = (surface.V[surface.F[:, k]] for k in range(3))
+    ray, u, v = np.broadcast_to(b - a, P.shape), Q - P, R - P
+    normal, to = cross(ray, v), a - P
+    volume = np.einsum("mi,mi->m", u, normal)
+    least = PARALLEL * np.linalg.norm(b - a) * np.linalg.norm(u, axis=1) * np.linalg.norm(v, axis=1)
+    safe = np.where(np.abs(volume) > least, volume, np.inf)
+    one, side = np.einsum("mi,mi->m", to, normal) / safe, cross(to, u)
+    two, t = np.einsum("mi,mi->m", ray, side) / safe, np.einsum("mi,mi->m", v, side) / safe
+    met = np.isfinite(safe) & (one >= -INSIDE) & (two >= -INSIDE) & (one + two <= 1 + INSIDE) & (t >= 0) & (t <= 1)
+    faces = np.flatnonzero(met)
+    order = np.argsort(t[faces], kind="stable")
+    return faces[order], t[faces[order]]
+
+
+Real = Annotated[float, AllowInfNan(False)]
+Vector = tuple[Real, Real, Real]
+CaseName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")]
+
+TOUCH = 1e-6
+"""Share of the surface's size by which a picker reaches further than it says: coordinates are rounded."""
+
+LONGEST = 160
+"""Characters of a value that are shown in a message: polygons go on and on."""
+
+STRICT: ConfigDict = {"extra": "forbid"}
+"""pydantic: refuse keys that a table does not have."""
+
+
+class _HasPick(Protocol):
+    @property
+    def pick(self) -> str: ...
+
+
+@dataclass(frozen=True)
+class All:
+    """Every vertex."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    pick: Literal["all"] = "all"
+
+    def vertices(self, surface: Surface) -> Bools:
+        """(n,) the picked vertices."""
+        return np.ones(surface.n, dtype=bool)
+
+
+@dataclass(frozen=True)
+class Box:
+    """The vertices in the box with two opposite corners, metres, its walls included.
+
+    relative : whether the corners are shares of the surface's own box, 0 to 1 along each axis.
+    boundary : whether vertices of free edges alone are picked.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    min: Vector
+    max: Vector
+    relative: bool = False
+    boundary: bool = False
+    pick: Literal["box"] = "box"
+
+    def corners(self, surface: Surface) -> Floats:
+        """(2, 3) the corners, metres."""
+        return _placed([self.min, self.max], surface, self.relative)
+
+    def vertices(self, surface: Surface) -> Bools:
+        """(n,) the picked vertices; raises SurfaceError when there are none or min is beyond max."""
+        low, high = self.corners(surface)
+        if (low > high).any():
+            raise SurfaceError(f"{picker_words(self)} has min beyond max; swap them")
+        away = np.linalg.norm(surface.V - np.clip(surface.V, low, high), axis=1)
+        if self.boundary:
+            away[~on_boundary(surface.edges, surface.n)] = np.inf
+        return within_reach(self, surface, away, 0.0)
+
+
+@dataclass(frozen=True)
+class Ball:
+    """The vertices within `radius` of `center`, metres.
+
+    relative : whether the centre is in shares of the surface's box, 0 to 1 along each axis, and the radius one of its
+               diagonal.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    center: Vector
+    radius: Annotated[Real, Gt(0)]
+    relative: bool = False
+    pick: Literal["ball"] = "ball"
+
+    def metres(self, surface: Surface) -> tuple[Floats, float]:
+        """The centre (3,) and the radius, metres."""
+        scale = surface.size if self.relative else 1.0
+        return _placed([self.center], surface, self.relative)[0], self.radius * scale
+
+    def vertices(self, surface: Surface) -> Bools:
+        """(n,) the picked vertices; raises SurfaceError when there are none."""
+        center, radius = self.metres(surface)
+        return within_reach(self, surface, np.linalg.norm(surface.V - center, axis=1), radius)
+
+
+@dataclass(frozen=True)
+class Side:
+    """The vertices within `depth` metres of the surface's lowest or highest x, y or z; at depth 0 those on it.
+
+    relative : whether the depth is a share of the surface's extent along the axis.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    axis: Literal["x", "y", "z"]
+    end: Literal["min", "max"]
+    depth: Annotated[Real, Ge(0)] = 0.0
+    relative: bool = False
+    pick: Literal["side"] = "side"
+
+    def reach(self, surface: Surface) -> float:
+        """The depth, metres."""
+        return self.depth * (float(np.ptp(surface.V[:, "xyz".index(self.axis)])) if self.relative else 1.0)
+
+    def vertices(self, surface: Surface) -> Bools:
+        """(n,) the picked vertices: at least one always."""
+        x = surface.V[:, "xyz".index(self.axis)]
+        away = x - x.min() if self.end == "min" else x.max() - x
+        return within_reach(self, surface, away, self.reach(surface))
+
+
+@dataclass(frozen=True)
+class Nearest:
+    """The vertex nearest to each point, metres.
+
+    relative : whether points are in shares of the surface's box, 0 to 1 along each axis.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    points: Annotated[tuple[Vector, ...], MinLen(1)]
+    relative: bool = False
+    pick: Literal["nearest"] = "nearest"
+
+    def places(self, surface: Surface) -> Floats:
+        """(k, 3) the points, metres."""
+        return _placed(self.points, surface, self.relative)
+
+    def vertices(self, surface: Surface) -> Bools:
+        """(n,) the picked vertices, the first of those equally near; raises SurfaceError when no point is given."""
+        picked = np.zeros(surface.n, dtype=bool)
+        for point in self.places(surface):
+            picked[np.linalg.norm(surface.V - point, axis=1).argmin()] = True
+        return _some(self, surface, picked, "")
+
+
+@dataclass(frozen=True)
+class Boundary:
+    """The vertices of all free edges, or of one boundary loop: 0 is the longest in metres, 1 the next."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    loop: Literal["all"] | Annotated[int, Ge(0)] = "all"
+    pick: Literal["boundary"] = "boundary"
+
+    def vertices(self, surface: Surface) -> Bools:
+        """(n,) the picked vertices; raises SurfaceError when the surface has no such loop."""
+        loops = surface.loops
+        if not loops:
+            raise SurfaceError(f"{picker_words(self)} picks no vertex: the surface is closed; use another picker")
+        if self.loop != "all" and not 0 <= self.loop < len(loops):
+            raise SurfaceError(
+                f"{picker_words(self)} picks no vertex: the surface has {len(loops)} boundary loops, so use loop = "
+                f"0 to {len(loops) - 1} or 'all'"
+            )
+        picked = np.zeros(surface.n, dtype=bool)
+        for loop in loops if self.loop == "all" else [loops[self.loop]]:
+            picked[loop] = True
+        return picked
+
+
+@dataclass(frozen=True)
+class Facing:
+    """The vertices whose normal is within `angle` degrees of `direction`."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    direction: Vector
+    angle: Annotated[Real, Ge(0), Le(180)] = 30.0
+    pick: Literal["facing"] = "facing"
+
+    def vertices(self, surface: Surface) -> Bools:
+        """(n,) the picked vertices; raises SurfaceError when there are none."""
+        require_two_sides(surface, np.ones(surface.m, dtype=bool), picker_words(self))
+        d, N = unit_vector(self.direction, picker_words(self)), surface.vertex_normals
+        degrees = np.degrees(np.arctan2(np.linalg.norm(np.cross(N, d), axis=1), N @ d))
+        degrees[~N.any(axis=1)] = np.inf
+        picked = degrees <= self.angle + np.degrees(TOUCH)
+        return _some(self, surface, picked, f"; the nearest normal is {degrees.min():.3g} degrees away")
+
+
+@dataclass(frozen=True)
+class Vertices:
+    """Vertices by their indices, counted from 0."""
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    indices: Annotated[tuple[Annotated[int, Ge(0)], ...], MinLen(1)]
+    pick: Literal["vertices"] = "vertices"
+
+    def vertices(self, surface: Surface) -> Bools:
+        """(n,) the picked vertices; raises SurfaceError for an index that the surface does not have."""
+        indices = np.array(self.indices, dtype=np.int64)
+        bad = indices[(indices < 0) | (indices >= surface.n)]
+        if len(bad):
+            raise SurfaceError(
+                f"pick = 'vertices' names {len(bad)} vertices (first: {first(bad)}) outside 0..{surface.n - 1}, the "
+                "vertices of the surface"
+            )
+        picked = np.zeros(surface.n, dtype=bool)
+        picked[indices] = True
+        return _some(self, surface, picked, "")
+
+
+@dataclass(frozen=True)
+class VerticesLeft(Vertices):
+    """What voids have left of what another picker means: vertices, and the edges between them by their `ends`, the
+    smaller first."""
+
+    ends: tuple[tuple[int, int], ...] = ()
+
+    def edges(self, surface: Surface) -> Bools:
+        """(e,) the edges."""
+        table = surface.edges.ends
+        ends = np.array(self.ends, dtype=np.int64).reshape(-1, 2)
+        return np.isin(table[:, 0] * surface.n + table[:, 1], ends[:, 0] * surface.n + ends[:, 1])
+
+
+def unit_vector(direction: Vector, whose: str) -> Floats:
+    """(3,) the direction at length 1; raises SurfaceError for the zero vector."""
+    d = np.array(direction, dtype=np.float64)
+    length = np.linalg.norm(d)
+    if not np.isfinite(length) or length == 0:
+        raise SurfaceError(f"{whose} needs a direction that is not zero, such as (0, 0, -1)")
+    return d / length
+
+
+def _placed(points: Sequence[Vector], surface: Surface, relative: bool) -> Floats:
+    """(k, 3) points in metres, of those that are or of shares of the surface's box."""
+    P = np.array(points, dtype=np.float64).reshape(-1, 3)
+    low, high = surface.V.min(axis=0), surface.V.max(axis=0)
+    return low + P * (high - low) if relative else P
+
+
+def within_reach(picker: _HasPick, surface: Surface, away: Floats, reach: float) -> Bools:
+    """(n,) the vertices that are `away` (n,) at most `reach`, both in metres; raises SurfaceError when there are
+    none."""
+    picked = away <= reach + TOUCH * surface.size
+    return _some(picker, surface, picked, f"; the nearest vertex is {away.min() - reach:.4g} m outside")
+
+
+def _some(picker: _HasPick, surface: Surface, picked: Bools, why: str) -> Bools:
+    if picked.any():
+        return picked
+    low, high = (", ".join(f"{x:.4g}" for x in f(surface.V, axis=0)) for f in (np.min, np.max))
+    raise SurfaceError(f"{picker_words(picker)} picks no vertex{why} (the surface's box is ({low}) to ({high}) m)")
+
+
+def picker_words(picker: _HasPick) -> str:
+    """The picker as its table says it, without what was left out; of long lists the beginning."""
+    given = ((f.name, getattr(picker, f.name)) for f in fields(picker))  # type: ignore[arg-type]
+    values = ", ".join(
+        f"{name} = {_short(value)}"
+        for name, value in given
+        if name != "pick" and value is not None and value is not False
+    )
+    return f"pick = {picker.pick!r}" + (f" with {values}" if values else "")
+
+
+def _short(value: object) -> str:
+    """A value as Python writes it; a path as text."""
+    text = repr(str(value) if isinstance(value, Path) else value)
+    return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."

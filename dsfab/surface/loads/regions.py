@@ -1,0 +1,173 @@
+"""`PatternRegion`: what a person draws on a surface, `[[pattern.region]]` in a preset: solid, void, or with a band.
+
+The mesh is cut along the outlines of regions before anything is solved: statics, pattern, sheet and solid all have
+edges there, and a void is a hole in the surface for each of them.
+"""
+
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from dataclasses import dataclass, replace
+from typing import Annotated, Any, ClassVar, Literal, NamedTuple
+
+import numpy as np
+from annotated_types import Gt
+
+from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.core.errors import SurfaceError
+from dsfab.surface.loads.outline_cuts import Outlined, with_outline
+from dsfab.surface.loads.outlines import Picker, extent_of, has_outline
+from dsfab.surface.loads.pickers import STRICT, Extent, Real
+from dsfab.surface.mesh import Surface
+from dsfab.surface.topology import corner_fans, edge_table
+
+
+class RegionError(SurfaceError, ValueError):
+    """A region that contradicts itself; being a ValueError too, pydantic collects it with the key that it is at."""
+
+
+@dataclass(frozen=True)
+class PatternRegion:
+    """A part of the surface with a will of its own.
+
+    at    : where it is. Its edge is a line for the pickers plan, curve, brush, ball, box and side; the others mean
+            vertices, and it runs halfway between those that are picked and those that are not.
+    do    : keep, it is solid; void, there is nothing; rim, it has a solid band inside of its edge.
+    width : of the band, metres along the surface; left out, that of pattern.rim, or an eighth of the region's.
+    name  : what messages call it.
+
+    Raises RegionError for a width of what has no band, and for a band of what has no outline.
+    """
+
+    __pydantic_config__: ClassVar[Any] = STRICT
+    at: Picker
+    do: Literal["keep", "void", "rim"]
+    width: Annotated[Real, Gt(0)] | None = None
+    name: str = ""
+
+    def __post_init__(self) -> None:
+        if self.width is not None and self.do != "rim":
+            raise RegionError(f"width is for do = 'rim'; a region with do = {self.do!r} has no band")
+        if self.do == "rim" and not has_outline(self.at):
+            raise RegionError(
+                f"do = 'rim' needs an outline, and pick = {self.at.pick!r} means vertices; use plan, curve, brush, "
+                "ball, box or side"
+            )
+
+    def faces(self, surface: Surface) -> Bools:
+        """(m,) the faces in the region, of a surface that is cut along its outline (see `with_regions`).
+
+        Raises SurfaceError as its picker does.
+        """
+        extent = extent_of(self.at, surface)
+        return surface.faces_of(self.at.vertices(surface)) if extent is None else extent.depth(surface.centroids) > 0
+
+    def cut_as(self, other: "PatternRegion") -> bool:
+        """Whether a surface is cut alike for both."""
+        return (self.at, self.do == "void") == (other.at, other.do == "void")
+
+
+def region_key(regions: Sequence[PatternRegion], k: int) -> str:
+    """What a message calls a region: 'pattern.region.0 (door)'."""
+    return f"pattern.region.{k}" + (f" ({regions[k].name})" if regions[k].name else "")
+
+
+class RegionedSurface(NamedTuple):
+    """A surface that is cut along the outlines of regions.
+
+    surface : without the voids.             taken    : (k,) the area that each void took from it, m2.
+    whole   : the same with the voids.       vertices : (n,) the number in it of each vertex of the surface.
+    """
+
+    surface: Surface
+    taken: Floats
+    whole: Surface
+    vertices: Ints
+
+
+def with_regions(surface: Surface, regions: Sequence[PatternRegion]) -> RegionedSurface:
+    """The surface with edges along the outlines of regions, and without those that are void.
+
+    The vertices of the surface come first in the `whole` one, with the numbers that they had.
+
+    Raises SurfaceError, which names the region, for one that is nowhere on the surface, and for voids that take all of
+    it.
+    """
+    extents, nothing = _extents(surface, regions), np.zeros(surface.n, dtype=bool)
+    made = Outlined(surface, nothing, nothing)
+    for k in _voids_first(regions):
+        if extent := extents[k]:
+            with _named(regions, k):
+                made = with_outline(made.surface, extent, made.fixed)
+            made = replace(made, fixed=made.fixed | made.on)
+    ragged = [k for k, region in enumerate(regions) if region.do == "void" and extents[k] is None]
+    picked = np.zeros((len(regions), made.surface.n), dtype=bool)
+    for k in ragged:
+        with _named(regions, k):
+            picked[k] = regions[k].at.vertices(made.surface)
+    taken_away: Bools = np.logical_or.reduce(picked)
+    made = made.halved(taken_away[made.surface.edges.ends].sum(axis=1) == 1)
+    return _without_voids(made.surface, regions, extents, picked)
+
+
+def _without_voids(
+    whole: Surface, regions: Sequence[PatternRegion], extents: Sequence[Extent | None], picked: Bools
+) -> RegionedSurface:
+    """A surface that is cut along outlines, without the voids; picked (k, n) are vertices in those without outline."""
+    taken, gone = np.zeros(len(regions)), np.zeros(whole.m, dtype=bool)
+    marks = np.zeros((len(regions), whole.n), dtype=bool)
+    marks[:, : picked.shape[1]] = picked
+    for k in _voids_first(regions):
+        extent = extents[k]
+        here = marks[k][whole.F].any(axis=1) if extent is None else extent.depth(whole.centroids) > 0
+        here &= ~gone
+        with _named(regions, k):
+            if not here.any() and (extent is not None or regions[k].do == "void"):
+                raise SurfaceError(f"it is nowhere on the surface{_how_far(whole, extent)}; move it onto the surface")
+            if regions[k].do == "void":
+                taken[k], gone = float(whole.areas[here].sum()), gone | here
+            if gone.all():
+                raise SurfaceError("it takes all that is left of the surface; draw a smaller one")
+    if not gone.any():
+        return RegionedSurface(whole, taken, whole, np.arange(whole.n))
+    used, F = _compact(whole.F[~gone])
+    return RegionedSurface(Surface(whole.V[used], F), taken, whole, used)
+
+
+def _voids_first(regions: Sequence[PatternRegion]) -> list[int]:
+    """The numbers of regions in the order in which they take their part of the surface."""
+    return sorted(range(len(regions)), key=lambda k: regions[k].do != "void")
+
+
+@contextmanager
+def _named(regions: Sequence[PatternRegion], k: int) -> Iterator[None]:
+    """The key of a region before what is said of it."""
+    try:
+        yield
+    except SurfaceError as error:
+        raise SurfaceError(f"{region_key(regions, k)}: {error}") from None
+
+
+def _extents(surface: Surface, regions: Sequence[PatternRegion]) -> list[Extent | None]:
+    """The parts of space that regions are, as the surface is before any of them is cut."""
+    found = list[Extent | None]()
+    for k, region in enumerate(regions):
+        with _named(regions, k):
+            found.append(extent_of(region.at, surface))
+    return found
+
+
+def _how_far(surface: Surface, extent: Extent | None) -> str:
+    away = -float(extent.depth(surface.V).max()) if extent else 0.0
+    return f", {away:.3g} m from its nearest vertex" if away > 0 else ""
+
+
+def _compact(F: Ints) -> tuple[Ints, Ints]:
+    """The vertices that faces (m, 3) use, and the faces on them; where they touch in a point, they part."""
+    used, F = np.unique(F, return_inverse=True)
+    F = F.reshape(-1, 3)
+    fans = corner_fans(F, edge_table(F))
+    if fans.max() < len(used):
+        return used, F
+    of_fan = np.empty(int(fans.max()) + 1, dtype=np.int64)
+    of_fan[fans] = F
+    return used[of_fan], fans

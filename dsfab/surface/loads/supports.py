@@ -1,0 +1,140 @@
+"""`Support`, rigid or on springs, and the names of supports and loads."""
+
+from collections import Counter
+from collections.abc import Sequence
+from dataclasses import dataclass
+from itertools import count
+from typing import Annotated, ClassVar, Literal, Protocol
+
+import numpy as np
+from pydantic import AfterValidator, ConfigDict
+
+from dsfab.core.arrays import Bools, Floats
+from dsfab.core.errors import SurfaceError
+from dsfab.surface.loads.outlines import Picker, edges_of
+from dsfab.surface.loads.pickers import STRICT, Vector
+from dsfab.surface.mesh import Surface
+
+LONGEST = 40
+"""Characters of a name: it stands in a column of a table."""
+
+SIGNS = " _-.,/+"
+"""What a name may have besides letters and digits, of any language."""
+
+
+def _plain(name: str) -> str:
+    """The name itself; raises ValueError for one that would break a line or a table."""
+    allowed = len(name) <= LONGEST and name == name.strip() and all(c.isalnum() or c in SIGNS for c in name)
+    if not allowed:
+        raise ValueError(
+            f"{name[: LONGEST + 10]!r} must be up to {LONGEST} letters, digits, inner spaces and "
+            f"{' '.join(SIGNS.strip())}"
+        )
+    return name
+
+
+Name = Annotated[str, AfterValidator(_plain)]
+"""What people call a support or a load; empty for no name. It changes no result."""
+
+
+class _Support(Protocol):
+    @property
+    def name(self) -> str: ...
+
+
+class _Load(_Support, Protocol):
+    @property
+    def kind(self) -> str: ...
+
+
+def support_names(supports: Sequence[_Support]) -> list[str]:
+    """Their names; 'support 2' for the second one without its own."""
+    return [support.name or f"support {number}" for number, support in enumerate(supports, 1)]
+
+
+def load_names(loads: Sequence[_Load]) -> list[str]:
+    """Their names; their kinds for those without: 'snow', or 'snow 1' and 'snow 2' where there are several."""
+    kinds = [load.kind.replace("_", " ") for load in loads]
+    several = Counter(kind for kind, load in zip(kinds, loads, strict=True) if not load.name)
+    numbers = {kind: count(1) for kind in several}
+    return [
+        load.name or (f"{kind} {next(numbers[kind])}" if several[kind] > 1 else kind)
+        for kind, load in zip(kinds, loads, strict=True)
+    ]
+
+
+Hold = Literal["xyz", "xy", "xz", "yz", "x", "y", "z", ""]
+
+
+class SupportError(SurfaceError, ValueError):
+    """A support that contradicts itself; being a ValueError too, pydantic collects it with the key that it is at."""
+
+
+@dataclass(frozen=True)
+class Support:
+    """Vertices that may not move: `[[surface.support]]  at = { pick = "side", axis = "z", end = "min" }  hold = "xyz"`.
+
+    hold   : the directions that are held, of the surface's own axes: all of them when it is left out, none when there
+             is a `spring` instead.
+    spring : stiffness along x, y and z, newtons per metre: the whole of it, shared over the picked vertices in
+             proportion to their areas as a force is. 0 leaves a direction free (or to `hold`).
+    clamp  : whether the edges that the picker means (`edges_of`) cannot turn about themselves either. Edges across an
+             ear of the mesh (a face with two boundary edges) lie inside and stay free.
+    name   : what people call it, wherever supports are listed; it changes no result.
+
+    Raises SupportError for a support that holds nothing, a negative spring, or one along a held direction.
+    """
+
+    __pydantic_config__: ClassVar[ConfigDict] = STRICT
+    at: Picker
+    hold: Hold | None = None
+    spring: Vector | None = None
+    clamp: bool = False
+    name: Name = ""
+
+    def __post_init__(self) -> None:
+        stiff = self.spring or (0.0, 0.0, 0.0)
+        if self.hold is None:
+            object.__setattr__(self, "hold", "" if any(stiff) else "xyz")
+        if not all(0 <= k < np.inf for k in stiff):
+            raise SupportError(f"spring = {list(stiff)} must be newtons per metre, 0 or more in each direction")
+        both = [axis for axis, k in zip("xyz", stiff, strict=True) if k and axis in (self.hold or "")]
+        if both:
+            raise SupportError(
+                f"hold = {self.hold!r} and spring = {list(stiff)} both act along {', '.join(both)}; take one of the two"
+            )
+        if not (self.hold or any(stiff) or self.clamp):
+            raise SupportError(
+                "it holds nothing; give hold = 'xyz' or some of its letters, spring = [kx, ky, kz] in newtons per "
+                "metre, or clamp = true"
+            )
+
+    def fixed(self, surface: Surface) -> Bools:
+        """(n, 3) what it holds rigidly."""
+        return np.asarray(self.at.vertices(surface)[:, None] & np.array([axis in (self.hold or "") for axis in "xyz"]))
+
+    def fixed_edges(self, surface: Surface) -> Bools:
+        """(e, 3) what it holds rigidly between the ends of edges: a finer mesh has vertices there."""
+        return np.asarray(edges_of(self.at, surface)[:, None] & np.array([axis in (self.hold or "") for axis in "xyz"]))
+
+    def springs(self, surface: Surface) -> Floats:
+        """(n, 3) newtons per metre; they sum to `spring`. Raises SurfaceError on vertices without faces."""
+        if self.spring is None:
+            return np.zeros((surface.n, 3))
+        share = np.where(self.at.vertices(surface), surface.vertex_areas, 0.0)
+        if not share.any():
+            raise SurfaceError("a spring is on vertices without faces; pick vertices of the surface")
+        return np.asarray((share / share.sum())[:, None] * np.array(self.spring))
+
+    def clamped(self, surface: Surface) -> Bools:
+        """(e,) edges that it keeps from turning about themselves; raises SurfaceError when `clamp` finds none."""
+        if not self.clamp:
+            return np.zeros(len(surface.edges.ends), dtype=bool)
+        edges = surface.edges
+        ear = edges.boundary[edges.of].sum(axis=1) > 1
+        across = np.zeros(len(edges.ends), dtype=bool)
+        across[edges.of[ear]] = True
+        found = np.asarray(edges_of(self.at, surface) & ~(across & ~edges.boundary))
+        if not found.any():
+            raise SurfaceError("clamp = true is on no edge: none has both ends picked; pick two neighbours at least")
+        return found

@@ -1,0 +1,435 @@
+"""Edge operations of remeshing: long edges halved, short edges collapsed, edges flipped."""
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+
+from dsfab.core.arrays import Bools, Floats, Ints, area_vectors, edge_lengths, lengths, row_max, row_min
+from dsfab.surface.edge_changes import (
+    contracted,
+    halved,
+    has_new_diagonal,
+    has_three_corners,
+    meets_link_condition,
+    quads,
+    winners,
+    with_other_diagonals,
+)
+from dsfab.surface.mesh import Surface
+from dsfab.surface.remesh.features import TOLERANCE, FeatureCurves
+from dsfab.surface.topology import EdgeTable, edge_table, faces_at, next_half_edge, on_boundary
+
+FREE, ON_CURVE, FIXED = 0, 1, 2
+"""Kinds of vertices: on the surface, on one of its curves, at rest."""
+
+
+@dataclass(frozen=True, eq=False)
+class NetFaces:
+    """Faces F (m, 3) of a net, and their edges, which last as long as no face changes."""
+
+    F: Ints
+
+    @cached_property
+    def edges(self) -> EdgeTable:
+        """Every edge once."""
+        return edge_table(self.F)
+
+
+@dataclass(frozen=True, eq=False)
+class Net:
+    """Vertices V (n, 3), metres, of kind (n,), the faces between them, and the nodes on the curves.
+
+    node  : (k,) the vertices along each curve, curve after curve.     at : (k,) their places on the curves' axis, m.
+    curve : (k,) the curve of each.     size : (n,) the wanted length of edges, metres.
+    """
+
+    V: Floats
+    faces: NetFaces
+    kind: Ints
+    node: Ints
+    at: Floats
+    curve: Ints
+    size: Floats
+
+    @classmethod
+    def of(cls, surface: Surface, curves: FeatureCurves, size: float) -> Self:
+        """The surface itself, to be remeshed to edges of one size."""
+        kind = np.full(surface.n, FREE)
+        kind[curves.vertex] = ON_CURVE
+        kind[curves.fixed] = FIXED
+        sizes = np.full(surface.n, size)
+        return cls(surface.V, NetFaces(surface.F), kind, curves.vertex, curves.at, curves.curve, sizes)
+
+    @property
+    def n(self) -> int:
+        """Number of vertices."""
+        return len(self.V)
+
+    @property
+    def F(self) -> Ints:  # noqa: N802, the field's letter
+        """(m, 3) the faces."""
+        return self.faces.F
+
+    @property
+    def edges(self) -> EdgeTable:
+        """Every edge of the net once."""
+        return self.faces.edges
+
+    @property
+    def edge_sizes(self) -> Floats:
+        """(e,) the wanted lengths of the edges, metres."""
+        a, b = self.edges.ends.T
+        return np.asarray((self.size[a] + self.size[b]) / 2)
+
+    @property
+    def links(self) -> Ints:
+        """(l,) the nodes from which an edge along a curve leads to the next node."""
+        return np.flatnonzero(self.curve[1:] == self.curve[:-1])
+
+    @property
+    def link_ends(self) -> Ints:
+        """(l, 2) the vertices of the edges along curves."""
+        return np.stack([self.node[self.links], self.node[self.links + 1]], axis=1)
+
+    @property
+    def link_edges(self) -> Ints:
+        """(l,) which edges of the net those along curves are."""
+        ends = np.sort(self.link_ends, axis=1)
+        return np.searchsorted(self.edges.ends @ (self.n, 1), ends @ (self.n, 1))
+
+    @property
+    def along_curves(self) -> Bools:
+        """(e,) whether an edge is along a curve."""
+        marks = np.zeros(len(self.edges.ends), dtype=bool)
+        marks[self.link_edges] = True
+        return marks
+
+    def without_lost(self) -> "Net":
+        """The same without the vertices that no face has."""
+        used = np.zeros(self.n, dtype=bool)
+        used[self.F] = True
+        if used.all():
+            return self
+        new = np.cumsum(used) - 1
+        faces = NetFaces(new[self.F])
+        return replace(
+            self, V=self.V[used], faces=faces, kind=self.kind[used], node=new[self.node], size=self.size[used]
+        )
+
+
+LEVELS = 8
+"""Costs are told apart in so many steps: of costs that rise along a strip only its end would come first."""
+
+MIX = 2654435761
+"""Scatters numbers in a row [Knuth 1973, multiplicative hashing]: candidates of one level come in this order."""
+
+
+def independent(touched: Ints, cost: Floats, n: int, beside: Ints | None = None) -> Bools:
+    """(c,) candidates of less cost than all others near them, so that no two touch the same vertex.
+
+    touched : (c, k) vertices of each candidate.   cost : (c,), told apart in `LEVELS`.
+    beside  : (e, 2) edges of the mesh: where given, no two touch neighbours either.
+    """
+    if not len(cost):
+        return np.zeros(0, dtype=bool)
+    spread = np.ptp(cost)
+    level = np.floor(LEVELS * ((cost - cost.min()) / spread)) if spread else np.zeros(len(cost))
+    order = np.lexsort((np.arange(len(cost)) * MIX % 2**32, level))
+    return winners(order, touched, n, beside)
+
+
+LONGEST = 4 / 3
+"""Times the wanted length, from which an edge is halved: its halves are nearer to it [Botsch and Kobbelt 2004]."""
+
+COMPARABLE = 0.7
+"""An edge is halved in one step with the longest of its faces where it is at least this share of it."""
+
+NEEDLE = 0.35
+"""Twofold area over the longest edge squared, 0.87 of the best face, below which only the longest edge is halved: with
+both long edges of a needle halved the parts are as bad."""
+
+
+def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
+    """The net with its long edges halved once, those along curves also where they miss the curve; itself if none is.
+
+    edge : metres, to which the tolerance is relative.
+    """
+    length = edge_lengths(net.V, net.edges.ends)
+    deviation, most = curves.deviation(net.at[net.links], net.at[net.links + 1])
+    missing = deviation > TOLERANCE * edge
+    long = length > LONGEST * net.edge_sizes
+    long[net.link_edges[missing]] = True
+    long = _leading(net, long, length)
+    return _halved(net, curves, long, np.where(missing, most, np.nan)) if long.any() else net
+
+
+def _leading(net: Net, long: Bools, length: Floats) -> Bools:
+    """(e,) the long edges that are among the longest of their faces."""
+    faces = np.flatnonzero(faces_at(net.edges.of, long))
+    edge = net.edges.of[faces]
+    of = np.where(long, length, -1.0)[edge]
+    flat = lengths(area_vectors(net.V, net.F[faces])) < NEEDLE * row_max(length[edge]) ** 2
+    behind = long[edge] & (of < (np.where(flat, 1.0, COMPARABLE) * row_max(of))[:, None])
+    leading = long.copy()
+    leading[edge[behind]] = False
+    return leading
+
+
+def _halved(net: Net, curves: FeatureCurves, halves: Bools, most: Floats) -> Net:
+    """Marked edges (e,) halved; those along curves at places (l,) of the axis, or in the middle where these are nan."""
+    V, F, _ = halved(net.V, net.F, net.edges, halves)
+    new = len(V) - net.n
+    size = np.concatenate([net.size, net.edge_sizes[halves]])
+    kind = np.concatenate([net.kind, np.full(new, FREE)])
+    link = net.link_edges
+    on = halves[link]
+    before = net.links[on]
+    at = np.where(np.isnan(most[on]), (net.at[before] + net.at[before + 1]) / 2, most[on])
+    vertex = (np.cumsum(halves) - 1 + net.n)[link[on]]
+    kind[vertex] = ON_CURVE
+    V[vertex] = curves.place(at)
+    return replace(
+        net,
+        V=V,
+        faces=NetFaces(F),
+        kind=kind,
+        size=size,
+        node=np.insert(net.node, before + 1, vertex),
+        at=np.insert(net.at, before + 1, at),
+        curve=np.insert(net.curve, before + 1, net.curve[before]),
+    )
+
+
+SHORTEST = 4 / 5
+"""Times the wanted length, below which an edge is collapsed [Botsch and Kobbelt 2004]."""
+
+TURN = 0.7
+"""No face turns by more than the angle of this cosine, about 45 degrees."""
+
+ROUND = 0.2
+"""Least twofold area of a face over its longest edge squared, 0.87 of the best face, or that of the worst around."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Collapses:
+    """Vertices `gone` (c,) that are put together with vertices `kept` (c,) at places `goal` (c, 3), metres."""
+
+    kept: Ints
+    gone: Ints
+    goal: Floats
+
+    def only(self, which: Bools) -> "_Collapses":
+        return _Collapses(self.kept[which], self.gone[which], self.goal[which])
+
+
+def with_short_edges_collapsed(net: Net, curves: FeatureCurves, edge: float, batches: int) -> Net:
+    """The net with its short edges collapsed in so many batches; `edge`, metres, is what the tolerance refers to."""
+    for batch in range(batches):
+        collapses, cost = _candidates(net, curves, edge, backwards=batch % 2 == 1)
+        pairs = np.stack([collapses.kept, collapses.gone], axis=1)
+        collapses = collapses.only(independent(pairs, cost, net.n, beside=net.edges.ends))
+        collapses = collapses.only(_keeps_faces(net, collapses))
+        if not len(collapses.kept):
+            break
+        net = _merged(net, collapses)
+    return net.without_lost()
+
+
+def _candidates(net: Net, curves: FeatureCurves, edge: float, backwards: bool) -> tuple[_Collapses, Floats]:
+    """Collapses of short edges that keep topology and curves, and their costs (c,).
+
+    A free vertex goes to any other, two to their middle, one on a curve along that only, a fixed one nowhere.
+    """
+    edges = net.edges
+    cost = edge_lengths(net.V, edges.ends) / net.edge_sizes
+    chosen = np.flatnonzero(cost < SHORTEST)
+    lower = row_min(net.kind[edges.ends[chosen]])
+    chosen = chosen[(lower < FIXED) & (net.along_curves[chosen] | (lower == FREE))]
+    chosen = chosen[meets_link_condition(edges, chosen, net.n)]
+    ends = edges.ends[chosen]
+    a, b = ends.T
+    swap = (net.kind[a] < net.kind[b]) | ((net.kind[a] == net.kind[b]) & backwards)
+    kept, gone = np.where(swap, b, a), np.where(swap, a, b)
+    fine = (net.kind[gone] == FREE) | _keeps_curves(net, curves, kept, gone, edge)
+    both = (net.kind[kept] == FREE)[:, None]
+    goal = np.where(both, (net.V[kept] + net.V[gone]) / 2, net.V[kept])
+    return _Collapses(kept, gone, goal).only(fine), cost[chosen[fine]]
+
+
+def _keeps_curves(net: Net, curves: FeatureCurves, kept: Ints, gone: Ints, edge: float) -> Bools:
+    """(c,) whether a vertex on a curve may go to a neighbour on it: the longer edge stays near the curve, is not too
+    long and not there yet."""
+    position = np.zeros(net.n, dtype=np.int64)
+    position[net.node] = np.arange(len(net.node))
+    k = np.clip(position[gone], 1, max(len(net.node) - 2, 1))
+    on = net.kind[gone] == ON_CURVE
+    fine = np.zeros(len(gone), dtype=bool)
+    k, kept = k[on], kept[on]
+    before, after = net.node[k - 1], net.node[k + 1]
+    deviation, _ = curves.deviation(net.at[k - 1], net.at[k + 1])
+    ends = np.stack([before, after], axis=1)
+    short = edge_lengths(net.V, ends) < LONGEST * net.size[ends].mean(axis=1)
+    there = np.isin(np.sort(ends, axis=1) @ (net.n, 1), np.sort(net.link_ends, axis=1) @ (net.n, 1))
+    fine[on] = (deviation <= TOLERANCE * edge) & short & ~there & ((kept == before) | (kept == after))
+    return fine
+
+
+def _keeps_faces(net: Net, collapses: _Collapses) -> Bools:
+    """(c,) whether the faces around stay as they lie, get no edge that is too long and do not become needles."""
+    onto, of = np.arange(net.n), np.full(net.n, -1)
+    onto[collapses.gone] = collapses.kept
+    of[collapses.kept] = of[collapses.gone] = np.arange(len(collapses.kept))
+    V = net.V.copy()
+    V[collapses.kept] = collapses.goal
+    face = np.flatnonzero(faces_at(net.F, of >= 0))
+    before, after, which = net.F[face], onto[net.F[face]], row_max(of[net.F[face]])
+    count = len(collapses.kept)
+    least = _least(_roundness(net.V, before), which, count)
+    stays = has_three_corners(after)
+    before, after, which = before[stays], after[stays], which[stays]
+    old, new = area_vectors(net.V, before), area_vectors(V, after)
+    turned = np.einsum("mi,mi->m", old, new) < TURN * lengths(old) * lengths(new)
+    too_long = _longest(V, after) > np.maximum(LONGEST * net.size[after].mean(axis=1), _longest(net.V, before))
+    fine = _least(_roundness(V, after), which, count) >= np.minimum(ROUND, least)
+    fine[which[turned | too_long]] = False
+    return np.asarray(fine)
+
+
+def _least(values: Floats, of: Ints, count: int) -> Floats:
+    """(c,) the least of the values (k,) of each of so many things `of` (k,)."""
+    least = np.full(count, np.inf)
+    np.minimum.at(least, of, values)
+    return least
+
+
+def _roundness(V: Floats, F: Ints) -> Floats:
+    """(m,) twofold areas over longest edges squared: 0.87 of the best face."""
+    return np.asarray(lengths(area_vectors(V, F)) / _longest(V, F) ** 2)
+
+
+def _longest(V: Floats, F: Ints) -> Floats:
+    """(m,) the longest edge of each face, metres."""
+    a, b, c = V[F.T]
+    return row_max(np.stack([lengths(b - a), lengths(c - b), lengths(a - c)], axis=1))
+
+
+def _merged(net: Net, collapses: _Collapses) -> Net:
+    """The net with vertices put together; those that are gone stay in its list."""
+    V, onto, size = net.V.copy(), np.arange(net.n), net.size.copy()
+    V[collapses.kept] = collapses.goal
+    onto[collapses.gone] = collapses.kept
+    free = net.kind[collapses.kept] == FREE
+    kept, gone = collapses.kept[free], collapses.gone[free]
+    size[kept] = (size[kept] + size[gone]) / 2
+    stays = ~np.isin(net.node, collapses.gone)
+    F = contracted(net.F, onto)
+    return replace(
+        net, V=V, faces=NetFaces(F), size=size, node=net.node[stays], at=net.at[stays], curve=net.curve[stays]
+    )
+
+
+FLAT = 0.8
+"""Both new faces turn by less than the angle of this cosine, about 37 degrees, from the two old ones."""
+
+SOUND = np.radians(25)
+"""An edge is not turned where that leaves an angle below this which is less than the least before."""
+
+
+def with_edges_flipped(net: Net, by_valence: bool, rounds: int) -> Net:
+    """The net with edges that are not along curves turned; in so many rounds at most."""
+    angles = np.empty(0) if by_valence else _face_angles(net.V, net.F)
+    for _ in range(rounds):
+        edges = net.edges
+        pairs = edges.pairs[~net.along_curves[edges.count == 2]]
+        gain = _valence_gain(net, quads(net.F, pairs)) if by_valence else _delaunay_gain(angles, pairs)
+        pairs, gain = pairs[gain > 0], gain[gain > 0]
+        quad = quads(net.F, pairs)
+        good = np.flatnonzero(has_new_diagonal(quad, edges, net.n))
+        good = good[_sound(net.V, quad[good])]
+        good = good[independent(quad[good], -gain[good], net.n)]
+        if not len(good):
+            break
+        net = replace(net, faces=NetFaces(with_other_diagonals(net.F, pairs[good], quad[good])))
+        if not by_valence:
+            turned = pairs[good].ravel() // 3
+            angles[turned] = _face_angles(net.V, net.F[turned])
+    return net
+
+
+def _valence_gain(net: Net, quad: Ints) -> Floats:
+    """(q,) by how much the squared differences from the best number of edges shrink, of vertices that are free."""
+    edges = net.edges
+    valence = np.bincount(edges.ends.ravel(), minlength=net.n)
+    best = np.where(net.kind == FREE, 6, valence)
+    best[(net.kind > FREE) & (net.kind < FIXED)] = 6
+    best[on_boundary(edges, net.n) & (net.kind < FIXED)] = 4
+    off, free = valence - best, net.kind < FIXED
+    less = np.where(free, 2 * off - 1, 0)  # off^2 - (off - 1)^2
+    more = np.where(free, -2 * off - 1, 0)
+    a, b, c, d = quad.T
+    return np.asarray(less[a] + less[b] + more[c] + more[d], dtype=np.float64)
+
+
+def _delaunay_gain(angles: Floats, pairs: Ints) -> Floats:
+    """(q,) by how much the angles opposite edges exceed half a turn together, radians; of faces with angles (m, 3), the
+    edges having half-edges pairs (q, 2)."""
+    one, two = angles.ravel()[next_half_edge(pairs.T, 2)]
+    return np.asarray(one + two - np.pi - 1e-6)
+
+
+def _face_angles(V: Floats, F: Ints) -> Floats:
+    """(m, 3) the angles at the corners of faces F (m, 3), radians."""
+    return np.stack([angle_at(V, F[:, c], F[:, (c + 1) % 3], F[:, (c + 2) % 3]) for c in range(3)], axis=1)
+
+
+def _sound(V: Floats, quad: Ints) -> Bools:
+    """(q,) whether the turned edge's faces lie like the old ones, and are no worse where they are bad."""
+    a, b, c, d = quad.T
+    old, new = ((a, b, c), (b, a, d)), ((a, d, c), (d, b, c))
+    before = area_vectors(V, np.stack(old[0], axis=1)) + area_vectors(V, np.stack(old[1], axis=1))
+    fine = np.ones(len(quad), dtype=bool)
+    for face in new:
+        after = area_vectors(V, np.stack(face, axis=1))
+        fine &= np.einsum("qi,qi->q", before, after) > FLAT * lengths(before) * lengths(after)
+    least = [np.minimum(*(row_min(_face_angles(V, np.stack(face, axis=1))) for face in faces)) for faces in (old, new)]
+    return np.asarray(fine & (least[1] > np.minimum(SOUND, least[0])))
+
+
+def angle_at(V: Floats, at: Ints, one: Ints, two: Ints) -> Floats:
+    """(q,) the angle at a vertex between two others, radians."""
+    u, v = V[one] - V[at], V[two] - V[at]
+    x, y, z = u.T
+    r, s, t = v.T
+    twice = np.sqrt((y * t - z * s) ** 2 + (z * r - x * t) ** 2 + (x * s - y * r) ** 2)
+    return np.asarray(np.arctan2(twice, x * r + y * s + z * t))
+
+
+BLUNT = 150.0
+"""Degrees at the tip of a triangle with two border edges from which that is an ear."""
+
+
+def with_ears_turned(surface: Surface) -> Surface:
+    """The surface whose ears, flat triangles with all three corners on a curved border, share their tip with the face
+    behind: the edge between both is turned.
+
+    A mesh of a disc has them where a grid's corner or a Delaunay triangulation comes to lie on the border. Such a one
+    spans two chords of the border alone, and the sheet seems to have a crease there that its shape has not.
+    """
+    edges, n = surface.edges, surface.n
+    pairs = np.concatenate([edges.pairs, edges.pairs[:, ::-1]])
+    bare = edges.boundary[edges.of].reshape(-1, 3).sum(axis=1) == 2
+    quad = quads(surface.F, pairs)
+    a, b, c, d = quad.T
+    alike = surface.F.ravel()[pairs[:, 1]] == b  # two faces that are turned alike run along their edge both ways
+    ear = bare[pairs[:, 0] // 3] & ~bare[pairs[:, 1] // 3] & alike & has_new_diagonal(quad, edges, n)
+    ear &= angle_at(surface.V, c, a, b) > np.radians(BLUNT)
+    for one, two in ((a, b), (b, a)):  # both new faces lie like the old ones
+        ear &= angle_at(surface.V, one, two, c) + angle_at(surface.V, one, two, d) < np.pi
+    chosen = np.flatnonzero(ear)
+    behind = pairs[chosen, 1] // 3
+    chosen = chosen[np.unique(behind, return_index=True)[1]]  # of two ears at one face the first
+    if not len(chosen):
+        return surface
+    return Surface(surface.V, with_other_diagonals(surface.F, pairs[chosen], quad[chosen]))

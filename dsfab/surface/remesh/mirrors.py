@@ -1,0 +1,348 @@
+"""Mirror symmetries of a surface, and one of its mirrored parts cut out and copied to the others."""
+
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Self
+
+import numpy as np
+from scipy.spatial import cKDTree
+
+from dsfab.core.arrays import Bools, Floats, Ints, lengths
+from dsfab.surface.mesh import Surface, nearest
+from dsfab.surface.remesh.features import TOLERANCE, design_features
+from dsfab.surface.remesh.smoothing import NearestOnSurface, SmoothPatches
+from dsfab.surface.topology import connected, euler_characteristic, half_edges, misoriented_edges, pieces
+
+LARGEST_GROUP = 240
+"""Elements of the largest group that is accepted: twice those of the icosahedron, and some room."""
+SNAP = 1e-6
+"""Entries of matrices that differ by less are the same."""
+CLEAR = 1e-2
+"""Moments of inertia that differ by less than this share of the largest are the same."""
+FAR = 1e-3
+"""Points are as far as the farthest, to this share of the surface's size."""
+PLANES = 24
+"""Mirrors through an axis that are tried: through the farthest points from it, and between two of them."""
+
+
+def mirror(normal: Floats) -> Floats:
+    """(3, 3) the mirror across the plane with a unit normal (3,)."""
+    return np.eye(3) - 2 * np.outer(normal, normal)
+
+
+def centroid(surface: Surface) -> Floats:
+    """(3,) of the area, metres."""
+    return np.asarray(surface.areas @ surface.centroids / surface.area)
+
+
+def round_axis(surface: Surface, axes: Floats) -> Floats | None:
+    """The one of the axes, (3, 3) orthonormal rows, around which the inertia of the area is the same, or None."""
+    x = surface.centroids - centroid(surface)
+    inertia = [float(surface.areas @ (x @ axis) ** 2) for axis in axes]
+    for k in range(3):
+        i, j = (inertia[(k + step) % 3] for step in (1, 2))
+        if abs(i - j) < CLEAR * max(inertia):
+            return np.asarray(axes[k])
+    return None
+
+
+def far_directions(x: Floats, size: float, count: int = 1) -> Floats:
+    """(k, 3) unit directions from the axis to the points that are farthest from it, of x (n, 3) across the axis.
+
+    count : how many points there are to be, at least; those that are as far as the last are taken too.
+    """
+    distance = lengths(x)
+    least = np.partition(distance, -count)[-count]
+    far = np.flatnonzero(distance > least - FAR * size)
+    return np.asarray(x[far] / distance[far, None])
+
+
+def planes_through(axis: Floats, far: Floats) -> Iterator[Floats]:
+    """Normals of mirrors through an axis that may take directions far (k, 3) to each other."""
+    for direction in far[:PLANES]:
+        for through in (far[0] + direction, np.cross(axis, far[0] + direction)):
+            if (length := np.linalg.norm(through)) > CLEAR:
+                yield np.cross(axis, through / length)
+
+
+def generated_group(generators: Sequence[Floats], largest: int = LARGEST_GROUP) -> Floats:
+    """(g, 3, 3) all products of rotations and mirrors, the identity first; raises OverflowError for too many."""
+    found = np.empty((largest + 1 + len(generators), 3, 3))
+    found[0], count, walked = np.eye(3), 1, 0
+    while walked < count:
+        for g in generators:
+            new = g @ found[walked]
+            if not (np.abs(found[:count] - new).max(axis=(1, 2)) < SNAP).any():
+                found[count] = new
+                count += 1
+        walked += 1
+        if count > largest:
+            raise OverflowError
+    return found[:count].copy()
+
+
+ALIKE = 1 / 20
+"""Of the edge: images of a surface's points may be off it by this much, as files round and facets miss it."""
+ROUND = (0.7, 1.9)
+"""Radians: what also has mirrors turned by these is as round as a dome, and two of its mirrors are taken."""
+MOST = 16
+"""Sides that mirrors through an axis may make of a surface, where they meet in angles of 22.5 degrees: faces there
+would be sharper. Of more, two mirrors are taken."""
+GLANCE = 100
+"""Points that are looked at before all of them are."""
+
+
+@dataclass(frozen=True, eq=False)
+class Mirrors:
+    """Mirrors through the middle of a surface, of a group.
+
+    centre  : (3,) in all of their planes, metres.
+    normals : (k, 3) unit, of all mirrors of the group.    group : (g, 3, 3) mirrors and turns, the identity first.
+    """
+
+    centre: Floats
+    normals: Floats
+    group: Floats
+
+    @classmethod
+    def of(cls, on: NearestOnSurface, edge: float, smooth: bool) -> Self | None:
+        """Those that were found; None where there is none, or where sides of the surface are not told apart.
+
+        edge   : metres, of the new mesh: a share of it makes no difference.
+        smooth : whether the surface is the smooth one through its vertices.
+        """
+        if len(misoriented_edges(on.surface.F, on.surface.edges)):
+            return None
+        found = _Look(on.surface, on, edge, smooth)
+        group, normals = np.eye(3)[None], list[Floats]()
+        for normal in _candidates(found):
+            with suppress(OverflowError):  # of planes that fit nearly, but not together
+                group, normals = _generated([*normals, normal], 2 * MOST), [*normals, normal]
+        if not normals:
+            return None
+        mirrors = group[(np.abs(np.trace(group, axis1=1, axis2=2) - 1) < TOLERANCE) & (np.linalg.det(group) < 0)]
+        return cls(found.centre, np.linalg.eigh(mirrors)[1][:, :, 0], group)
+
+
+@dataclass(frozen=True, eq=False)
+class _Look:
+    """A surface that is compared with its images."""
+
+    surface: Surface
+    find: NearestOnSurface
+    edge: float
+    smooth: bool
+
+    @cached_property
+    def centre(self) -> Floats:
+        """(3,) the middle of the box along axes in which it is as far from the centroid as rounding is; metres."""
+        middle = (self.surface.V.min(axis=0) + self.surface.V.max(axis=0)) / 2
+        area = centroid(self.surface)
+        return np.where(np.abs(middle - area) < ALIKE * self.edge, middle, area)
+
+    @cached_property
+    def on(self) -> Callable[[Floats], tuple[Floats, Floats]]:
+        """Takes points (k, 3) to the nearest places (k, 3) of the surface, and to the normals (k, 3) there."""
+        surface, find = self.surface, self.find
+        patches = SmoothPatches(surface) if self.smooth else None
+
+        def places(points: Floats) -> tuple[Floats, Floats]:
+            face, place = find(points)
+            return (patches.points(face, place) if patches else place), surface.normals[face]
+
+        return places
+
+    @cached_property
+    def _lines(self) -> Ints:
+        """(l, 2) ends of its boundaries and creases."""
+        return self.surface.edges.ends[design_features(self.surface, self.edge)]
+
+    @cached_property
+    def _features(self) -> Floats:
+        """(k, 3) points on its boundaries and creases, no farther apart than an edge; metres."""
+        a, b = self.surface.V[self._lines].transpose(1, 0, 2)
+        count = np.ceil(lengths(b - a) / self.edge).astype(np.int64)
+        of = np.repeat(np.arange(len(a)), count)
+        t = (np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count) + 0.5) / count[of]
+        return np.concatenate([a, a[of] + t[:, None] * (b - a)[of]])
+
+    def holds(self, normal: Floats) -> bool:
+        """Whether the surface, its boundaries and its creases are their own images, and have the same sides there."""
+        s, R, limit = self.surface, mirror(normal), ALIKE * self.edge
+        if np.ptp(s.V @ normal) < self.edge:
+            return False
+        step = max(s.n // GLANCE, 1)
+        for points in (s.V[::step], s.V):
+            image = self._image(points, R)
+            if lengths(self.on(image)[0] - image).max() > limit:
+                return False
+        image = self._image(s.centroids, R)
+        facets, beside = self.on(image)
+        alike = np.einsum("mi,mi->m", s.normals @ R, beside) > 0
+        if s.areas[~alike].sum() > ALIKE * s.area or (not self.smooth and lengths(facets - image).max() > limit):
+            return False
+        image = self._image(self._features, R)
+        return not len(image) or float(nearest(image, s.V, self._lines).distance.max()) < TOLERANCE * self.edge
+
+    def _image(self, points: Floats, R: Floats) -> Floats:
+        return np.ascontiguousarray((points - self.centre) @ R + self.centre)
+
+
+def _candidates(look: _Look) -> Iterator[Floats]:
+    """Unit normals of mirrors that hold, those that all others are tried together with first."""
+    surface, tried = look.surface, list[Floats]()
+
+    def new(normal: Floats) -> bool:
+        if any(abs(normal @ other) > 1 - TOLERANCE**2 for other in tried):
+            return False
+        tried.append(normal)
+        return look.holds(normal)
+
+    x = surface.centroids - look.centre
+    inertia = np.linalg.eigh(np.einsum("m,mi,mj->ij", surface.areas, x, x))[1].T
+    for axes in (np.eye(3), inertia):
+        axis = round_axis(surface, axes)
+        if axis is None:
+            yield from filter(new, axes)
+            continue
+        yield from filter(new, _around(look, axis))
+        yield from filter(new, axis[None])
+
+
+def _around(look: _Look, axis: Floats) -> list[Floats]:
+    """Normals of mirrors through an axis around which the surface is nearly the same; two where it is round."""
+    x = look.surface.V - look.centre
+    x = x - np.outer(x @ axis, axis)
+    far = far_directions(x, look.surface.size)
+    normals = [*far[:1], *np.cross(axis, far[:1]), *planes_through(axis, far)]
+    normals += [np.cross(axis, one) / np.linalg.norm(np.cross(axis, one)) for one in np.eye(3) if abs(one @ axis) < 0.9]
+    while normals and not look.holds(normals[0]):
+        normals = normals[1:]
+    if not normals:
+        return []
+    first = normals[0]
+    square = np.cross(axis, first)
+    if all(look.holds(np.cos(angle) * first + np.sin(angle) * square) for angle in ROUND):
+        return [first, square]
+    found = [first]
+    for normal in filter(look.holds, normals[1:]):
+        try:
+            _generated([*found, normal], MOST)
+        except OverflowError:
+            return [first, square]
+        found.append(normal)
+    return found
+
+
+def _generated(normals: list[Floats], largest: int) -> Floats:
+    return generated_group([mirror(normal) for normal in normals], largest)
+
+
+NEAR = 1e-3
+"""Of the edge: vertices that are so near to a plane are on it, and images that are so near to each other are one."""
+SAME = 1e-9
+"""Of the surface's size: what is as near to a plane after its cut is in it, but for rounding."""
+LIKE = 0.05
+"""The length of all boundaries may change by this share: chords are shorter than curves."""
+
+
+@dataclass(frozen=True, eq=False)
+class Chamber:
+    """The side of a surface on which `toward` is, of all planes of its mirrors.
+
+    toward : (k, 3) unit normals of the planes, turned to the side.
+    """
+
+    whole: Surface
+    mirrors: Mirrors
+    toward: Floats
+    edge: float
+
+    @classmethod
+    def of(cls, surface: Surface, mirrors: Mirrors, edge: float) -> "Chamber":
+        """The side of a point that turns with the surface, and lies in none of the planes."""
+        mix = np.cos(np.arange(surface.n) + 1.0) @ (surface.V - mirrors.centre)
+        side = np.where(mirrors.normals @ mix < 0, -1.0, 1.0)
+        return cls(surface, mirrors, side[:, None] * mirrors.normals, edge)
+
+    @cached_property
+    def piece(self) -> Surface | None:
+        """What of the surface is on the side; None where it has faces within the planes."""
+        V, F = self.whole.V, self.whole.F
+        for normal in self.toward:
+            cut = _kept(V - self.mirrors.centre, F, normal, NEAR * self.edge)
+            if cut is None:
+                return None
+            V, F = cut[0] + self.mirrors.centre, cut[1]
+        return Surface(V, F) if len(F) else None
+
+    def within(self, V: Floats) -> Bools:
+        """(k, p) in which of the planes points V (p, 3) are."""
+        return np.asarray(np.abs(self.toward @ (V - self.mirrors.centre).T) < SAME * self.whole.size)
+
+    def flat(self, V: Floats, planes: Bools) -> Floats:
+        """Points V (p, 3) moved into their planes (k, p)."""
+        found = V.copy()
+        for _ in range(2 * len(self.toward)):  # where several planes meet, in turns
+            for normal, on in zip(self.toward, planes, strict=True):
+                found[on] -= np.outer((found[on] - self.mirrors.centre) @ normal, normal)
+        return found
+
+    def all_sides(self, V: Floats, F: Ints) -> tuple[Surface, Ints] | None:
+        """The whole surface of the side's new vertices V (p, 3) and faces F, and (n,) which of V each vertex is an
+        image of; None where that is another surface."""
+        n, centre = len(V), self.mirrors.centre
+        images = [(V - centre) @ R.T + centre for R in self.mirrors.group]
+        faces = [F[:, ::-1] if np.linalg.det(R) < 0 else F for R in self.mirrors.group]
+        every = np.concatenate(images)
+        pairs = cKDTree(every).query_pairs(NEAR * self.edge, output_type="ndarray").astype(np.int64)
+        count, label = connected(len(every), pairs[:, 0], pairs[:, 1])
+        first = np.full(count, len(every))
+        np.minimum.at(first, label, np.arange(len(every)))
+        order = np.argsort(first)
+        number = np.empty(count, dtype=np.int64)
+        number[order] = np.arange(count)
+        found = Surface(every[first[order]], number[label[np.concatenate([f + k * n for k, f in enumerate(faces)])]])
+        return (found, first[order] % n) if self._same(found) else None
+
+    def _same(self, found: Surface) -> bool:
+        """Whether a surface has the pieces, the holes and the edges of the whole."""
+        old = self.whole
+
+        def facts(s: Surface) -> tuple[int, ...]:
+            return pieces(s.F, s.edges)[0], euler_characteristic(s.F, s.edges), len(s.loops), len(s.pinches)
+
+        if found.edges.count.max() > 2 or facts(found) != facts(old):
+            return False
+        one, two = (float(s.edge_lengths[s.edges.boundary].sum()) for s in (found, old))
+        return abs(one - two) <= LIKE * two
+
+
+def _kept(x: Floats, F: Ints, normal: Floats, near: float) -> tuple[Floats, Ints] | None:
+    """Points x (n, 3) and faces on the side of a plane through the origin that its normal points to."""
+    d = x @ normal
+    on = np.abs(d) <= near
+    x, d = x - np.outer(np.where(on, d, 0.0), normal), np.where(on, 0.0, d)
+    sign = np.sign(d[F]).astype(np.int64)
+    if (sign == 0).all(axis=1).any():
+        return None
+    whole, cut = F[sign.min(axis=1) >= 0], F[(sign.min(axis=1) < 0) & (sign.max(axis=1) > 0)]
+    a, b = half_edges(cut)
+    ends = np.sort(np.stack([a, b], axis=1), axis=1)
+    crossed, at = np.unique(ends[np.sign(d[a]) * np.sign(d[b]) < 0], axis=0, return_inverse=True)
+    t = (d[crossed[:, 0]] / (d[crossed[:, 0]] - d[crossed[:, 1]]))[:, None]
+    new = np.full(len(a), -1)
+    new[np.sign(d[a]) * np.sign(d[b]) < 0] = len(x) + at.ravel()
+    points = (1 - t) * x[crossed[:, 0]] + t * x[crossed[:, 1]]
+    points -= np.outer(points @ normal, normal)
+    made = [whole]
+    corner = np.stack([cut, new.reshape(-1, 3)], axis=2).reshape(-1, 6)  # a, ab, b, bc, c, ca
+    stays = (corner >= 0) & (np.concatenate([d, np.zeros(len(points))])[corner] >= 0)
+    for k in (3, 4):
+        mine = corner[stays.sum(axis=1) == k][stays[stays.sum(axis=1) == k]].reshape(-1, k)
+        made += [mine[:, [0, i, i + 1]] for i in range(1, k - 1)]
+    F = np.concatenate(made)
+    used, F = np.unique(F, return_inverse=True)
+    return np.concatenate([x, points])[used], F.reshape(-1, 3)

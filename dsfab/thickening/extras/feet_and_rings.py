@@ -1,0 +1,152 @@
+"""Feet under a solid, and ring beams along the boundary of the surface."""
+
+from dataclasses import dataclass
+from typing import TYPE_CHECKING, Any, ClassVar, Literal
+
+import numpy as np
+
+from dsfab.core.arrays import Floats, Ints
+from dsfab.core.errors import SolidError
+from dsfab.surface import Picker
+from dsfab.surface.loads.pickers import STRICT, Real
+from dsfab.surface.mesh import Surface
+from dsfab.thickening.extras.bodies import Base, box, positive, united_bodies
+from dsfab.thickening.self_intersection import intersecting_pairs
+
+if TYPE_CHECKING:
+    import manifold3d
+
+
+@dataclass(frozen=True)
+class Feet:
+    """`kind = "feet"`: a block under each part of the sheet that reaches the picked vertices, united with it.
+
+    at : what stands on feet.    height : metres below the lowest picked vertex of a part.    margin : metres around it.
+    sink : metres above that vertex: blocks must meet the sheet.    Blocks stand along z.
+    """
+
+    __pydantic_config__: ClassVar[Any] = STRICT
+    at: Picker
+    height: Real
+    margin: Real
+    sink: Real
+    kind: Literal["feet"] = "feet"
+
+    def applied(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
+        """The solid with its feet; raises SolidError where none of the picked vertices is on the sheet."""
+        positive(self, "height", "margin", "sink")
+        blocks = []
+        for points in base.parts(self.at.vertices(base.surface)):
+            low, high = points.min(axis=0) - self.margin, points.max(axis=0) + self.margin
+            low[2], high[2] = points[:, 2].min() - self.height, points[:, 2].min() + self.sink
+            blocks.append(box(low, high))
+        if not blocks:
+            raise SolidError("thickening.extra 'feet': none of the picked vertices is on the sheet; set pattern.keep")
+        standing = united_bodies([solid, *blocks])
+        if len(standing.decompose()) > len(solid.decompose()):
+            raise SolidError("thickening.extra 'feet': a foot does not meet the solid; raise sink or margin")
+        return standing
+
+
+STRAIGHT = 1e-9
+"""A vertex of the boundary is left out where direction and normal change by less."""
+
+SHARPEST = 0.2
+"""Least cosine of half the turn at a corner: beyond it the mitre would be five times as long as the bar is wide."""
+
+
+@dataclass(frozen=True)
+class Ring:
+    """`kind = "ring"`: a beam along boundary loops of the surface, where they ran before it was cut, united with it.
+
+    width  : metres, along the surface, half of it on each side of the boundary.    height : metres, across it.
+    at     : loops with a picked vertex get one; all of them when left out.
+    """
+
+    __pydantic_config__: ClassVar[Any] = STRICT
+    width: Real
+    height: Real
+    at: Picker | None = None
+    kind: Literal["ring"] = "ring"
+
+    def applied(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
+        """The solid with a beam along its boundaries; raises SolidError where none is picked."""
+        positive(self, "width", "height")
+        marks = np.ones(base.surface.n, dtype=bool) if self.at is None else self.at.vertices(base.surface)
+        loops = [loop for loop in base.surface.loops if marks[loop].any()]
+        if not loops:
+            raise SolidError("thickening.extra 'ring': no boundary of the surface is there, or picked; check at")
+        beams = [_beam(base.surface, loop, self.width, self.height) for loop in loops]
+        whole = united_bodies([solid, *beams])
+        if len(whole.decompose()) > len(solid.decompose()):
+            raise SolidError(
+                "thickening.extra 'ring': a beam does not meet the solid; make it wider, or pick loops the pattern "
+                "reaches (pattern.rim)"
+            )
+        return whole
+
+
+def _beam(surface: Surface, loop: Ints, width: float, height: float) -> "manifold3d.Manifold":
+    """The bar along one loop (k,), mitred at its corners; raises SolidError where it would cross itself."""
+    import manifold3d
+
+    V, F = bar(*_course(surface, loop), width, height)
+    beam = manifold3d.Manifold(manifold3d.Mesh64(V, F.astype(np.uint64)))
+    pairs = intersecting_pairs(V, F)
+    if len(pairs) or beam.status() != manifold3d.Error.NoError or beam.volume() <= 0:
+        x, y, z = V[F[pairs[0]]].mean(axis=(0, 1)) if len(pairs) else V.mean(axis=0)
+        raise SolidError(
+            f"thickening.extra 'ring': a beam {width:.4g} x {height:.4g} m would cross itself near "
+            f"({x:.4g}, {y:.4g}, {z:.4g}) m, where the boundary bends; make it narrower, or smooth the boundary"
+        )
+    return beam
+
+
+def _course(surface: Surface, loop: Ints) -> tuple[Floats, Floats, Floats]:
+    """Points (k, 3) where a loop bends; direction and normal (k, 3) of the sides that begin there.
+
+    The normal of a side is that of its face, seen so that the surface lies left of the loop: on a strip with one side
+    the loop runs along both of its edges, and the normal with it.
+    """
+    V, edges = surface.V, surface.edges
+    ends = np.sort(np.stack([loop, np.roll(loop, -1)], axis=1), axis=1)
+    edge = np.searchsorted(edges.ends @ [surface.n, 1], ends @ [surface.n, 1])
+    h = edges.order[edges.start[edge]]
+    third = surface.F[h // 3, (h % 3 + 2) % 3]
+    P = V[loop]
+    along = np.roll(P, -1, axis=0) - P
+    along /= np.linalg.norm(along, axis=1, keepdims=True)
+    normal = np.cross(along, V[third] - P)
+    normal /= np.linalg.norm(normal, axis=1, keepdims=True)
+    change = [np.linalg.norm(x - np.roll(x, 1, axis=0), axis=1) for x in (along, normal)]
+    bends = np.maximum(*change) > STRAIGHT
+    return P[bends], along[bends], normal[bends]
+
+
+def bar(P: Floats, along: Floats, normal: Floats, width: float, height: float) -> tuple[Floats, Ints]:
+    """A closed bar: vertices (4 k, 3), faces (8 k, 3), counter-clockwise from outside.
+
+    P : (k, 3) the corners of its middle line.    along, normal : (k, 3) unit vectors of the sides that begin there.
+    Sections lie in the planes that halve the corners, stretched so that the bar keeps its width between them.
+    """
+    before = np.roll(along, 1, axis=0)
+    middle = before + along
+    cosine = np.maximum(np.linalg.norm(middle, axis=1) / 2, SHARPEST)
+    middle /= np.maximum(np.linalg.norm(middle, axis=1, keepdims=True), SHARPEST)
+    up = normal + np.roll(normal, 1, axis=0)
+    up -= np.einsum("ki,ki->k", up, middle)[:, None] * middle
+    up /= np.linalg.norm(up, axis=1, keepdims=True)
+    left = np.cross(up, middle)
+    bend = along - before
+    size = np.linalg.norm(bend, axis=1, keepdims=True)
+    bend = np.divide(bend, size, out=np.zeros_like(bend), where=size > STRAIGHT)
+    corners = []
+    for y, z in ((1, 1), (-1, 1), (-1, -1), (1, -1)):
+        off = y * width / 2 * left + z * height / 2 * up
+        stretch = (1 / cosine - 1) * np.einsum("ki,ki->k", off, bend)
+        corners.append(P + off + stretch[:, None] * bend)
+    V = np.stack(corners, axis=1).reshape(-1, 3)
+    here = 4 * np.arange(len(P))[:, None] + np.arange(4)
+    a, b = here.ravel(), np.roll(here, -1, axis=1).ravel()
+    c, d = np.roll(here, -1, axis=0).ravel(), np.roll(np.roll(here, -1, axis=0), -1, axis=1).ravel()
+    return V, np.concatenate([np.stack([a, b, d], axis=1), np.stack([a, d, c], axis=1)])

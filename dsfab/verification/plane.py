@@ -1,0 +1,210 @@
+"""Sheets loaded in their plane: patches of constant stress, Cook's panel, and stress at the edge of holes."""
+
+from collections.abc import Callable
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.statics import Equilibrium, Material, SpreadLoad, membrane_strains, membrane_stresses
+from dsfab.surface import Surface
+from dsfab.surface.fields import tangents
+from dsfab.verification.problems import (
+    MESHES,
+    Mesh,
+    Problem,
+    Test,
+    at,
+    edges_on,
+    held_directions,
+    lines_on,
+    mean_move,
+    square,
+    tip_loaded,
+)
+
+
+def corner_stress(surface: Surface, material: Material, answer: Equilibrium) -> Floats:
+    """(m, 3 corners, 3, 3) membrane stress in plane stress, Pa, tangent to each face: linear on each face as
+    `quadratic` and `hybrid` membranes have it. With constant strain all three corners have the face's one."""
+    strain = membrane_strains(surface, answer)
+    stress = membrane_stresses(surface, material, "plane_stress", answer.elements, strain)
+    xx, yy, xy = np.moveaxis(stress, -1, 0)
+    planar = np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=-1)
+    t = tangents(surface)
+    return np.asarray(np.einsum("mai,mcab,mbj->mcij", t, planar, t))
+
+
+def vertex_stress(surface: Surface, material: Material, answer: Equilibrium, vertex: int) -> Floats:
+    """(3, 3) mean of the corner stresses that meet at a vertex, Pa."""
+    return np.asarray(corner_stress(surface, material, answer)[vertex == surface.F].mean(axis=0))
+
+
+STEEL = Material(210e9, 0.3)
+
+
+def patch(cells: int, mesh: Mesh, shear: bool) -> Problem:
+    """A square metre, 10 mm thick, under 1 kN/m of tension or shear on its sides; the value is the move of one side."""
+    uv, F = square(cells, cells, mesh)
+    surface = Surface(np.pad(uv, ((0, 0), (0, 1))), F)
+    left, right, bottom, top = (at(uv[:, axis], end) for axis in (0, 1) for end in (0.0, 1.0))
+    sides = {(1.0, 0.0): (right,), (-1.0, 0.0): (left,)}
+    if shear:
+        sides = {(0.0, 1.0): (right,), (0.0, -1.0): (left,), (1.0, 0.0): (top,), (-1.0, 0.0): (bottom,)}
+    load = sum(lines_on(surface, edges_on(surface, *side), (1e3 * q[0], 1e3 * q[1], 0.0)) for q, side in sides.items())
+    corner = left & bottom
+    return Problem(
+        surface,
+        STEEL,
+        0.01,
+        fixed=held_directions(surface.n, (corner, "xy"), (bottom & right, "y") if shear else (left & top, "x")),
+        force=np.zeros((surface.n, 3)),
+        spread=SpreadLoad.on(surface, edge=load),
+        clamped=np.zeros(len(surface.edges.ends), dtype=bool),
+        value=mean_move(top if shear else right, (1.0, 0.0, 0.0)),
+    )
+
+
+def cook(cells: int, mesh: Mesh) -> Problem:
+    """A tapered panel 48 long, from 44 to 16 high, sheared by a unit force; the value is the middle of its free end.
+
+    `diagonal` halves the cells along their short diagonals, as published results of triangles do.
+    """
+    uv, F = square(cells, cells, mesh)
+    if mesh == "diagonal":
+        uv, F = np.stack([uv[:, 0], 1 - uv[:, 1]], axis=1), F[:, ::-1]
+    low, high = 44 * uv[:, 0], 44 + 16 * uv[:, 0]
+    V = np.stack([48 * uv[:, 0], low + (high - low) * uv[:, 1], 0 * low], axis=1)
+    middle = at(uv[:, 0], 1.0) & at(uv[:, 1], 0.5)
+    panel = tip_loaded(uv, F, V, Material(1.0, 1 / 3), 1.0, (0.0, 1.0, 0.0))
+    return replace(panel, value=mean_move(middle, (0.0, 1.0, 0.0)))
+
+
+def kirsch(cells: int, mesh: Mesh) -> Problem:
+    """A quarter of a ring from radius 1 to 5 around a hole in an infinite sheet under a unit tension along x.
+
+    Its outer edge carries the tractions that Kirsch's solution has there, so nothing is lost by cutting the sheet off;
+    the value is the stress along the edge of the hole, where it is three times the tension.
+    """
+    uv, F = square(cells, cells, mesh)
+    radius, turn = 5.0 ** uv[:, 1], np.pi / 2 * uv[:, 0]  # cells as long as wide
+    V = np.stack([radius * np.cos(turn), radius * np.sin(turn), 0 * turn], axis=1)
+    return quarter(uv, F[:, ::-1], V, Material(1.0, 0.3), 1.0, kirsch_stress, (1.0, "xx"))
+
+
+def kirsch_stress(x: Floats, y: Floats) -> Floats:
+    """(..., 2, 2) stress around a hole of radius 1 in a sheet under a unit tension along x [Kirsch 1898]."""
+    q, turn = 1 / (x**2 + y**2), np.arctan2(y, x)
+    c2, c4, s2, s4 = np.cos(2 * turn), np.cos(4 * turn), np.sin(2 * turn), np.sin(4 * turn)
+    xx = 1 - q * (1.5 * c2 + c4) + 1.5 * q**2 * c4
+    yy = -q * (0.5 * c2 - c4) - 1.5 * q**2 * c4
+    xy = -q * (0.5 * s2 + s4) + 1.5 * q**2 * s4
+    return np.stack([np.stack([xx, xy], axis=-1), np.stack([xy, yy], axis=-1)], axis=-1)
+
+
+def elliptic_membrane(cells: int, mesh: Mesh) -> Problem:
+    """NAFEMS LE1: a quarter of a sheet between two ellipses, 0.1 m thick, pulled outwards by 10 MPa on its outer edge.
+
+    The value is the stress along the inner edge at the end of its long axis, Pa.
+    """
+    uv, F = square(cells, cells, mesh)
+    turn, out = np.pi / 2 * uv[:, 0], uv[:, 1]
+    V = np.stack([(2 + 1.25 * out) * np.cos(turn), (1 + 1.75 * out) * np.sin(turn), 0 * out], axis=1)
+    return quarter(uv, F[:, ::-1], V, STEEL, 0.1, lambda x, y: 10e6 * np.eye(2), (0.0, "yy"))
+
+
+def quarter(
+    uv: Floats,
+    F: Ints,
+    V: Floats,
+    material: Material,
+    thickness: float,
+    stress: Callable[[Floats, Floats], Floats],
+    asked: tuple[float, str],
+) -> Problem:
+    """A quarter of a sheet with a hole: u = 0 lies on the x axis, u = 1 on the y axis, v = 0 on the hole.
+
+    stress : (x, y) -> (..., 2, 2) Pa, whose tractions act on the outer edge v = 1.
+    asked  : (end, component): the value is this component of the stress at the edge of the hole where u = end.
+    """
+    end, component = asked
+    surface = Surface(V, F)
+    outer = edges_on(surface, at(uv[:, 1], 1.0))
+    here = np.flatnonzero(at(uv[:, 0], end) & at(uv[:, 1], 0.0))[0]
+    row, column = ("xyz".index(axis) for axis in component)
+
+    def value(answer: Equilibrium) -> float:
+        return float(vertex_stress(surface, material, answer, here)[row, column])
+
+    return Problem(
+        surface,
+        material,
+        thickness,
+        fixed=held_directions(surface.n, (at(uv[:, 0], 0.0), "y"), (at(uv[:, 0], 1.0), "x")),
+        force=np.zeros((surface.n, 3)),
+        spread=SpreadLoad.on(surface, edge=thickness * tractions(surface, outer, stress)),
+        clamped=np.zeros(len(surface.edges.ends), dtype=bool),
+        value=value,
+    )
+
+
+def tractions(surface: Surface, where: Bools, stress: Callable[[Floats, Floats], Floats]) -> Floats:
+    """(e, 3) mean of stress . n on marked edges, n pointing away from the origin, by four Gauss points; else 0."""
+    ends = surface.V[surface.edges.ends[where], :2]
+    along = ends[:, 1] - ends[:, 0]
+    n = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)
+    n *= np.sign(np.einsum("ex,ex->e", n, ends.sum(axis=1)))[:, None]
+    mean = np.zeros_like(n)
+    for x, weight in zip(*np.polynomial.legendre.leggauss(4), strict=True):
+        point = ends[:, 0] + (1 + x) / 2 * along
+        mean += weight / 2 * np.einsum("...ab,...b->...a", stress(point[:, 0], point[:, 1]), n)
+    found = np.zeros((len(where), 3))
+    found[where, :2] = mean
+    return found
+
+
+TESTS = [
+    Test(
+        "cook",
+        23.96,
+        "Cook 1974, reference of refined meshes; whole panel",
+        "tapered panel, built in on one side and sheared on the other: move of the middle of its end",
+        cook,
+        (2, 4, 8, 16),
+        MESHES,
+        targets={4: 0.01},
+    ),
+    Test(
+        "kirsch_hole",
+        3.0,
+        "Kirsch 1898, closed form; quarter, exact tractions at five radii",
+        "round hole in a sheet under tension: stress at its edge over the tension",
+        kirsch,
+        meshes=MESHES,
+        quantity="stress",
+    ),
+    Test(
+        "elliptic_membrane",
+        92.7e6,
+        "NAFEMS LE1, 1990; quarter",
+        "sheet between two ellipses, pulled outwards: stress at the inner edge",
+        elliptic_membrane,
+        meshes=MESHES,
+        targets={16: 0.02},
+        quantity="stress",
+    ),
+    *(
+        Test(
+            f"patch_{name}",
+            move / (STEEL.young * 0.01),
+            f"closed form, N / ({modulus} h)",
+            f"square under constant {name}, irregular mesh: must be exact",
+            partial(patch, shear=name == "shear"),
+            (2, 4, 8),
+            ("jittered",),
+            1e-9,
+        )
+        for name, modulus, move in (("tension", "E", 1e3), ("shear", "G", 1e3 * 2 * 1.3))
+    ),
+]

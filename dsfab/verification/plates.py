@@ -1,0 +1,194 @@
+"""Plates bent by a load across them."""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from dsfab.statics import (
+    Elements,
+    Equilibrium,
+    Material,
+    SheetModel,
+    SpreadLoad,
+    buckling,
+    frequencies,
+    sheet_stress,
+    solve_statics,
+)
+from dsfab.surface import Surface
+from dsfab.verification.problems import MESHES, Mesh, Problem, Test, at, edges_on, held_directions, lines_on, square
+
+PLATE = Material(young=1e7, poisson=0.3)
+HEAVY = replace(PLATE, density=1000.0)
+THIN = 0.01
+
+
+def plate(cells: int, mesh: Mesh, clamped: bool) -> Problem:
+    """A unit square under 1 Pa across; the value is the sag of its centre times D / (q a^4)."""
+    uv, F = square(cells, cells, mesh)
+    surface = Surface(np.pad(uv, ((0, 0), (0, 1))), F)
+    sides = [at(uv[:, axis], end) for axis in (0, 1) for end in (0.0, 1.0)]
+    rim = np.logical_or.reduce(sides)
+    centre = np.arange(surface.n) == np.abs(uv - 0.5).max(axis=1).argmin()
+    stiffness = PLATE.bending_stiffness(THIN)
+    return Problem(
+        surface,
+        PLATE,
+        THIN,
+        fixed=held_directions(surface.n, (np.ones(surface.n, dtype=bool), "xy"), (rim, "z")),
+        force=np.zeros((surface.n, 3)),
+        spread=SpreadLoad.on(surface, face=(0.0, 0.0, 1.0)),
+        clamped=edges_on(surface, *sides) & clamped,
+        value=lambda answer: stiffness * float(answer.u[centre, 2][0]),
+    )
+
+
+SKEWED = Material(young=1085.0, poisson=0.31)
+
+
+def skew_plate(cells: int, mesh: Mesh) -> Problem:
+    """A rhombus of side 100 and 60 degrees, .1 thick, on simple supports at two opposite sides, free at the others.
+
+    The value is the sag of its centre times 100 D / (q a^4).
+    """
+    uv, F = square(cells, cells, mesh)
+    surface = Surface(100 * np.stack([uv[:, 0] + uv[:, 1] / 2, np.sqrt(3) / 2 * uv[:, 1], 0 * uv[:, 0]], axis=1), F)
+    ends = at(uv[:, 1], 0.0) | at(uv[:, 1], 1.0)
+    centre = np.arange(surface.n) == np.abs(uv - 0.5).max(axis=1).argmin()
+    scale = 100 * SKEWED.bending_stiffness(0.1) / 100**4
+    return Problem(
+        surface,
+        SKEWED,
+        0.1,
+        fixed=held_directions(surface.n, (np.ones(surface.n, dtype=bool), "xy"), (ends, "z")),
+        force=np.zeros((surface.n, 3)),
+        spread=SpreadLoad.on(surface, face=(0.0, 0.0, 1.0)),
+        clamped=np.zeros(len(surface.edges.ends), dtype=bool),
+        value=lambda answer: scale * float(answer.u[centre, 2][0]),
+    )
+
+
+def stressed_plate(cells: int, mesh: Mesh) -> Problem:
+    """The supported plate; the value is the largest stress at its centre over q (a / h)^2."""
+    problem = plate(cells, mesh, clamped=False)
+    surface = problem.surface
+    centre = np.abs(surface.V[:, :2] - 0.5).max(axis=1).argmin()
+
+    def value(answer: Equilibrium) -> float:
+        found = sheet_stress(SheetModel(surface, PLATE, THIN), answer.elements, answer)
+        top = found.tensor("top")[(centre == surface.F).any(axis=1)]
+        return float(np.abs(np.linalg.eigvalsh(top.mean(axis=0))).max()) * THIN**2
+
+    return replace(problem, value=value)
+
+
+def shaken_plate(cells: int, mesh: Mesh) -> Problem:
+    """The supported plate without its load; the value is its lowest omega a^2 sqrt(rho h / D)."""
+    problem = plate(cells, mesh, clamped=False)
+    scale = 2 * np.pi * np.sqrt(HEAVY.density * THIN / HEAVY.bending_stiffness(THIN))
+
+    def modes(elements: Elements) -> float:
+        found = frequencies(SheetModel(problem.surface, HEAVY, THIN), problem.fixed, 1, elements=elements)
+        return float(scale * found.hertz[0])
+
+    return replace(problem, modes=modes)
+
+
+def pressed_plate(cells: int, mesh: Mesh) -> Problem:
+    """A unit square on simple supports, pressed along x by a line load N; the value is its lowest N a^2 / D."""
+    uv, F = square(cells, cells, mesh)
+    surface = Surface(np.pad(uv, ((0, 0), (0, 1))), F)
+    ends = [at(uv[:, 0], end) for end in (0.0, 1.0)]
+    rim = np.logical_or.reduce([*ends, at(uv[:, 1], 0.0), at(uv[:, 1], 1.0)])
+    corner = ends[0] & at(uv[:, 1], 0.0)
+    edge = lines_on(surface, edges_on(surface, ends[0]), (1.0, 0.0, 0.0))
+    edge = edge + lines_on(surface, edges_on(surface, ends[1]), (-1.0, 0.0, 0.0))
+    spread = SpreadLoad.on(surface, edge=edge)
+    fixed = held_directions(surface.n, (rim, "z"), (corner, "xy"), (ends[1] & at(uv[:, 1], 0.0), "y"))
+    still = np.zeros((surface.n, 3))
+    problem = Problem(
+        surface, PLATE, THIN, fixed, still, spread, np.zeros(len(surface.edges.ends), dtype=bool), lambda answer: np.nan
+    )
+
+    def modes(elements: Elements) -> float:
+        sheet = SheetModel(surface, PLATE, THIN)
+        answer = solve_statics(sheet, problem.load, Elements(elements.membrane, "hinge"), spread)
+        found = buckling(sheet, problem.load, answer, 1, elements=elements)
+        return float(found.factor[0]) / PLATE.bending_stiffness(THIN)
+
+    return replace(problem, modes=modes)
+
+
+def _moment() -> float:
+    """M / (q a^2) at the centre of a supported square plate, nu = 0.3 [Navier 1820; Timoshenko 1959, 30]."""
+    odd = np.arange(1, 400, 2)
+    m, n = np.meshgrid(odd, odd, indexing="ij")
+    sign = np.where((m + n) % 4 == 2, 1.0, -1.0)  # sin(m pi / 2) sin(n pi / 2)
+    return float((sign * 16 / np.pi**4 * (m**2 + PLATE.poisson * n**2) / (m * n * (m**2 + n**2) ** 2)).sum())
+
+
+SERIES = "Timoshenko and Woinowsky-Krieger 1959, series; whole plate"
+
+TESTS = [
+    Test(
+        "plate_supported",
+        0.00406235,
+        SERIES,
+        "square plate on simple supports under a uniform load: sag of the centre",
+        partial(plate, clamped=False),
+        cells=(4, 8, 16),
+        meshes=MESHES,
+        targets={8: 0.005},
+    ),
+    Test(
+        "plate_clamped",
+        0.00126532,
+        SERIES,
+        "square plate clamped all round under a uniform load: sag of the centre",
+        partial(plate, clamped=True),
+        cells=(4, 8, 16),
+        meshes=MESHES,
+        targets={8: 0.005},
+    ),
+    Test(
+        "skew_plate",
+        0.7945,
+        "Razzaque 1973, finite differences (recalled); whole plate",
+        "rhombic plate of 60 degrees on two simple supports under a uniform load: sag of its centre",
+        skew_plate,
+        cells=(4, 8, 16, 32),
+        meshes=MESHES,
+        targets={16: 0.005},
+    ),
+    Test(
+        "plate_stress",
+        6 * _moment(),
+        "Navier 1820, series; whole plate",
+        "square plate on simple supports under a uniform load: stress at its centre",
+        stressed_plate,
+        cells=(4, 8, 16),
+        meshes=MESHES,
+        quantity="stress",
+    ),
+    Test(
+        "plate_frequency",
+        2 * np.pi**2,
+        "closed form, 2 pi^2; whole plate",
+        "square plate on simple supports: its lowest frequency",
+        shaken_plate,
+        cells=(4, 8, 16),
+        meshes=MESHES,
+        quantity="frequency",
+    ),
+    Test(
+        "plate_buckling",
+        4 * np.pi**2,
+        "Bryan 1891, closed form, 4 pi^2; whole plate",
+        "square plate on simple supports, pressed from two sides: the load at which it buckles",
+        pressed_plate,
+        cells=(4, 8, 16),
+        meshes=MESHES,
+        quantity="buckling",
+    ),
+]

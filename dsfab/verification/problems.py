@@ -1,0 +1,275 @@
+"""Benchmark problems: meshes of the square and the sphere, supports, loads, and the number that is compared."""
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+
+from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.statics import (
+    Elements,
+    Equilibrium,
+    Material,
+    Quantity,
+    SheetModel,
+    SpreadLoad,
+    flat_axis,
+    solve_statics,
+    tolerance_of,
+)
+from dsfab.statics.boundary_conditions import held_on_edges
+from dsfab.surface import LoadCase, Surface
+
+Mesh = Literal["diagonal", "union_jack", "jittered"]
+MESHES: tuple[Mesh, ...] = ("diagonal", "union_jack", "jittered")
+"""Squares halved by parallel diagonals, by alternating ones, and the latter with the inner vertices moved at random."""
+
+NEAR = 1e-9
+"""Parameters of the unit square closer than this are the same."""
+
+
+def square(nx: int, ny: int, mesh: Mesh) -> tuple[Floats, Ints]:
+    """Vertices (n, 2) and faces of a mesh of the unit square with nx by ny cells."""
+    x, y = np.meshgrid(np.arange(nx + 1) / nx, np.arange(ny + 1) / ny, indexing="ij")
+    uv = np.stack([x.ravel(), y.ravel()], axis=1)
+    i, j = np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij")
+    a = (i * (ny + 1) + j).ravel()
+    b, c, d = a + ny + 1, a + ny + 2, a + 1
+    other = np.zeros(len(a), dtype=bool) if mesh == "diagonal" else ((i + j) % 2 == 1).ravel()
+    F = np.concatenate(
+        [
+            np.stack([a, b, c], axis=1)[~other],
+            np.stack([a, c, d], axis=1)[~other],
+            np.stack([a, b, d], axis=1)[other],
+            np.stack([b, c, d], axis=1)[other],
+        ]
+    )
+    if mesh == "jittered":
+        inner = ((uv > NEAR) & (uv < 1 - NEAR)).all(axis=1) & (np.abs(uv - 0.5).max(axis=1) > NEAR)  # keep the centre
+        shift = np.random.default_rng(0).uniform(-0.25, 0.25, (inner.sum(), 2))
+        uv[inner] += shift / (nx, ny)
+    return uv, F
+
+
+def at(values: Floats, where: float) -> Bools:
+    """(k,) which parameters (k,) are `where`."""
+    return np.asarray(np.abs(values - where) < NEAR)
+
+
+def edges_on(surface: Surface, *lines: Bools) -> Bools:
+    """(e,) boundary edges with both ends on one of the lines of vertices."""
+    on = np.logical_or.reduce([line[surface.edges.ends].all(axis=1) for line in lines])
+    return np.asarray(on & surface.edges.boundary)
+
+
+def octasphere(cells: int) -> tuple[Floats, Ints]:
+    """V (n, 3), F (m, 3): the unit sphere as an octahedron whose edges are cut into `cells`; normals point outwards."""
+    b, faces = _octahedron_side(cells)
+    signs = np.array([[x, y, z] for x in (1, -1) for y in (1, -1) for z in (1, -1)])
+    points = (b[None] * signs[:, None]).reshape(-1, 3)
+    F = np.concatenate([(faces if s.prod() > 0 else faces[:, ::-1]) + k * len(b) for k, s in enumerate(signs)])
+    unique, of = np.unique(points, axis=0, return_inverse=True)
+    return _on_sphere(unique, cells), of.reshape(-1)[F]
+
+
+def octant(cells: int) -> tuple[Floats, Ints]:
+    """V (n, 3), F (m, 3): the part of `octasphere` with no negative coordinate."""
+    b, faces = _octahedron_side(cells)
+    return _on_sphere(b, cells), faces
+
+
+def _octahedron_side(cells: int) -> tuple[Ints, Ints]:
+    """Corners (n, 3), integers that sum to `cells`, and faces of one side of the octahedron."""
+    i, j = np.meshgrid(np.arange(cells + 1), np.arange(cells + 1), indexing="ij")
+    inside = i + j <= cells
+    number = np.full((cells + 1, cells + 1), -1)
+    number[inside] = np.arange(inside.sum())
+    b = np.stack([cells - i - j, i, j], axis=-1)[inside]
+    up, down = i + j < cells, i + j < cells - 1
+    a = np.stack(np.nonzero(up), axis=1)
+    d = np.stack(np.nonzero(down), axis=1)
+    faces = np.concatenate(
+        [
+            np.stack([number[a[:, 0], a[:, 1]], number[a[:, 0] + 1, a[:, 1]], number[a[:, 0], a[:, 1] + 1]], axis=1),
+            np.stack(
+                [number[d[:, 0] + 1, d[:, 1]], number[d[:, 0] + 1, d[:, 1] + 1], number[d[:, 0], d[:, 1] + 1]], axis=1
+            ),
+        ]
+    )
+    return b, faces
+
+
+def _on_sphere(points: Ints, cells: int) -> Floats:
+    """Equal angles along the octahedron's edges: all triangles stay of similar size."""
+    bent = np.sign(points) * np.sin(np.pi / 2 * np.abs(points) / cells)
+    return np.asarray(bent / np.linalg.norm(bent, axis=1, keepdims=True))
+
+
+@dataclass(frozen=True, eq=False)
+class Problem:
+    """One mesh of one test: what is solved, and the number that is looked at.
+
+    fixed   : (n, 3) held directions.                   clamped : (e,) edges that may not turn (built in, or symmetry).
+    force   : (n, 3) concentrated loads, newtons.       spread  : loads per area and per length.
+    value   : the number of an answer that the reference is about.
+    modes   : the same of elements, where it is not of an equilibrium but of shapes that leave the plane.
+    """
+
+    surface: Surface
+    material: Material
+    thickness: float
+    fixed: Bools
+    force: Floats
+    spread: SpreadLoad
+    clamped: Bools
+    value: Callable[[Equilibrium], float]
+    modes: Callable[[Elements], float] | None = None
+
+    @property
+    def load(self) -> LoadCase:
+        """Supports, and all loads on the vertices."""
+        force = self.force + self.spread.vertex_forces(self.surface)
+        return LoadCase(self.fixed, force, (self.force != 0).any(axis=1))
+
+    @property
+    def flat(self) -> int | None:
+        """The axis across a sheet that is solved in its plane, else None."""
+        return None if self.modes else flat_axis(self.surface, self.load)
+
+    @property
+    def needs_rotations(self) -> bool:
+        """Whether edges are clamped and the load bends the sheet."""
+        return bool(self.clamped.any()) and self.flat is None
+
+    def unknowns(self, elements: Elements) -> int:
+        """How many unknowns of these elements the supports leave free: the size of the system that is solved."""
+        fixed = self.fixed.copy()
+        if self.flat is not None:
+            fixed[:, self.flat] = True
+            elements = elements.in_plane
+        return int((~fixed).sum() + (~held_on_edges(self.surface, elements, fixed, self.clamped)).sum())
+
+    def nodal_unknowns(self) -> int:
+        """The same for elements that others use on this mesh: three displacements and two rotations a vertex.
+
+        Vertices of clamped edges lose one rotation, both where they are built in; in a plane there are none.
+        """
+        fixed = self.fixed.copy()
+        if self.flat is not None:
+            fixed[:, self.flat] = True
+            return int((~fixed).sum())
+        turning = np.zeros(self.surface.n, dtype=bool)
+        turning[self.surface.edges.ends[self.clamped]] = True
+        built_in = turning & fixed.all(axis=1)
+        return int((~fixed).sum() + 2 * self.surface.n - turning.sum() - built_in.sum())
+
+    def solve(self, elements: Elements) -> float:
+        """The value with these elements; raises StaticsError."""
+        if self.modes:
+            return self.modes(elements)
+        answer = solve_statics(
+            SheetModel(
+                self.surface, self.material, self.thickness, clamped=self.clamped if self.clamped.any() else None
+            ),
+            self.load,
+            elements=elements,
+            spread=self.spread,
+        )
+        return self.value(answer)
+
+
+@dataclass(frozen=True)
+class Test:
+    """A structure with a known answer.
+
+    reference : of `value`, in SI units or the source's own consistent ones.
+    source    : where the reference comes from, with the share of the load that the meshed part carries.
+    about     : the structure in a line.
+    problem   : (cells, mesh) -> Problem, with `cells` along the side that is refined.
+    cells     : refinements, coarse to fine.      meshes : patterns it is run on.
+    within    : accepted relative error where it is less than that of the quantity.
+    targets   : relative errors that the elements for displacements are meant to stay below, by cells.
+    limit     : what the targets are about where it is not the reference: what the elements converge to (the exact
+                answer of a thin sheet where one is published) if the usual reference is not that. The table has both.
+    quantity  : what the number is: it says how far off it may be.
+    beyond    : what no thin sheet has and the reference does, in words: then it is `limit` that must be met.
+    outside   : (cells, mesh) -> unknowns and value of a program that is not ours, None where that is not installed.
+    """
+
+    __test__ = False  # pytest collects classes of this name
+
+    name: str
+    reference: float
+    source: str
+    about: str
+    problem: Callable[[int, Mesh], Problem]
+    cells: tuple[int, ...] = (8, 16, 32)
+    meshes: tuple[Mesh, ...] = ("union_jack",)
+    within: float | None = None
+    targets: Mapping[int, float] = field(default_factory=dict)
+    limit: float | None = None
+    quantity: Quantity = "displacement"
+    beyond: str = ""
+    outside: Callable[[int, Mesh], tuple[int, float] | None] | None = None
+
+    @property
+    def tolerance(self) -> float:
+        """Accepted relative error on the finest mesh, of every pair that something is reported from."""
+        return tolerance_of(self.quantity) if self.within is None else self.within
+
+
+def held_directions(n: int, *supports: tuple[Bools, str]) -> Bools:
+    """(n, 3) from pairs of marked vertices and directions such as "xz"."""
+    fixed = np.zeros((n, 3), dtype=bool)
+    for where, axes in supports:
+        for axis in axes:
+            fixed[where, "xyz".index(axis)] = True
+    return fixed
+
+
+def point_force(n: int, *forces: tuple[Bools, tuple[float, float, float]]) -> Floats:
+    """(n, 3) newtons from pairs of one marked vertex and its force."""
+    force = np.zeros((n, 3))
+    for where, newtons in forces:
+        force[np.flatnonzero(where)[0]] += newtons
+    return force
+
+
+def mean_move(where: Bools, direction: tuple[float, float, float]) -> Callable[[Equilibrium], float]:
+    """The value: mean displacement of the marked vertices (n,) along a direction, metres."""
+    return lambda answer: float((answer.u[where] @ np.array(direction)).mean())
+
+
+def lines_on(surface: Surface, where: Bools, newtons_per_metre: tuple[float, float, float]) -> Floats:
+    """(e, 3) the line load on marked edges."""
+    return np.asarray(where[:, None] * np.array(newtons_per_metre))
+
+
+def tip_loaded(
+    uv: Floats,
+    F: Ints,
+    V: Floats,
+    material: Material,
+    thickness: float,
+    force: tuple[float, float, float],
+) -> Problem:
+    """A strip V (n, 3) built in where u = 0 of uv (n, 2), a force spread along its end u = 1; how far that end moves
+    is the value."""
+    surface = Surface(V, F)
+    root, tip = at(uv[:, 0], 0.0), at(uv[:, 0], 1.0)
+    end = edges_on(surface, tip)
+    ends = surface.V[surface.edges.ends[end]]
+    width = float(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1).sum())
+    along = np.array(force)
+    direction = along / np.linalg.norm(along)
+    return Problem(
+        surface,
+        material,
+        thickness,
+        fixed=held_directions(surface.n, (root, "xyz")),
+        force=np.zeros((surface.n, 3)),
+        spread=SpreadLoad.on(surface, edge=lines_on(surface, end, tuple(along / width))),
+        clamped=edges_on(surface, root),
+        value=mean_move(tip, tuple(direction)),
+    )

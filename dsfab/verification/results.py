@@ -1,0 +1,416 @@
+"""Results of benchmark problems: ratios and convergence rates, beside values published by others."""
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+
+from dsfab.core.errors import StaticsError
+from dsfab.statics import PAPER, REPORTED, Elements, elements_of
+from dsfab.verification.problems import Mesh, Problem, Test
+
+
+@dataclass(frozen=True)
+class VerificationRow:
+    """One mesh of one test with one pair of elements.
+
+    unknowns : size of the system that is solved, supports taken off.
+    ratio    : value over reference; None (like `value`) where the elements cannot hold what the test holds.
+    rate     : observed order of convergence of the value, from this mesh and the two before, without the reference;
+               None on the first two and where the value does not change any more. Jittered meshes are not nested and
+               make it rough; so does a value that swings about its limit.
+    verdict  : `ok` within the test's tolerance; `coarse` not, but a finer mesh of the series is; `off` not, and the
+               finest is not either; `theory`: the finest is off, but within the tolerance of the test's limit: no thin
+               sheet has what is missing (`Test.beyond`); `not run`: the test clamps edges and hinges have no rotations;
+               `refused`: the solver did not trust its own answer (a sheet too thin for sixteen digits).
+    target   : relative error that the pair for displacements is meant to stay below on this mesh, if there is one.
+    met      : whether it does.
+    limit    : what the target is about where it is not the reference, see `Test.limit`.
+    of_limit : value over limit.
+    """
+
+    test: str
+    mesh: str
+    elements: str
+    cells: int
+    unknowns: int
+    value: float | None
+    reference: float
+    ratio: float | None
+    rate: float | None
+    source: str
+    verdict: str
+    target: float | None = None
+    met: bool | None = None
+    limit: float | None = None
+    of_limit: float | None = None
+
+
+def series(test: Test, mesh: Mesh, elements: Elements) -> list[VerificationRow]:
+    """All refinements of one test on one pattern with one pair of elements."""
+    problems = [test.problem(cells, mesh) for cells in test.cells]
+    if elements.bending == "hinge" and any(problem.needs_rotations for problem in problems):
+        values: list[float | None] = [None] * len(problems)
+        missing = "not run"
+    else:
+        values = [_value(problem, elements) for problem in problems]
+        missing = "refused"
+    ratios = [None if value is None else value / test.reference for value in values]
+    rows = []
+    for k, cells in enumerate(test.cells):
+        verdict = missing if ratios[k] is None else _verdict(test, ratios[k:])
+        target = test.targets.get(cells) if elements == elements_of("displacement") else None
+        value = values[k]
+        rows.append(
+            VerificationRow(
+                test.name,
+                mesh,
+                str(elements),
+                cells,
+                problems[k].unknowns(elements),
+                value,
+                test.reference,
+                ratios[k],
+                observed_rate(values[k - 2 : k + 1]) if k >= 2 else None,
+                test.source,
+                verdict,
+                target,
+                None if target is None else _met(test, value, target),
+                test.limit,
+                None if test.limit is None or value is None else value / test.limit,
+            )
+        )
+    return rows
+
+
+OUTSIDE = "solid wedges (CalculiX)"
+"""In place of a pair of elements, in rows of a program that is not ours."""
+
+
+def outside_series(test: Test, mesh: Mesh) -> list[VerificationRow]:
+    """The same by the test's program that is not ours; nothing where there is none, or it is not installed."""
+    found = [test.outside(cells, mesh) for cells in test.cells] if test.outside else []
+    values = [one[1] for one in found if one is not None]
+    if not values:
+        return []
+    ratios = [value / test.reference for value in values]
+    return [
+        VerificationRow(
+            test.name,
+            mesh,
+            OUTSIDE,
+            test.cells[k],
+            one[0],
+            one[1],
+            test.reference,
+            ratios[k],
+            observed_rate(values[k - 2 : k + 1]) if k >= 2 else None,
+            test.source,
+            _verdict(test, ratios[k:]),
+        )
+        for k, one in enumerate(found)
+        if one is not None
+    ]
+
+
+def failures(rows: Iterable[VerificationRow]) -> list[VerificationRow]:
+    """Those of the pairs that something is reported from which are off on the finest mesh, or refused."""
+    gated = {str(pair) for pair in REPORTED}
+    return [row for row in rows if row.elements in gated and row.verdict in ("off", "refused")]
+
+
+def observed_rate(values: Sequence[float | None]) -> float | None:
+    """log2 of the ratio of the last two steps of three values on meshes of 1, 1/2, 1/4 the size; None at round-off."""
+    if any(value is None for value in values):
+        return None
+    a, b, c = (value for value in values if value is not None)
+    first, second, smallest = abs(a - b), abs(b - c), 1e-8 * abs(c)
+    return math.log2(first / second) if first > smallest and second > smallest else None
+
+
+def pattern_spread(rows: Iterable[VerificationRow]) -> dict[tuple[str, str, int], float]:
+    """Largest over smallest value, less 1, among the patterns of each (test, elements, cells) run on several."""
+    values: dict[tuple[str, str, int], list[float]] = {}
+    for row in rows:
+        if row.value is not None:
+            values.setdefault((row.test, row.elements, row.cells), []).append(row.value)
+    return {key: max(found) / min(found) - 1 for key, found in values.items() if len(found) > 1}
+
+
+def _value(problem: Problem, elements: Elements) -> float | None:
+    try:
+        return problem.solve(elements)
+    except StaticsError:
+        return None
+
+
+def _verdict(test: Test, ratios: Sequence[float | None]) -> str:
+    """Of the first of some ratios, on meshes from this one to the finest."""
+    near = [ratio is not None and abs(ratio - 1) <= test.tolerance for ratio in ratios]
+    last, limit = ratios[-1], test.limit
+    if test.beyond and limit and last is not None and not near[-1]:
+        within = abs(last * test.reference / limit - 1) <= test.tolerance
+        return "theory" if within else "off"
+    return "ok" if near[0] else "coarse" if near[-1] else "off"
+
+
+def _met(test: Test, value: float | None, target: float) -> bool:
+    aim = test.reference if test.limit is None else test.limit
+    return value is not None and abs(value / aim - 1) <= target
+
+
+Seen = Literal["page", "transcript", "recalled"]
+
+
+@dataclass(frozen=True)
+class Publication:
+    """A document, and how its numbers came here."""
+
+    title: str
+    seen: Seen
+
+    def __str__(self) -> str:
+        note = {"page": "", "transcript": " (from a transcript)", "recalled": " (recalled)"}[self.seen]
+        return self.title + note
+
+
+@dataclass(frozen=True)
+class Published:
+    """One value over the reference that the source uses.
+
+    cells    : the mesh in the sense of the test here (a whole roof has twice the cells of its quarter), or None where
+               the source says `note` only, such as "coarse mesh".
+    unknowns : of the source's mesh where the test has none like it (then `cells` is the next coarser one and `note`
+               says the source's), else None: counted on the test's mesh.
+    constant : whether its membrane is a triangle of constant strain, like that of `constant` here.
+    middles  : whether it has nodes in the middle of its sides as well.
+    """
+
+    test: str
+    element: str
+    cells: int | None
+    ratio: float
+    source: Publication
+    unknowns: int | None = None
+    constant: bool = False
+    middles: bool = False
+    note: str = ""
+
+
+HARDER = Publication("MacNeal and Harder 1985, Finite Elements in Analysis and Design 1, 3-20", "recalled")
+STRAIGHT = Publication("Altair OptiStruct 2022 verification problem OS-V 0720", "page")
+CURVED = Publication("Altair OptiStruct 2022 verification problem OS-V 0710", "page")
+TWISTED = Publication("Altair OptiStruct 2025 verification problem OS-V 0700", "page")
+ROOF = Publication("Altair OptiStruct 2022 verification problem OS-V 0730", "page")
+CATIA = Publication("Dassault CATIA V5 R18 finite element guide, hemispherical shell", "page")
+MIDAS = Publication("MIDAS/Gen verification example 24", "page")
+LE1 = Publication("Abaqus 2017 Benchmarks, LE1: plane stress elements, Table 1", "page")
+LE3 = Publication("Abaqus 2017 Benchmarks, LE3: hemispherical shell with point loads", "page")
+KO = Publication("Ko, Lee, Lee and Bathe 2017, Computers and Structures 193, 187-206, N = 16", "transcript")
+TMRFS = Publication(
+    "Sangtarash, Ghohani Arab, Sohrabi and Ghasemi 2020, flat shell triangle, Table 9, in FinEtoolsFlexStructures.jl",
+    "transcript",
+)
+SIMO = Publication(
+    "Simo, Fox and Rifai 1989, Computer Methods in Applied Mechanics and Engineering 73, 53-92", "recalled"
+)
+DVORKIN = Publication("Dvorkin and Bathe 1984, Engineering Computations 1, 77-88", "recalled")
+FELIPPA = Publication("table of Cook's panel in Felippa 2003, Computer Methods in Applied Mechanics 192", "recalled")
+
+TWELVE_BY_TWO = 12 * 3 * 5
+"""Free unknowns of the usual mesh of the twisted beam."""
+
+Ratios = dict[str, tuple[float, ...]]
+
+SHAPES = ("", "_parallelograms", "_trapezoids")
+
+STRAIGHT_BEAMS: tuple[tuple[Publication, str, tuple[float, ...], tuple[float, ...]], ...] = (
+    # in plane on the three shapes of cells, then out of plane
+    (STRAIGHT, "OptiStruct TRI3", (0.032, 0.012, 0.019), (0.973, 0.955, 0.965)),
+    (STRAIGHT, "OptiStruct QUAD4", (0.992, 0.712, 0.173), (0.981, 0.981, 0.964)),
+    (STRAIGHT, "OptiStruct TRI6", (0.994, 0.962, 0.972), (1.001, 0.995, 0.999)),
+    (HARDER, "NASTRAN QUAD4", (0.904, 0.080, 0.071), (0.986, 0.977, 0.968)),
+    (HARDER, "NASTRAN QUAD8", (0.987, 0.995, 0.946), (0.991, 0.985, 0.998)),
+)
+
+REFINED: tuple[tuple[str, Publication, tuple[int, ...], Ratios], ...] = (
+    ("plate_supported", HARDER, (4, 8, 12, 16), {"NASTRAN QUAD4": (0.981, 1.004, 1.003, 1.002)}),
+    ("plate_supported", KO, (32,), {"MITC4": (0.9998,), "MITC3": (1.001,)}),
+    ("plate_clamped", KO, (32,), {"MITC4": (0.9980,), "MITC3": (0.9943,)}),
+    ("curved_beam_in_plane", CURVED, (1,), {"OptiStruct TRI3": (0.025,), "OptiStruct QUAD4": (0.952,)}),
+    ("curved_beam_in_plane", CURVED, (1,), {"OptiStruct TRI6": (1.005,)}),
+    ("curved_beam_in_plane", HARDER, (1,), {"NASTRAN QUAD4": (0.833,), "NASTRAN QUAD8": (1.007,)}),
+    ("cook", FELIPPA, (2, 4, 8), {"constant strain triangle": (11.99 / 23.96, 18.28 / 23.96, 22.02 / 23.96)}),
+    ("cook", FELIPPA, (2, 4, 8), {"bilinear Q4": (11.85 / 23.96, 18.30 / 23.96, 22.08 / 23.96)}),
+    ("scordelis_lo", ROOF, (4, 8, 12, 16, 20), {"OptiStruct TRI3": (1.169, 0.753, 0.829, 0.886, 0.920)}),
+    ("scordelis_lo", ROOF, (4, 8, 12, 16, 20), {"OptiStruct QUAD4": (1.487, 1.082, 1.035, 1.020, 1.013)}),
+    ("scordelis_lo", ROOF, (4, 8, 12, 16, 20), {"OptiStruct TRI6": (1.326, 1.107, 1.077, 1.063, 1.055)}),
+    ("scordelis_lo", HARDER, (4, 8, 12, 16, 20), {"NASTRAN QUAD4": (1.376, 1.050, 1.018, 1.008, 1.004)}),
+    ("scordelis_lo", DVORKIN, (8, 16), {"MITC4": (0.94, 0.97)}),
+    ("scordelis_lo", KO, (32,), {"MITC4": (0.9886,), "MITC4+": (0.9973,), "MITC3": (0.9550,)}),
+    ("scordelis_lo", TMRFS, (8, 16, 32, 64), {"Allman triangle": (1.004, 0.987, 0.987, 0.988)}),
+    ("scordelis_lo", TMRFS, (8, 16, 32, 64), {"Cook triangle": (0.907, 0.929, 0.950, 0.981)}),
+    ("scordelis_lo", TMRFS, (8, 16, 32, 64), {"Providas-Kattis triangle": (0.734, 0.815, 0.873, 0.967)}),
+    ("scordelis_lo", TMRFS, (8, 16, 32, 64), {"TMRFS triangle": (0.924, 0.963, 0.974, 0.998)}),
+    ("scordelis_lo", TMRFS, (8, 16, 32), {"Shin-Lee triangle": (1.379, 1.023, 1.004)}),
+    ("scordelis_lo", TMRFS, (8, 32, 64), {"MITC3+": (0.669, 0.857, 0.955)}),
+    ("pinched_cylinder", SIMO, (4, 8, 16), {"MITC4": (0.370, 0.740, 0.930), "Simo mixed": (0.399, 0.763, 0.935)}),
+    ("pinched_cylinder", KO, (16,), {"MITC4": (0.9286,), "MITC4+": (0.9313,)}),
+    ("holed_hemisphere", CATIA, (2, 4, 6, 8, 10, 12), {"CATIA TR3": (1.127, 1.043, 1.019, 1.009, 1.010, 0.993)}),
+    ("holed_hemisphere", CATIA, (2, 4, 6, 8, 10, 12), {"CATIA QD4": (0.757, 1.022, 1.026, 1.016, 1.009, 0.999)}),
+    ("holed_hemisphere", HARDER, (2, 4, 6, 8, 10, 12), {"NASTRAN QUAD4": (0.972, 1.024, 1.013, 1.005, 1.001, 0.998)}),
+    ("holed_hemisphere", MIDAS, (8,), {"MIDAS plate": (0.0948 / 0.0940,), "SAP2000 shell": (0.0937 / 0.0940,)}),
+)
+
+TWISTED_BEAMS: tuple[tuple[Publication, Ratios, str], ...] = (
+    # along the width of the tip, and across it
+    (TWISTED, {"OptiStruct TRI3": (0.984, 0.839), "OptiStruct QUAD4": (0.992, 0.988)}, "12 x 2, assumed"),
+    (HARDER, {"NASTRAN QUAD4": (0.993, 0.985)}, "12 x 2"),
+)
+
+NAFEMS: tuple[tuple[str, Publication, float, Ratios], ...] = (
+    ("elliptic_membrane", LE1, 92.7, {"Abaqus CPS3": (51.04, 71.26), "Abaqus CPS4": (66.73, 84.54)}),
+    ("elliptic_membrane", LE1, 92.7, {"Abaqus CPS6": (89.10, 94.01), "Abaqus CPS8R": (85.80, 90.07)}),
+    ("closed_hemisphere", LE3, 0.185, {"Abaqus S3R": (0.080, 0.161), "Abaqus S4R": (0.180, 0.180)}),
+    ("closed_hemisphere", LE3, 0.185, {"Abaqus S8R5": (0.179, 0.185), "Abaqus S4": (0.083, 0.175)}),
+)
+"""Stress in MPa and displacement in metres on NAFEMS's own coarse and fine meshes."""
+
+CONSTANT = ("OptiStruct TRI3", "CATIA TR3", "Abaqus CPS3", "Abaqus S3R", "constant strain triangle")
+MIDDLES = ("OptiStruct TRI6", "NASTRAN QUAD8", "Abaqus CPS6", "Abaqus CPS8R", "Abaqus S8R5")
+
+
+def _published() -> Iterator[Published]:
+    for source, element, in_plane, out_of_plane in STRAIGHT_BEAMS:
+        for suffix, near, across in zip(SHAPES, in_plane, out_of_plane, strict=True):
+            yield _one(f"straight_beam_in_plane{suffix}", element, 1, near, source)
+            yield _one(f"straight_beam_out_of_plane{suffix}", element, 1, across, source)
+    for source, elements, note in TWISTED_BEAMS:
+        for element, pair in elements.items():
+            for name, ratio in zip(("in_plane", "out_of_plane"), pair, strict=True):
+                yield _one(f"twisted_beam_{name}", element, 1, ratio, source, TWELVE_BY_TWO, note)
+    for test, source, cells, elements in REFINED:
+        for element, ratios in elements.items():
+            for count, ratio in zip(cells, ratios, strict=True):
+                yield _one(test, element, count, ratio, source)
+    for test, source, reference, elements in NAFEMS:
+        for element, pair in elements.items():
+            for note, value in zip(("coarse mesh", "fine mesh"), pair, strict=True):
+                yield _one(test, element, None, value / reference, source, None, note)
+
+
+def _one(
+    test: str,
+    element: str,
+    cells: int | None,
+    ratio: float,
+    source: Publication,
+    unknowns: int | None = None,
+    note: str = "",
+) -> Published:
+    return Published(test, element, cells, ratio, source, unknowns, element in CONSTANT, element in MIDDLES, note)
+
+
+PUBLISHED = tuple(_published())
+"""All of them."""
+
+
+SAME = 0.005
+"""Errors closer than this count as alike: references themselves differ by as much."""
+
+SLACK = 0.8
+"""A published mesh with up to a fifth fewer unknowns than the coarsest mesh here still counts as equal."""
+
+Outcome = Literal["better", "alike", "worse", "unknown"]
+
+
+@dataclass(frozen=True)
+class Standing:
+    """One published value, and what the pair for displacements does beside it.
+
+    unknowns : of the published mesh, None where the source does not tell.
+    ours     : relative error of that pair, on the worst of its regular patterns (published meshes are
+               regular too) and, so that luck does not count, not less than on any finer mesh; None: nothing compares.
+    basis    : `unknowns`: ours is interpolated (on logarithms) to as many unknowns, or taken from our finest mesh where
+               that has fewer; `cells`: all meshes here have more unknowns, so it is taken on the same cells.
+    outcome  : of ours against theirs.
+    """
+
+    published: Published
+    unknowns: int | None
+    ours: float | None
+    basis: Literal["unknowns", "cells", ""]
+    outcome: Outcome
+
+
+def standings(rows: Sequence[VerificationRow], tests: Mapping[str, Test]) -> list[Standing]:
+    """Every published value of the tests that `rows` has with the pair for displacements."""
+    found = []
+    for published in PUBLISHED:
+        here = [row for row in rows if row.test == published.test and row.mesh != "jittered"]
+        ours = [row for row in here if row.elements == str(elements_of("displacement"))]
+        if ours:
+            found.append(_standing(published, worst_by_cells(ours), tests[published.test]))
+    return found
+
+
+def worst_by_cells(rows: Sequence[VerificationRow]) -> dict[int, tuple[int, float]]:
+    """Unknowns and the largest error over the patterns, for each number of cells that no pattern failed on."""
+    found: dict[int, tuple[int, float]] = {}
+    for cells in sorted({row.cells for row in rows}):
+        here = [row for row in rows if row.cells == cells]
+        errors = [abs(row.ratio - 1) for row in here if row.ratio is not None]
+        if len(errors) == len(here):
+            found[cells] = max(row.unknowns for row in here), max(errors)
+    return found
+
+
+def shortfalls(rows: Sequence[VerificationRow]) -> dict[str, str]:
+    """By test, a line where the paper's elements are off, with published values of triangles of constant strain."""
+    lines = {}
+    for name in dict.fromkeys(row.test for row in rows):
+        ours = [row for row in rows if row.test == name and row.elements == str(PAPER) and row.ratio is not None]
+        ours = [row for row in ours if row.mesh == ours[0].mesh]
+        if ours and ours[-1].verdict == "off":
+            lines[name] = f"{PAPER} falls short: {_listed([(row.ratio or 0, row.cells) for row in ours])}"
+            others: dict[str, list[tuple[float, object]]] = {}
+            for published in PUBLISHED:
+                if published.test == name and published.constant:
+                    label = f"{published.element} [{published.source}]"
+                    others.setdefault(label, []).append((published.ratio, published.cells or published.note))
+            for label, values in others.items():
+                lines[name] += f"; published for constant strain: {_listed(values)}, {label}"
+    return lines
+
+
+def _listed(values: Sequence[tuple[float, object]]) -> str:
+    ratios, places = zip(*values, strict=True)
+    return f"{', '.join(f'{ratio:.3f}' for ratio in ratios)} at {', '.join(map(str, places))}"
+
+
+def _standing(published: Published, ours: Mapping[int, tuple[int, float]], test: Test) -> Standing:
+    unknowns = published.unknowns
+    if unknowns is None and published.cells is not None:
+        nodes_along = 2 * published.cells if published.middles else published.cells
+        unknowns = test.problem(nodes_along, "diagonal").nodal_unknowns()
+    if unknowns is None or not ours:
+        return Standing(published, unknowns, None, "", "unknown")
+    sizes, errors = np.array(list(ours.values())).T
+    # a value that passes through the reference on its way is not yet near it: what follows counts
+    errors = np.maximum.accumulate(errors[::-1])[::-1]
+    theirs = abs(published.ratio - 1)
+    if unknowns >= SLACK * sizes[0]:
+        error = float(np.exp(np.interp(np.log(unknowns), np.log(sizes), np.log(np.maximum(errors, 1e-9)))))
+        return Standing(published, unknowns, error, "unknowns", _outcome(error, theirs))
+    if published.cells is not None and published.cells in ours:
+        error = float(errors[list(ours).index(published.cells)])
+        return Standing(published, unknowns, error, "cells", _outcome(error, theirs))
+    return Standing(published, unknowns, None, "", "unknown")
+
+
+def _outcome(ours: float, theirs: float) -> Outcome:
+    if abs(ours - theirs) <= SAME:
+        return "alike"
+    return "better" if ours < theirs else "worse"

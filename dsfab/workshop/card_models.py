@@ -1,0 +1,351 @@
+"""Models in card: their scale and limits, and panels with tabs."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from itertools import pairwise
+
+import numpy as np
+
+from dsfab.core.arrays import Floats, lock
+from dsfab.core.messages import length, some_names
+from dsfab.core.units import MM_PER_M
+from dsfab.members import Member, MemberGraph, Node
+from dsfab.surface import Surface
+from dsfab.workshop.development import Development, StripCourse, member_course
+from dsfab.workshop.ground import Ground, StripFoot
+from dsfab.workshop.layers import Layering
+from dsfab.workshop.parts import FlatPart, Hole, label, text_length
+from dsfab.workshop.splices import splice_cuts, strip_fits
+from dsfab.workshop.strips import DRILL, FILLED, StripLimits, bending_strain, is_strip, letter_height
+
+CARD = 0.01
+"""Strain at which greyboard creases: bent to a radius of fifty times its thickness. A rule of thumb; thin card and
+paper take more."""
+NARROWEST = 0.002
+"""Metres; narrower strips of card tear at their holes and burn through."""
+LETTERS = (0.003, 0.002)
+"""Heights of names of parts and of nodes, metres, at most."""
+FIT = 1e-4
+"""Metres that holes of a model may be off their nodes, by a mesh that is too coarse."""
+
+
+def scaled_surface(surface: Surface, scale: float) -> Surface:
+    """A surface at 1 : scale."""
+    return Surface(surface.V / scale, surface.F)
+
+
+def scaled_graph(graph: MemberGraph, scale: float) -> MemberGraph:
+    """Members and nodes at 1 : scale: lengths become shorter, curvatures larger, names stay."""
+    sheet = replace(graph.sheet, surface=scaled_surface(graph.sheet.surface, scale))
+    members = tuple(_scaled_member(member, scale) for member in graph.members)
+    return replace(graph, sheet=sheet, members=members, nodes=tuple(_scaled_node(node, scale) for node in graph.nodes))
+
+
+def _scaled_member(member: Member, scale: float) -> Member:
+    axis = member.axis
+    if axis is not None:
+        lengths = {name: getattr(axis, name) / scale for name in ("s", "P", "traced", "strayed")}
+        axis = replace(axis, **lengths, **{name: getattr(axis, name) * scale for name in ("kg", "kn", "tg")})
+    return replace(member, area=member.area / scale**2, axis=axis, sides=member.sides / scale)
+
+
+def _scaled_node(node: Node, scale: float) -> Node:
+    at = node.at[0] / scale, node.at[1] / scale
+    return replace(node, at=at, point=node.point / scale, area=node.area / scale**2)
+
+
+def model_notes(limits: StripLimits, graph: MemberGraph, scale: float, bolt: float) -> list[str]:
+    """What card can be bent to, what is too narrow for it, and whether the mesh is fine enough; in the model's size.
+
+    graph : as large as the model.    bolt : diameter of the pins, metres; 0 where nothing has holes.
+    """
+    found = []
+    how = f"card of {length(limits.thickness)} is bent to a strain of {limits.bending:.2%} ({limits.member} most)"
+    thinner = np.floor(1e4 * limits.thickest) / 1e4 if limits.bending else 0.0
+    if limits.bending > CARD:
+        found.append(
+            f"NOT WITHOUT CREASES: {how}, and greyboard creases at some {CARD:.0%}: set --thickness to "
+            f"{MM_PER_M * thinner:g}mm or less, or build a larger model"
+        )
+    else:
+        found.append(f"{how}; greyboard creases at some {CARD:.0%}")
+    narrow = sorted((member for member in graph.members if is_strip(member)), key=lambda member: member.mean_width)
+    narrow = [member for member in narrow if member.mean_width < NARROWEST]
+    if narrow:
+        least = narrow[0].mean_width
+        larger = _rounded_scale(scale * least / NARROWEST)
+        found.append(
+            f"TOO NARROW: {len(narrow)} of the members are narrower than the {length(NARROWEST)} that card holds "
+            f"together at ({narrow[0].id} is {length(least)}): build at 1:{larger:g} or "
+            f"larger, or make members {length(NARROWEST * scale)} wide, see [pattern.width]"
+        )
+    wanted = limits.wanted * np.sqrt(FIT / (DRILL * bolt)) * scale if bolt else np.inf
+    if limits.edge * scale > 1.05 * wanted:
+        found.append(
+            f"HOLES MAY MISS EACH OTHER: edges of {length(limits.edge * scale)} are too coarse a mesh for this model; "
+            f"set surface.edge to {wanted:.2g} or less"
+        )
+    return found
+
+
+def packing_parts(graph: MemberGraph, layering: Layering) -> list[FlatPart]:
+    """Squares of card for nodes between whose members a layer or more lies empty, a hole in the middle of each."""
+    families = {member.id: member.family for member in graph.members}
+    found = []
+    for node in graph.nodes:
+        if node.kind != "grazing" and all(is_strip(graph.by_id[name]) for name in node.members):
+            side = min(graph.by_id[name].mean_width for name in node.members)
+            square = side / 2 * np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
+            hole = Hole(np.zeros(2), layering.bolt, node.id)
+            found += [
+                FlatPart(f"{node.id}.p{k}", "", (0.0, 0.0), square, (hole,))
+                for k in range(1, layering.packing(node, families) + 1)
+            ]
+    return found
+
+
+def _rounded_scale(most: float) -> float:
+    """The largest usual scale, its second number, that is not larger than `most`; `most` rounded down below 1."""
+    usual = [k * 10.0**power for power in range(5) for k in (1.0, 2.0, 2.5, 5.0)]
+    return max((one for one in usual if one <= most), default=float(np.floor(10 * most) / 10))
+
+
+THROUGH = ("keep", "rim", "major", "minor")
+"""Families in the order in which they go through others."""
+ROOT, TIP = 0.8, 0.6
+"""Widths of a tab at its root and at its tip, over that of its panel."""
+NEAR = 0.15
+"""How near a tab comes to the middle of the member that it goes beneath, over half of its width: another one comes from
+the other side."""
+SHARP = float(np.sin(np.radians(25.0)))
+"""Members that meet at less than that are not cut there: one lies on the other."""
+LEAST = 0.1
+"""Length of a panel between the tab of its foot and the one beneath what lies along the ground, over its width, at
+least."""
+TICK = 0.25
+"""Length of the marks where others end, over the width of what goes through."""
+
+
+@dataclass
+class PanelParts:
+    """All panels; names of nodes at which members meet too sharply to be cut; how many bays are without a panel, for
+    the members at both ends cover them; how many tabs; and feet, with the names of the panels that stand on them."""
+
+    parts: list[FlatPart] = field(default_factory=list)
+    sharp: list[str] = field(default_factory=list)
+    covered: int = 0
+    tabs: int = 0
+    feet: list[tuple[str, StripFoot]] = field(default_factory=list)
+
+    @property
+    def lines(self) -> list[str]:
+        """Sentences on the panels."""
+        found = [
+            f"{len(self.parts)} panels in one skin with {self.tabs} tabs: edges go through all others, then family A"
+        ]
+        if self.sharp:
+            where = some_names(self.sharp)
+            found.append(f"members meet at under 25 degrees at {where}: there one is glued on the other")
+        if self.covered:
+            found.append(f"{self.covered} bays are too short for a panel: what goes through at both ends covers them")
+        return found
+
+
+@dataclass(frozen=True, eq=False)
+class _Edge:
+    """Where another member crosses a course: at an arc length, along a direction (2,) beside it, half as wide; metres.
+
+    name : of the node.    over : whether it goes through.
+    """
+
+    name: str
+    s: float
+    way: Floats
+    half: float
+    over: bool
+
+    def __post_init__(self) -> None:
+        lock(self, "way", np.float64, (2,))
+
+    def at(self, side: int, away: float, y: Floats) -> Floats:
+        """(q,) arc lengths at which lines y (q,) metres beside the axis are `away` metres beyond the other's middle."""
+        nx, ny = np.array([-self.way[1], self.way[0]]) * np.sign(-self.way[1]) * side
+        return np.asarray(self.s + (away - y * ny) / nx)
+
+
+def panel_parts(
+    graph: MemberGraph,
+    thickness: float,
+    letters: float,
+    room: list[tuple[float, float]],
+    ground: Ground | None = None,
+) -> PanelParts:
+    """The panels of all members of a graph that are strips, as large as the model.
+
+    letters : height of names, at most.    room : lengths and widths, metres, that parts may have on the stock.
+    ground  : what they stand on with tabs; None where their ends are not changed.
+    """
+    members = [member for member in graph.members if is_strip(member)]
+    widest = max((member.mean_width for member in members), default=0.0)
+    courses = {one.id: member_course(graph, one, 0.0, 6 * widest) for one in members}
+    rank = {one.id: (THROUGH.index(one.family), k) for k, one in enumerate(members)}
+    found = PanelParts()
+    for member in members:
+        edges = [
+            edge for node in graph.along[member.id] if (edge := _edge(graph, node, member, courses, rank)) is not None
+        ]
+        course, feet = ground.on_ground(courses[member.id], 0.0) if ground else (courses[member.id], ())
+        _Panels(member, course, thickness, letters, feet).into(found, edges, room)
+    found.sharp = list(dict.fromkeys(found.sharp))
+    return found
+
+
+def _edge(
+    graph: MemberGraph,
+    node: Node,
+    member: Member,
+    courses: dict[str, StripCourse],
+    rank: dict[str, tuple[int, int]],
+) -> _Edge | None:
+    """The other member at a node, as it is seen from one; None where it is no strip."""
+    k = node.members.index(member.id)
+    other = node.members[1 - k]
+    if other not in courses or other == member.id or not np.isfinite(node.at).all():
+        return None
+    course, across = courses[member.id], courses[other]
+    s, t = course.wrapped(node.at[k]), across.wrapped(node.at[1 - k])
+    (_, T, N), (_, U, _) = (tuple(x[0] for x in one.at(np.array([at]))) for one, at in ((course, s), (across, t)))
+    way = np.array([U @ T, U @ np.cross(N, T)])
+    half = float(across.width(np.array([t]))[0]) / 2
+    return _Edge(node.id, s, way / np.linalg.norm(way), half, rank[other] < rank[member.id])
+
+
+@dataclass(frozen=True)
+class _End:
+    """An end of a panel at its right and its left edge, arc lengths (2,), and the corners of its tab: arc lengths and
+    metres to the left (q,) each, from right to left; none without a tab. foot : where that goes into the plate."""
+
+    right: float
+    left: float
+    tab: tuple[Floats, Floats] = (np.zeros(0), np.zeros(0))
+    foot: StripFoot | None = None
+
+
+@dataclass(frozen=True)
+class _Panels:
+    """A member on its way to become panels."""
+
+    member: Member
+    course: StripCourse
+    thickness: float
+    letters: float
+    feet: tuple[StripFoot, ...] = ()
+
+    def into(self, found: PanelParts, edges: Sequence[_Edge], room: list[tuple[float, float]]) -> None:
+        """Its panels into what was found, from each member that goes through it to the next."""
+        layer = Development(self.course, 0.0)
+        found.sharp += [edge.name for edge in edges if edge.over and abs(edge.way[1]) < SHARP]
+        cuts = sorted((e for e in edges if e.over and abs(e.way[1]) >= SHARP), key=lambda edge: edge.s)
+        under = [edge for edge in edges if not edge.over and abs(edge.way[1]) >= SHARP]
+        bounds = [None, *cuts, None]
+        pieces = list[tuple[_End, _End]]()
+        for before, after in pairwise(bounds):
+            ends = self._standing(self._end(before, 1), self._end(after, -1))
+            if min(ends[1].right - ends[0].right, ends[1].left - ends[0].left) <= 0:
+                found.covered += before is not None and after is not None
+                continue
+            pieces += self._divided(layer, ends, under, room)
+        for number, (begin, end) in enumerate(pieces, 1):
+            name = self.member.id if len(pieces) == 1 else f"{self.member.id}.{number}"
+            found.tabs += sum(len(one.tab[0]) > 0 and one.foot is None for one in (begin, end))
+            found.feet += [(name, one.foot) for one in (begin, end) if one.foot]
+            found.parts.append(self._part(layer, name, begin, end, under))
+
+    def _sides(self, s: float) -> tuple[float, float]:
+        """Metres to its right and left edge."""
+        course = self.course
+        return float(np.interp(s, course.s, course.right)), float(np.interp(s, course.s, course.left))
+
+    def _end(self, edge: _Edge | None, side: int) -> _End:
+        """The beginning (1) or the end (-1) of a panel: at an edge that goes through, or of the member."""
+        if edge is None:
+            if foot := next((foot for foot in self.feet if foot.last == (side == -1)), None):
+                along = np.array([foot.shoulders[1], *foot.tips, foot.shoulders[2]])
+                corners = along, np.repeat(foot.sides[1:3], 2)
+                return _End(float(foot.shoulders[0]), float(foot.shoulders[3]), corners, foot)
+            s = self.course.begin if side == 1 else self.course.end
+            if self.course.closed and side == -1:
+                return self._spliced(s)
+            return _End(s, s)
+        right, left = self._sides(edge.s)
+        shoulders = edge.at(side, edge.half, np.array([-right, left]))
+        y = np.array([-ROOT * right, -TIP * right, TIP * left, ROOT * left])
+        away = edge.half * np.array([1.0, NEAR, NEAR, 1.0])
+        tab = np.array([float(edge.at(side, a, np.array([b]))[0]) for a, b in zip(away, y, strict=True)])
+        return _End(float(shoulders[0]), float(shoulders[1]), (tab, y))
+
+    def _standing(self, begin: _End, end: _End) -> tuple[_End, _End]:
+        """Both ends of a panel. A foot beneath what lies along the ground still hangs together with its other tab."""
+        least = LEAST * self.member.mean_width
+        if begin.foot and len(end.tab[0]):
+            low = max(begin.right, begin.left) + least
+            if low < end.tab[0][1:3].min():
+                tab = np.maximum(end.tab[0], low), end.tab[1]
+                return begin, replace(end, right=max(end.right, low), left=max(end.left, low), tab=tab)
+        if end.foot and len(begin.tab[0]):
+            high = min(end.right, end.left) - least
+            if high > begin.tab[0][1:3].max():
+                tab = np.minimum(begin.tab[0], high), begin.tab[1]
+                return replace(begin, right=min(begin.right, high), left=min(begin.left, high), tab=tab), end
+        return begin, end
+
+    def _spliced(self, s: float) -> _End:
+        """An end beneath the next panel of the same member, as long as it is wide."""
+        right, left = self._sides(s)
+        y = np.array([-ROOT * right, -TIP * right, TIP * left, ROOT * left])
+        return _End(s, s, (s + (right + left) * np.array([0.0, 1.0, 1.0, 0.0]), y))
+
+    def _divided(
+        self, layer: Development, ends: tuple[_End, _End], under: Sequence[_Edge], room: list[tuple[float, float]]
+    ) -> list[tuple[_End, _End]]:
+        """Pieces that fit on the stock, with their tabs."""
+        begin, end = min(ends[0].right, ends[0].left), max(ends[1].right, ends[1].left)
+        fits, reach = strip_fits(layer, room), 1.2 * self.member.mean_width
+
+        def whole(a: float, b: float) -> bool:
+            return fits(a - reach, b + reach)
+
+        stations = np.array([edge.s for edge in under if begin < edge.s < end])
+        cuts = splice_cuts((begin, end), stations, 1.5 * self.member.mean_width, whole).at[1:-1]
+        marks = [ends[0], *(self._spliced(cut) for cut in cuts), ends[1]]
+        plain = [ends[0], *(_End(cut, cut) for cut in cuts)]
+        return list(zip(plain, marks[1:], strict=True))
+
+    def _part(self, layer: Development, name: str, begin: _End, end: _End, under: Sequence[_Edge]) -> FlatPart:
+        course = self.course
+        s, t = layer.stations(begin.right, end.right), layer.stations(begin.left, end.left)[::-1]
+        right, left = -np.interp(s, course.s, course.right), np.interp(t, course.s, course.left)
+        tabs = [layer.flat(*end.tab)] if len(end.tab[0]) else []
+        last = [layer.flat(begin.tab[0][::-1], begin.tab[1][::-1])] if len(begin.tab[0]) else []
+        outline = np.concatenate([layer.flat(s, right), *tabs, layer.flat(t, left), *last])
+        span = (begin.right + begin.left) / 2, (end.right + end.left) / 2
+        axis = layer.at(layer.stations(*span))[0]
+        stood = [*span, *(x for one in (begin, end) if begin.foot or end.foot for x in one.tab[0])]
+        at, angle = layer.at(np.array([(min(stood) + max(stood)) / 2]))
+        high = letter_height(self.member.mean_width, self.letters)
+        high *= min(1.0, FILLED * (max(stood) - min(stood)) / text_length(name, high))
+        marks = [*label(name, at[0], float(angle[0]), high), *self._ticks(layer, span, under)]
+        strain = bending_strain(course, span, self.thickness)
+        return FlatPart(name, self.member.id, span, outline, (), (), tuple(marks), 0.0, strain, axis).lying()
+
+    def _ticks(self, layer: Development, span: tuple[float, float], under: Sequence[_Edge]) -> list[Floats]:
+        """Short lines at the edges of a panel where others end beneath it, two at each side of each."""
+        found = list[Floats]()
+        for edge in under:
+            right, left = self._sides(edge.s)
+            for y in (np.array([-right, -right + 2 * TICK * right]), np.array([left - 2 * TICK * left, left])):
+                for side in (1, -1):
+                    s = edge.at(side, edge.half, y)
+                    if span[0] < s.min() and s.max() < span[1]:
+                        found.append(layer.flat(s, y))
+        return found

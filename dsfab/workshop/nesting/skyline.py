@@ -1,0 +1,299 @@
+"""A sheet that is filled with parts: their shapes in narrow columns, its skyline and its gaps."""
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import lru_cache
+from typing import NamedTuple
+
+import numpy as np
+
+from dsfab.core.arrays import Floats
+from dsfab.workshop.parts import FlatPart, polygon_area, turning
+
+COLUMN = 0.01
+"""Metres; or the longest sheet over `MOST`, if that is less."""
+MOST = 250
+"""Columns of a sheet."""
+KNOWN = 4096
+"""Shapes of turned parts that are kept."""
+AROUND = 16
+"""Directions in which the outline of a part is moved by half of the gap."""
+NEAR = 1e-9
+"""Metres that rounding may take."""
+
+
+@dataclass(frozen=True, eq=False)
+class PartShape:
+    """A part turned so: lower and upper edges (k,) in columns of `step`, half of the gap beyond its own; metres.
+
+    low : its own lowest (2,) corner.    size : (2,) of its own box.
+    top, total : the highest of its upper edge, and the sum of its lower one.    thick : the most between both.
+    """
+
+    part: FlatPart
+    turn: float
+    low: Floats
+    size: Floats
+    lower: Floats
+    upper: Floats
+    top: float
+    total: float
+    thick: float
+
+
+@dataclass(frozen=True)
+class Raster:
+    """The gap, the width of a column, and how tall a part may be, metres; whether members only lie along the sheets."""
+
+    gap: float
+    step: float
+    tallest: float
+    grain: bool = False
+
+
+def raster(stock: Sequence[tuple[float, float]], gap: float, grain: bool = False) -> Raster:
+    """Columns for stock of some lengths and widths, metres."""
+    step = min(COLUMN, max(max(size) for size in stock) / MOST)
+    return Raster(gap, step, max(min(size) for size in stock) - 2 * gap + NEAR, grain)
+
+
+def part_shapes(part: FlatPart, ask: Raster, boxes: bool) -> list[PartShape]:
+    """A part along the sheet and turned round, and across it where it is short enough; of a box two turns are two."""
+    turns = (0.0, np.pi / 2) if boxes else (0.0, np.pi, np.pi / 2, -np.pi / 2)
+    found = [_shape(part, turn, boxes, ask.gap, ask.step) for turn in turns[:1]]
+    tall = part.size[0] > ask.tallest or (ask.grain and bool(part.member))  # across the sheet
+    return found + [_shape(part, turn, boxes, ask.gap, ask.step) for turn in turns[1:] if not (tall and _across(turn))]
+
+
+def _across(turn: float) -> bool:
+    return abs(turn) == np.pi / 2
+
+
+@lru_cache(maxsize=KNOWN)
+def _shape(part: FlatPart, turn: float, boxes: bool, gap: float, step: float) -> PartShape:
+    """A part turned so. Parts are nested several times: on other stock, and to see what would save sheets."""
+    outline = part.outline @ turning(turn)
+    low, size, ask = outline.min(axis=0), np.ptp(outline, axis=0), Raster(gap, step, np.inf)
+    lower, upper = _box_columns(size, ask) if boxes else _columns(outline - low, size, ask)
+    return PartShape(
+        part, turn, low, size, lower, upper, float(upper.max()), float(lower.sum()), float((upper - lower).max())
+    )
+
+
+def _count(size: Floats, ask: Raster) -> int:
+    return int(np.ceil((size[0] + ask.gap) / ask.step - NEAR))
+
+
+def _box_columns(size: Floats, ask: Raster) -> tuple[Floats, Floats]:
+    """(k,) each: the lower and the upper edge of a box (2,), half of the gap beyond it."""
+    k = _count(size, ask)
+    return np.full(k, -ask.gap / 2), np.full(k, size[1] + ask.gap / 2)
+
+
+def _columns(outline: Floats, size: Floats, ask: Raster) -> tuple[Floats, Floats]:
+    """(k,) each: the lowest and the highest that a polygon (q, 2) comes in columns, half of the gap beyond it.
+
+    Its sides are moved by `AROUND` vectors around a circle, so much larger that its chords are outside of the true one.
+    For the lower edge these are the sides above which the polygon is, moved downwards: others are higher, there too.
+    """
+    reach = ask.gap / 2
+    angle = np.arange(AROUND) * 2 * np.pi / AROUND
+    circle = reach / np.cos(np.pi / AROUND) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    corner = np.arange(_count(size, ask) + 1, dtype=np.float64) * ask.step - reach
+    a, b = outline, np.roll(outline, -1, axis=0)
+    if polygon_area(outline) < 0:
+        a, b = b, a
+    below, above = a[:, 0] <= b[:, 0], a[:, 0] >= b[:, 0]
+    down, up = circle[circle[:, 1] <= NEAR * reach], circle[circle[:, 1] >= -NEAR * reach]
+    lower = _extreme(np.minimum, corner, *(_moved(x[below], down) for x in (a, b)))
+    return lower, _extreme(np.maximum, corner, *(_moved(x[above], up) for x in (b, a)))
+
+
+def _moved(points: Floats, ways: Floats) -> Floats:
+    """(k q, 2) points (q, 2) moved by each of some vectors (k, 2)."""
+    return np.asarray((points[None] + ways[:, None]).reshape(-1, 2))
+
+
+def _extreme(f: np.ufunc, corner: Floats, p: Floats, q: Floats) -> Floats:
+    """(k,) the minimum or the maximum in columns between corners (k + 1,) of segments from p to q (s, 2), p left."""
+    found = np.full(len(corner) - 1, np.inf if f is np.minimum else -np.inf)
+    wide = np.maximum(q[:, 0] - p[:, 0], 1e-15)
+    i = np.clip(np.searchsorted(corner, p[:, 0], side="right") - 1, 0, len(found) - 1)
+    j = np.clip(np.searchsorted(corner, q[:, 0], side="left") - 1, i, len(found) - 1)
+    many = j - i + 1
+    segment = np.repeat(np.arange(len(p)), many)
+    column = np.repeat(i, many) + np.arange(many.sum()) - np.repeat(np.cumsum(many) - many, many)
+    (x, low), high, slim = p[segment].T, (q[:, 1] - p[:, 1])[segment], wide[segment]
+    ends = (low + np.minimum(np.maximum((at[column] - x) / slim, 0), 1) * high for at in (corner[:-1], corner[1:]))
+    f.at(found, column, f(*ends))
+    return found
+
+
+LOW = 0.02
+"""Metres; what is left below a part is forgotten where it is lower or shorter than that."""
+
+
+@dataclass(frozen=True, eq=False)
+class NestedPart:
+    """A part, turned by 0 or half a turn, or a quarter more, and shifted to its place on a sheet, metres."""
+
+    part: FlatPart
+    turn: float
+    shift: tuple[float, float]
+
+    @property
+    def placed(self) -> FlatPart:
+        """The part where it is on its sheet."""
+        return self.part.moved(self.turn, np.array(self.shift))
+
+
+@dataclass(eq=False)
+class SheetGap:
+    """Room that is left below a part: from a column on, between a floor (k,) and a ceiling (k,); metres.
+
+    high : the most between both.
+    """
+
+    begin: int
+    floor: Floats
+    ceiling: Floats
+    high: float
+
+    @classmethod
+    def of(cls, begin: int, floor: Floats, ceiling: Floats, ask: Raster) -> "list[SheetGap]":
+        """Those stretches of columns in which there is room for anything worth while."""
+        high = ceiling - floor
+        there = np.flatnonzero(np.diff(np.concatenate([[0], high > ask.gap + LOW, [0]])))
+        return [
+            cls(begin + i, floor[i:j].copy(), ceiling[i:j].copy(), float(high[i:j].max()))
+            for i, j in there.reshape(-1, 2).tolist()
+            if (j - i) * ask.step > ask.gap + LOW
+        ]
+
+
+@dataclass(eq=False)
+class OpenSheet:
+    """A sheet that is being filled: the height (k,) up to which each column is taken, and the area that is left.
+
+    lowest  : of the skyline.    gaps : below it.
+    refused : length, width and area of parts that found no room: larger ones are not tried again.
+    """
+
+    size: tuple[float, float]
+    skyline: Floats
+    left: float
+    lowest: float
+    refused: list[tuple[float, float, float]] = field(default_factory=list)
+    parts: list[NestedPart] = field(default_factory=list)
+    gaps: list[SheetGap] = field(default_factory=list)
+
+
+def empty_sheet(size: tuple[float, float], ask: Raster) -> OpenSheet:
+    """A sheet of a length and a width, metres, with nothing on it."""
+    columns = int(np.ceil((size[0] - ask.gap) / ask.step))  # the last one may be beyond the edge, where no part is put
+    return OpenSheet(size, np.full(columns, ask.gap / 2), size[0] * size[1], ask.gap / 2)
+
+
+class _Place(NamedTuple):
+    """Where a part in one of its turns has room: the better the lower its score; its rise over the sheet's edge,
+    metres, and its first column."""
+
+    score: float
+    rise: float
+    at: int
+    shape: PartShape
+
+
+def placed(sheet: OpenSheet, turns: list[PartShape], ask: Raster) -> bool:
+    """Whether a part found room on a sheet, in one of its turns; there it is then."""
+    a, b, area = float(turns[0].size[0]), float(turns[0].size[1]), turns[0].part.area
+    if sheet.left < area or any(a >= x and b >= y and area >= z for x, y, z in sheet.refused):
+        return False
+    short, thin = min(len(shape.lower) for shape in turns), min(shape.thick for shape in turns)
+    wide = [k for k, gap in enumerate(sheet.gaps) if gap.high >= thin and len(gap.floor) >= short]
+    if any(_in_gap(sheet, k, turns, ask) for k in wide):
+        return True
+    best = _on_skyline(sheet, turns, ask)
+    if best is None:
+        sheet.refused = [one for one in sheet.refused if one[0] < a or one[1] < b or one[2] < area]
+        sheet.refused.append((a, b, area))
+        return False
+    columns = slice(best.at, best.at + len(best.shape.lower))
+    below = sheet.skyline[columns].copy()
+    sheet.gaps += SheetGap.of(best.at, below, best.rise + best.shape.lower, ask)
+    sheet.skyline[columns] = np.maximum(below, best.rise + best.shape.upper)
+    sheet.parts.append(_nested(best.shape, best.at, best.rise, ask))
+    sheet.lowest = float(sheet.skyline.min())
+    open_area = sheet.size[0] * (sheet.size[1] - ask.gap / 2) - ask.step * sheet.skyline.sum()
+    sheet.left = float(open_area) + _room(sheet, ask)
+    return True
+
+
+def _on_skyline(sheet: OpenSheet, turns: list[PartShape], ask: Raster) -> _Place | None:
+    """Where the upper edge of a part is lowest, and least is lost below it; None where it has no room."""
+    best: _Place | None = None
+    gap, step, top = ask.gap, ask.step, sheet.size[1] - ask.gap / 2
+    known: dict[int, tuple[Floats, Floats]] = {}
+    for shape in turns:
+        k = len(shape.lower)
+        if k > len(sheet.skyline) or sheet.lowest + shape.size[1] + gap > top + step:
+            continue
+        if k not in known:  # turned by half a turn it is as long
+            found = _windows(sheet.skyline, k)
+            known[k] = found, found.sum(axis=1)
+        windows, sums = known[k]
+        rise = (windows - shape.lower).max(axis=1)
+        height = rise + shape.top
+        right = gap + step * np.arange(len(windows)) + shape.size[0]
+        inside = (height <= top + NEAR) & (right <= sheet.size[0] - gap + NEAR)
+        if not inside.any():
+            continue
+        lost = (rise * k + shape.total - sums) / k
+        score = np.where(inside, height + lost, np.inf)
+        at = int(score.argmin())
+        if np.isfinite(score[at]) and (best is None or score[at] < best.score - NEAR):
+            best = _Place(float(score[at]), float(rise[at]), at, shape)
+    return best
+
+
+def _in_gap(sheet: OpenSheet, number: int, turns: list[PartShape], ask: Raster) -> bool:
+    """Whether a part found room in a gap, in one of its turns; there it is then, as low as can be."""
+    gap, best = sheet.gaps[number], None
+    for shape in turns:
+        k = len(shape.lower)
+        if k > len(gap.floor) or shape.thick > gap.high:
+            continue
+        rise = (_windows(gap.floor, k) - shape.lower).max(axis=1)
+        inside = (_windows(gap.ceiling, k) - shape.upper).min(axis=1) >= rise - NEAR
+        right = ask.gap + ask.step * (gap.begin + np.arange(len(rise))) + shape.size[0]
+        inside &= right <= sheet.size[0] - ask.gap + NEAR
+        at = int(np.where(inside, rise, np.inf).argmin())
+        if inside[at] and (best is None or rise[at] + shape.top < best.score - NEAR):
+            best = _Place(float(rise[at]) + shape.top, float(rise[at]), at, shape)
+    if best is None:
+        return False
+    columns = slice(best.at, best.at + len(best.shape.lower))
+    below = gap.floor[columns].copy()
+    gap.floor[columns] = np.maximum(below, best.rise + best.shape.upper)
+    under = SheetGap.of(gap.begin + best.at, below, best.rise + best.shape.lower, ask)
+    before = _room(sheet, ask)
+    sheet.gaps[number : number + 1] = [*SheetGap.of(gap.begin, gap.floor, gap.ceiling, ask), *under]
+    sheet.left += _room(sheet, ask) - before
+    sheet.parts.append(_nested(best.shape, gap.begin + best.at, best.rise, ask))
+    return True
+
+
+def _nested(shape: PartShape, column: int, rise: float, ask: Raster) -> NestedPart:
+    shift = ask.gap + column * ask.step - float(shape.low[0]), rise - float(shape.low[1])
+    return NestedPart(shape.part, shape.turn, shift)
+
+
+def _room(sheet: OpenSheet, ask: Raster) -> float:
+    """Square metres of the gaps."""
+    return ask.step * float(sum((gap.ceiling - gap.floor).sum() for gap in sheet.gaps))
+
+
+def _windows(skyline: Floats, k: int) -> Floats:
+    """(q, k) each run of k columns, a view: numpy's own function for that takes longer than what is done with it."""
+    (step,) = skyline.strides
+    return np.ndarray((len(skyline) - k + 1, k), skyline.dtype, skyline, strides=(step, step))
