@@ -1,4 +1,4 @@
-"""What each stage of a design makes, as frozen values (see `dsfab.design.Design`)."""
+"""Results of the stages of a design, as frozen values (see `dsfab.design.Design`)."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, field
@@ -18,13 +18,12 @@ from dsfab.surface.fields import CornerField, DividedField
 
 @dataclass(frozen=True, eq=False)
 class CaseResult:
-    """A load case or a combination: its load, its equilibrium and the stress (m, 3, 3), Pa, of the middle surface, or
-    of the lower side of a flat sheet that only bends.
+    """Load, equilibrium and stress of a load case or a combination.
 
-    sigma   : (m, 3, 3) Pa, the stress of the middle surface, or of the lower side of a flat sheet that only bends.
-    answers : what else the sheet tells; by other elements than `equilibrium` where these do not answer (see `Ask`).
+    sigma   : (m, 3, 3) Pa, stress of the middle surface, or of the lower side of a flat sheet that only bends.
+    answers : further results of the sheet, from other elements where those of `equilibrium` do not suit (see `Ask`).
     factors : of the cases in a combination; None for a case.
-    layered : (m, 3, 3) Pa, the stress of all layers (`layer_stress`), where the pattern follows it; else None.
+    layered : (m, 3, 3) Pa, stress of all layers (`layer_stress`), if the pattern follows it; else None.
     """
 
     load: LoadCase
@@ -36,7 +35,7 @@ class CaseResult:
 
     @property
     def followed(self) -> Floats:
-        """(m, 3, 3) Pa, what the pattern follows."""
+        """(m, 3, 3) stress that the pattern follows, Pa."""
         return self.sigma if self.layered is None else self.layered
 
 
@@ -44,11 +43,11 @@ class CaseResult:
 class StaticsResult:
     """Stage 2, on the uncut surface: load, equilibrium, stress (m, 3, 3), Pa, and answers, as in a `CaseResult`.
 
-    These are of all cases together, each once: what is drawn, and all there is with one case. What the pattern follows
-    is chosen out of `cases` by the next stage, so that another choice solves nothing again.
+    These are of all cases together, for pictures and for a design with one case. The next stage selects the stress
+    that the pattern follows from `cases`, so that another selection needs no new solution.
 
     cases      : the load cases by name, then the combinations.
-    objections : sentences on why it should not be built, the gravest first (see `dsfab.design.buildability`).
+    objections : sentences on reasons against building, the gravest first (see `dsfab.design.buildability`).
     """
 
     load: LoadCase
@@ -59,7 +58,7 @@ class StaticsResult:
     objections: tuple[str, ...] = ()
 
     def loads(self, names: Iterable[str]) -> dict[str, LoadCase]:
-        """The loads of some cases or combinations, by name, in the order asked for."""
+        """Return the loads of these cases or combinations, by name."""
         return {name: self.cases[name].load for name in names}
 
 
@@ -74,12 +73,12 @@ class DiffusionResult:
 
 @dataclass(frozen=True, eq=False)
 class Steered:
-    """How stripes run that do not follow the stress by name alone.
+    """Directions of stripes that guides or symmetry change.
 
     along  : (m,) squared cosine of the angle between the major stripes and the first principal stress.
-    guided : (m,) what guides weigh; 1 as much as clear stress.
-    over   : (m,) faces where the families have changed names: the major stripes run along the second principal stress.
-    told   : what a person should know of it, or ''.
+    guided : (m,) weight of guides; 1 as much as clear stress.
+    over   : (m,) faces with exchanged families: the major stripes run along the second principal stress.
+    told   : a sentence on them for the user, or ''.
     """
 
     along: Floats
@@ -90,16 +89,15 @@ class Steered:
 
 @dataclass(frozen=True, eq=False)
 class EvenStripes:
-    """Where evenly spaced stripes run, whatever their width: the major and the minor ones. A family that is not drawn
-    has no phase on any face.
+    """Lines of evenly spaced stripes, the major and the minor ones, of any width. An unused family has no phase.
 
-    phases  : with every line that may be drawn.
-    wanted  : for each level of halving, the finest first, (m,) the share of each face where its lines are drawn.
-    slope   : (n, 2) lines per metre of the phases.    density : (n, 2) the same of those that are drawn.
+    phases  : with every possible line.
+    wanted  : for each level of halving, the finest first, (m,) share of each face in which its lines are used.
+    slope   : (n, 2) lines per metre of the phases.    density : (n, 2) the same for the used lines.
     first   : the family whose finer lines are drawn before those of the other.
     chart   : the surface divided where lines end, with both phases: for pictures and measures.
-    symmetry : the mirrors and turns that they have; None without any.
-    steered  : how they run elsewhere than along the stress; None where they do not.
+    symmetry : their mirrors and turns; None without any.
+    steered  : their deviation from the stress; None without.
     forces   : (m, 2) principal stresses that they follow in place of those of the uncut sheet, Pa; None for these.
     """
 
@@ -115,14 +113,14 @@ class EvenStripes:
 
 
 class Candidate(NamedTuple):
-    """Modes and phases of the major and of the minor stripes, tried for those that are `auto`.
+    """Modes and phases of the major and of the minor stripes, as a trial for those that are `auto`.
 
     compliance : joules on its own cut mesh; infinite when refused.
     over_uncut : the same over that of the uncut sheet.
     kept       : share of the surface that is material, loose pieces included.
-    whole      : share of the material that hangs together in the largest piece that reaches a support.
-    pieces     : how many pieces of material there are.
-    refused    : why it cannot be chosen, or ''.
+    whole      : share of the material in the largest piece with a support.
+    pieces     : number of pieces of material.
+    refused    : reason for refusing it, or ''.
     """
 
     mode: tuple[int, int]
@@ -137,24 +135,24 @@ class Candidate(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Choice:
-    """The candidates for modes and phases that are `auto`, best first: the first one is taken."""
+    """The candidates for modes and phases that are `auto`, best first: the first is used."""
 
     candidates: tuple[Candidate, ...]
 
     @property
     def mode(self) -> tuple[int, int]:
-        """Of the major and of the minor stripes."""
+        """Modes of the major and of the minor stripes."""
         return self.candidates[0].mode
 
     @property
     def phase(self) -> tuple[float, float]:
-        """Of the major and of the minor stripes."""
+        """Phases of the major and of the minor stripes."""
         return self.candidates[0].phase
 
 
 @dataclass(frozen=True, eq=False)
 class StressedSurface:
-    """What a pattern is drawn on: a surface, how it carries its loads, and the modes along its stresses."""
+    """Basis of a pattern: a surface, its statics, and the modes along its stresses."""
 
     surface: Surface
     statics: StaticsResult
@@ -167,14 +165,14 @@ class StressedSurface:
 
 
 class Attempt(NamedTuple):
-    """A method and a width rule, tried where the method is `auto`.
+    """A method and a width rule, as a trial for the method `auto`.
 
     name       : of both, in plain words.
     compliance : joules on its own cut mesh; infinite when refused.
     over_uncut : the same over that of the uncut sheet.
     kept       : share of the surface that is material, loose pieces included.
     dead_ends, slits : of its members, see `PatternQuality`.
-    refused    : why it cannot be taken, or ''.
+    refused    : reason for refusing it, or ''.
     """
 
     name: str
@@ -187,31 +185,32 @@ class Attempt(NamedTuple):
 
     @property
     def rank(self) -> tuple[bool, bool, bool, float]:
-        """The least is the best: that carries its loads, without a dead end, without a slit, the stiffest per share of
-        material. Equal to three digits, as mirror images are, the first comes first: rounding errors decide nothing."""
+        """Key for sorting, the least is best: carries its loads, has no dead end, no slit, is the stiffest per share
+        of material.
+
+        Stiffness has three digits, so that rounding errors do not decide between mirror images.
+        """
         soft = float("inf") if self.refused else float(f"{self.compliance * self.kept:.3g}")
         return bool(self.refused), self.dead_ends > 0, self.slits > 0, soft
 
 
 @dataclass(frozen=True, eq=False)
 class PatternResult:
-    """Stage 4: by name, linear fields and the values to cut each at (see `dsfab.slicing.cutting.cut`); of one
-    family, where
-    only that is drawn.
+    """Stage 4: by name, linear fields and the values to cut each at (see `dsfab.slicing.cutting.cut`).
 
     fields      : (n,) each, an odd number of levels lies below material; (n, 2) for stripes of varying width; evenly
-                  spaced ones at corners, a family in several: its coarse lines, then those between them; what is
-                  kept on parts of faces, where these are divided, and `keep` in two: patches, and points and curves.
+                  spaced ones at corners, a family in several: its coarse lines, then those between them; kept material
+                  on parts of faces, where these are divided, and `keep` in two: patches, and points and curves.
     half_widths : (n,) each: material is |z - k| < d, k integer, for the families; inf for the others. z is frequency x
-                  + phase on modes, and the phase of the lines that are drawn on even stripes.
-    factor      : what the widths were multiplied with to reach pattern.width.solid_fraction; 1 without it.
-    frequency   : of the major and of the minor stripes, as drawn: what `spacing` became, where it was asked.
-    mode, phase : of both, as drawn: what `auto` became, where it was asked.
-    choice      : what was tried for that; None where nothing is `auto`.
-    even        : where evenly spaced stripes run; None for stripes on modes.
-    asked       : [pattern] with what `auto` became; None where nothing was.
-    tidy        : what the cut takes off where stripes lead nowhere; None takes off nothing.
-    attempts    : what was tried for a method that is `auto`, best first; empty where it is given.
+                  + phase on modes, and the phase of the used lines on even stripes.
+    factor      : factor on the widths for reaching pattern.width.solid_fraction; 1 without it.
+    frequency   : of the major and of the minor stripes; for `spacing` the result.
+    mode, phase : of both; for `auto` the result.
+    choice      : trials for `auto`; None without.
+    even        : lines of evenly spaced stripes; None for stripes on modes.
+    asked       : [pattern] with the results of `auto`; None without.
+    tidy        : stripes for the cut to remove, because they lead nowhere; None removes none.
+    attempts    : trials for the method `auto`, best first; empty for another method.
     """
 
     names: tuple[str, ...]
@@ -229,17 +228,17 @@ class PatternResult:
     attempts: tuple[Attempt, ...] = ()
 
     def half_width(self, family: str) -> Floats:
-        """(n,) half-widths of a family, in periods; 0 where it is not drawn."""
+        """Return the half-widths (n,) of a family, in periods; 0 for an unused family."""
         drawn = dict(zip(self.names, self.half_widths, strict=True))
         return drawn[family] if family in drawn else np.zeros_like(self.half_widths[0])
 
     def settled(self, preset: Preset) -> Preset:
-        """The preset with what `auto` became."""
+        """Return the preset with the results of `auto`."""
         return preset.with_pattern(**dict(self.asked)) if self.asked else preset
 
 
 class Piece(NamedTuple):
-    """A connected part of the sheet: its area, m2, and whether it reaches a support and carries a concentrated load."""
+    """A connected part of the sheet: its area, m2, and whether it has a support and a concentrated load."""
 
     area: float
     held: bool
@@ -248,7 +247,7 @@ class Piece(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SlicingResult:
-    """Stage 5: all cells, the sheet kept of them, its pieces (largest first), and how many pinches were cured."""
+    """Stage 5: all cells, the sheet kept of them, its pieces (largest first), and the number of mended pinches."""
 
     cells: Sheet
     sheet: Sheet
@@ -257,7 +256,7 @@ class SlicingResult:
 
 
 class Note(NamedTuple):
-    """Something the user should know, and the stage that found it."""
+    """A note for the user, and its stage."""
 
     stage: str
     text: str

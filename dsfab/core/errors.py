@@ -1,15 +1,13 @@
-"""The one family of errors a user may meet, and the nearest name for a misspelt one."""
+"""Error classes of dsfab, and the nearest name for a misspelt one."""
 
 import difflib
 from collections.abc import Iterable
 
 
 class DsfabError(Exception):
-    """Input that cannot be used, told in one sentence: what is wrong, where, and what to do.
-
-    The library raises it and never prints; ``dsfab.app.cli`` alone turns it into a line and exit code 1.
-    Anything else that escapes the library is a mistake of ours.
-    """
+    """Unusable input, explained in one sentence: the fault, its place, and the remedy. The library raises it and never
+    prints; ``dsfab.app.cli`` alone turns it into a line and exit code 1. Any other exception that escapes the library
+    is a bug of dsfab."""
 
 
 class SurfaceError(DsfabError):
@@ -37,7 +35,7 @@ class PresetError(DsfabError):
 
 
 def did_you_mean(word: str, known: Iterable[str]) -> str:
-    """'; did you mean dome?' for the nearest known word, the first of equally near ones, or nothing."""
+    """Return '; did you mean dome?' for the choice nearest to `word` (the first of equals), or an empty text."""
     names = list(known)
     close = difflib.get_close_matches(word, names)
     like = [difflib.SequenceMatcher(None, name, word).ratio() for name in close]

@@ -1,100 +1,105 @@
-"""What is accepted: each limit that more than one part of dsfab applies, once; and what is said of keeping one.
+"""Limits and tolerances that more than one part of dsfab applies.
 
-A stage that refuses beyond a limit and a report that says whether it was kept take it from here.
+A stage that refuses input beyond a limit and a report that checks the same limit both take it from here.
 """
 
 from collections.abc import Iterable
 from typing import Literal
 
 Status = Literal["pass", "fail", "unknown"]
-"""Whether a limit is kept; unknown: nobody has found out well enough."""
+"""Result of a check against a limit; "unknown" means that the available results cannot decide."""
 
 Mark = Status | Literal["note"]
-"""The same on a list of checks; a note does not count."""
+"""Status of an entry in a list of checks; a note does not count."""
 
 SEVERITY: tuple[Status, ...] = ("pass", "unknown", "fail")
 
 MARKS: tuple[Mark, ...] = (*SEVERITY, "note")
 
 BALANCE = 1e-4
-"""Largest accepted sum of loads and reactions, relative to the sum of the loads' magnitudes, far below what elements
-are off by. Rounding alone makes 1e-6 of it where a sheet is long, thin and finely meshed (a beam of 30 widths with 8
-`hhj` cells across), and 1.3e-5 where needles of 9 micrometres bend that are 20 mm thick, however well the equations are
-solved: the entries of their stiffness are rounded."""
+"""Largest accepted sum of loads and reactions, relative to the sum of the loads' magnitudes.
+
+It is far below the error of the elements. Rounding alone reaches 1e-6 on a long, thin, finely meshed sheet (a beam of
+30 widths with 8 `hhj` cells across). It reaches 1.3e-5 where needles of 9 micrometres bend at a thickness of 20 mm,
+because the entries of their stiffness are rounded.
+"""
 
 PRECISE = 1e-8
-"""Relative residual of the linear system, in the norm of its energy, that is told when it is exceeded."""
+"""Relative residual of the linear system, in its energy norm, above which dsfab reports it."""
 
 RESIDUAL = 1e-6
-"""Largest accepted residual, and by how much of itself a compliance may be off for it: far below what elements are off
-by. The same beam has 1e-6 after a solution in double precision and 1e-10 once refined with longer numbers (see
-`dsfab.statics.factorisation.refined_solution`), where the machine has them. On a sheet with needles of 7 micrometres
-these
-come to 1e-8 and no further, by rounding that the number of threads decides: that must not decide what is accepted."""
+"""Largest accepted relative residual, and largest relative error of a compliance that it may cause.
+
+It is far below the error of the elements. The beam under `BALANCE` has 1e-6 in double precision and 1e-10 after
+refinement in longer numbers (`dsfab.statics.factorisation.refined_solution`), where the machine has them. On a sheet
+with needles of 7 micrometres the residual stops at 1e-8. That rounding depends on the number of threads, and must not
+decide whether dsfab accepts a result.
+"""
 
 LARGEST_MOVE = 0.1
-"""Largest accepted displacement, as a share of the longest side of the surface's box: linear statics say nothing of
-what moves further, and mostly a unit is wrong."""
+"""Largest accepted displacement, as a share of the longest side of the surface's box. Linear statics are not valid
+beyond it, and the usual cause is a wrong unit."""
 
 AT_ONE_VERTEX = 0.95
 """Largest accepted share of the reactions at one vertex."""
 
 FEW_VERTICES = 3
-"""A support that holds fewer vertices is told, if it carries more than `SOME_REACTION`."""
+"""A support with fewer vertices is reported if it carries more than `SOME_REACTION`."""
 
 SOME_REACTION = 0.05
-"""A support that carries a smaller share of the reactions only keeps the sheet from drifting."""
+"""A support with a smaller share of the reactions only prevents drift."""
 
 FAR_FROM_SURFACE = 0.25
-"""Largest accepted distance from a point to the vertex that stands for it, as a share of the surface's size."""
+"""Largest accepted distance from a point to the vertex that represents it, as a share of the surface's size."""
 
 GLANCING = 1e-3
-"""Snow or wind of which a smaller share arrives at its faces, in the mean, acts on nothing: a twentieth of a degree."""
+"""Snow or wind counts as without effect if a smaller mean share reaches its faces (a twentieth of a degree)."""
 
 POSSIBLE_SIZE = (1e-9, 1e9)
-"""Metres; a surface that is smaller or larger is refused: its numbers are no lengths, and products of them overflow."""
+"""Metres; a smaller or larger surface is refused, because its numbers are no lengths and their products overflow."""
 
 USUAL_SIZE = (0.01, 1e3)
-"""Metres; a surface that is smaller or larger is told: its unit may be another one."""
+"""Metres; a smaller or larger surface causes a remark, because its unit may be wrong."""
 
 CONVERGED = 0.02
-"""A compliance counts as known within this bound, relative."""
+"""A compliance counts as computed if its relative error bound is below this value."""
 
 FACETS = 0.2
-"""Larger L^2 / (R h) of a mesh (edge length, radius of curvature, thickness) is told: flat facets of a curved sheet are
-off by 1 % in compliance there, and under pressure or weight by up to this share in the largest stress."""
+"""Limit of L^2 / (R h) of a mesh (edge length, radius of curvature, thickness), above which dsfab warns. At this value
+flat facets of a curved sheet change its compliance by 1 %, and its largest stress under pressure or weight by up to
+this share."""
 
 SLIT = 0.25
-"""Half-width, in periods, at which the opening between two members is as wide as they are: a narrower one is a slit."""
+"""Half-width, in periods, at which the opening between two members is as wide as they are; a narrower opening is a
+slit."""
 
 CROWDING = 1.25
-"""Where members leave no wider openings anyway, they may take so many times the usual share of their spacing."""
+"""Factor on the usual share of the spacing that members may take where no wider openings are possible."""
 
 FILM = 0.05
-"""A sheet that has less than this share of its thickness somewhere is a film there."""
+"""A sheet thinner than this share of its thickness counts as a film at that place."""
 
 OUTLINE = 1 / 40
-"""Tolerance of lines and planar outlines unless asked otherwise, as a share of the thickness."""
+"""Default tolerance of lines and planar outlines, as a share of the thickness."""
 
 OFF_SURFACE = 1 / 20
-"""Largest distance of a file's solid from the design's unless asked otherwise, as a share of the thickness: what smooth
-and simplified solids are made within, and what the check of a file that may have curves accepts."""
+"""Default for the largest distance of a file's solid from the design's, as a share of the thickness. Smooth and
+simplified solids keep it; so does the check of a file that may have curves."""
 
 FURTHER = 2
-"""Times `OFF_SURFACE` that a solid of planar faces may be simplified by, where nothing else keeps to the budget."""
+"""Factor on `OFF_SURFACE` for simplifying a solid of planar faces that otherwise exceeds the budget."""
 
 DEFLECTION = 1 / 4
-"""How far the triangles that a reader makes of curved faces may be off them, as a share of what a file may be off the
-design: a build and the check of its file measure with the same."""
+"""Largest distance of a reader's triangles from curved faces, as a share of the allowed distance from the design. A
+build and the check of its file measure with the same value."""
 
 CHANGED_VOLUME = 5e-3
-"""Largest accepted change of a volume, relative, where curves or fewer triangles take the place of triangles."""
+"""Largest accepted relative change of a volume when curves or fewer triangles replace triangles."""
 
 READ_BACK = 1e-3
-"""Largest accepted change of a volume, an area, a length or, as a share of the size, of the bounding box by writing a
-file and reading it back."""
+"""Largest accepted relative change by writing and reading a file: volume, area, length, box (relative to its size)."""
 
 
 def worst(found: Iterable[Status]) -> Status:
-    """The one that counts of several; pass of none."""
+    """Return the most severe status; "pass" for an empty iterable."""
     return max(found, key=SEVERITY.index, default="pass")

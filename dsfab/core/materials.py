@@ -1,9 +1,9 @@
-"""Materials by name: stiffness, weight, design strength and thermal expansion, each with its source.
+"""Materials by name: stiffness, density, design strength and thermal expansion, each with its source.
 
-The design strength is what a standard lets a material be stressed to: its characteristic strength over the partial
-factor of the material, for timber also times k_mod = 0.8 (loads of medium duration, indoors or under a roof). It is
-compared with von Mises' stress of an isotropic sheet, which is right for metals. Timber, plywood and GFRP are strong
-along their fibres only, and concrete in compression only: there it is a first look; `says` tells of which strength.
+The design strength is the stress that a standard allows: the characteristic strength over the partial factor of the
+material, for timber also times k_mod = 0.8 (medium load duration, indoors or under a roof). dsfab compares it with
+von Mises stress of an isotropic sheet, which is right for metals. Timber, plywood and GFRP are strong along their
+fibres only, and concrete in compression only; their comparison is a first estimate, and `says` names the strength.
 """
 
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ class NamedMaterial:
     """A material that a preset may name.
 
     young : Pa, the mean value.      poisson : of an isotropic sheet.      density : kg/m3, the mean value.
-    strength : Pa, the design strength.      says : how it was found, and of what it is the strength.
+    strength : Pa, the design strength.      says : its kind and its derivation.
     expansion : thermal, 1/K; no stage uses it yet.      source : of all values.
     """
 
@@ -31,12 +31,12 @@ class NamedMaterial:
 
     @property
     def values(self) -> dict[str, float]:
-        """What it gives to [statics], by key: Pa, 1, kg/m3, Pa."""
+        """Values for the keys of [statics]: Pa, 1, kg/m3, Pa."""
         return {key: getattr(self, key) for key in KEYS}
 
 
 KEYS = ("young", "poisson", "density", "strength")
-"""Keys of [statics] that a material gives; each may be given beside its name and then wins."""
+"""Keys of [statics] that a material sets; a value beside the material's name overrides it."""
 
 _ALL = (
     NamedMaterial(
@@ -121,22 +121,22 @@ _ALL = (
     ),
 )
 MATERIALS = {material.name: material for material in _ALL}
-"""All of them by name."""
+"""Materials by name."""
 
 NO_STRENGTH = (
     "what members can bear is not known: the preset names no material and gives no strength; set statics.material = "
     '"S355" (`dsfab materials` lists them), or statics.strength'
 )
-"""Of a preset that says nothing of its material."""
+"""Message for a preset without a material and without a strength."""
 
 
 def material_named(name: str) -> NamedMaterial:
-    """The material of that name, in capitals or not; raises PresetError with the nearest name for any other."""
+    """Return the material of that name, in any case; raises PresetError with the nearest name for an unknown one."""
     key = " ".join(name.split()).lower()
     known = {each.lower(): material for each, material in MATERIALS.items()}
     if key in known:
         return known[key]
-    # the nearest is looked for in small letters and named as it is written
+    # the search compares small letters; the hint shows the name as the list writes it
     hint = did_you_mean(key, known)
     for small, material in known.items():
         hint = hint.replace(f" {small}?", f" {material.name}?")

@@ -1,13 +1,10 @@
-"""Quantities and tables in words: how a number with its unit is told to people."""
+"""Numbers with units, lists and tables as text for messages and reports."""
 
 from collections.abc import Iterable, Sequence
 
-STRAIGHT = 0.99985
-"""Cosine of the angle, a degree, within which a direction is called by an axis."""
-
 
 def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
-    """Columns in plain text, the first flush left, the others flush right."""
+    """Return a table in plain text; the first column is flush left, the others are flush right."""
     lines = [list(head), *(list(row) for row in rows)]
     widths = [max(len(line[i]) for line in lines) for i in range(len(head))]
     return "\n".join(
@@ -19,34 +16,34 @@ def table(head: Sequence[str], rows: Iterable[Sequence[str]]) -> str:
 
 
 def some_names(names: Sequence[str], shown: int = 5) -> str:
-    """'A01, A02, A03, A04, A05 and 7 more'."""
+    """Return the first names and the number of the rest: 'A01, A02, A03, A04, A05 and 7 more'."""
     return ", ".join(names[:shown]) + (f" and {len(names) - shown} more" if len(names) > shown else "")
 
 
 def counted(number: int, thing: str) -> str:
-    """'1 face', '12 faces', '2 vertices'."""
+    """Return a count with its noun: '1 face', '12 faces', '2 vertices'."""
     plural = {"vertex": "vertices"}.get(thing, thing + "s")
     return f"{number:,} {thing if number == 1 else plural}"
 
 
 def stopping(count: int) -> str:
-    """What so many parts do that run into others: 'stops before its ends, where it would run into'."""
+    """Return the clause about parts that run into others: 'stops before its ends, where it would run into'."""
     ends = "stops before its ends, where it" if count == 1 else "stop before their ends, where they"
     return f"{ends} would run into"
 
 
 def coordinates(point: Sequence[float]) -> str:
-    """Of a point, thousands apart: '(452 341, 5 567 120, 0)'."""
+    """Return the coordinates of a point with spaces between thousands: '(452 341, 5 567 120, 0)'."""
     return f"({', '.join(f'{x:,.10g}'.replace(',', ' ') for x in point)})"
 
 
 def sentence(words: str) -> str:
-    """With a capital letter and a full stop."""
+    """Return the text with a capital letter and a full stop."""
     return f"{words[0].upper()}{words[1:]}."
 
 
 def size(count: float) -> str:
-    """Bytes for people: '4.2 MB'."""
+    """Return a number of bytes as text: '4.2 MB'."""
     for unit in ("B", "KB", "MB"):
         if count < 1000:
             return f"{count:.0f} {unit}" if unit == "B" else f"{count:.1f} {unit}"
@@ -55,28 +52,28 @@ def size(count: float) -> str:
 
 
 def mass(kilograms: float) -> str:
-    """'830 g', '12.4 kg', '3.1 t'."""
+    """Return a mass as text: '830 g', '12.4 kg', '3.1 t'."""
     if kilograms < 1:
         return f"{1000 * kilograms:.3g} g"
     return f"{kilograms:.3g} kg" if kilograms < 1000 else f"{kilograms / 1000:.3g} t"
 
 
 def length(metres: float) -> str:
-    """'0.31 mm', '2.4 m', '8 km'."""
+    """Return a length as text: '0.31 mm', '2.4 m', '8 km'."""
     if abs(metres) >= 999.5:
         return f"{metres / 1000:.3g} km"
     return f"{1000 * metres:.3g} mm" if abs(metres) < 1 else f"{metres:.3g} m"
 
 
 def duration(seconds: float) -> str:
-    """'2.7 s', '40 s', '12 min', '3.5 h'."""
+    """Return a duration as text: '2.7 s', '40 s', '12 min', '3.5 h'."""
     if seconds < 99.5:
         return f"{seconds:.2g} s"
     return f"{seconds / 60:.0f} min" if seconds < 6000 else f"{seconds / 3600:.1f} h"
 
 
 def force(newtons: float) -> str:
-    """'830 N', '12.4 kN', '3.1 MN'."""
+    """Return a force as text: '830 N', '12.4 kN', '3.1 MN'."""
     for unit, scale in (("N", 1.0), ("kN", 1e3)):
         if abs(newtons) < 999.5 * scale:
             return f"{newtons / scale:.3g} {unit}"
@@ -84,7 +81,10 @@ def force(newtons: float) -> str:
 
 
 def bounded(value: float, bound: float | None, unit: str = "") -> str:
-    """'2.34 ± 1.8 %', with as many digits as the bound leaves; '2.27 (one mesh, bound unknown)' where there is none."""
+    """Return a value with its relative error bound: '2.34 ± 1.8 %', with as many digits as the bound justifies.
+
+    Without a bound: '2.27 (one mesh, bound unknown)'.
+    """
     unit = f" {unit}" if unit else ""
     if bound is None:
         return f"{value:.3g}{unit} (one mesh, bound unknown)"
@@ -93,11 +93,11 @@ def bounded(value: float, bound: float | None, unit: str = "") -> str:
 
 
 def towards(direction: Sequence[float]) -> str:
-    """'down', '+x', '(0.6, 0, -0.8)': where a vector that is not zero points to, within a degree."""
+    """Return the direction of a nonzero vector: 'down', '+x' (within a degree of the axis), or '(0.6, 0, -0.8)'."""
     length = sum(x * x for x in direction) ** 0.5
     unit = [x / length for x in direction]
     largest = max(range(3), key=lambda k: abs(unit[k]))
-    if abs(unit[largest]) < STRAIGHT:
+    if abs(unit[largest]) < 0.99985:  # cosine of one degree
         return f"({', '.join(f'{round(x, 2) + 0.0:.2g}' for x in unit)})"
     up = unit[largest] > 0
     return ("up" if up else "down") if largest == 2 else f"{'+' if up else '-'}{'xyz'[largest]}"

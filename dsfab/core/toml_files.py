@@ -1,6 +1,6 @@
-"""The presets that come with dsfab, and the tables of a TOML file before anything in them is checked.
+"""TOML files as tables, and the list of the presets that come with dsfab.
 
-To list them neither numpy nor pydantic is imported: `dsfab presets` takes a tenth of the time of a preset's own check.
+The list imports neither numpy nor pydantic: `dsfab presets` takes a tenth of the time of checking one preset.
 """
 
 import tomllib
@@ -10,35 +10,31 @@ from typing import Any
 from dsfab.core.errors import PresetError
 
 PRESETS = tuple(folder / "presets" for folder in Path(__file__).resolve().parents[1:3])
-"""Where the presets lie that come with dsfab: in a wheel in the package, in a checkout at the top level."""
-
-DEEPEST = 50
-"""Tables and lists in each other, several times what any preset or sweep has."""
+"""Folders of the shipped presets: in a wheel inside the package, in a checkout at the top level."""
 
 
 def shipped_presets() -> dict[str, Path]:
-    """The presets that come with dsfab: name -> file, in alphabetical order."""
+    """Return the files of the presets that come with dsfab, by name in alphabetical order."""
     files = [file for folder in PRESETS for file in folder.glob("*.toml")]
     return {path.stem: path for path in sorted(files, key=lambda path: path.stem)}
 
 
 def headline(path: Path) -> str:
-    """The first sentence of a preset's description, without checking the preset."""
+    """Return the first line of a preset's description, without checking the preset."""
     return str(read_toml(path).get("description", "")).strip().split("\n")[0]
 
 
 class TomlError(ValueError):
-    """What is wrong with a text that should be TOML."""
+    """Error in a text that should be TOML."""
 
 
 def toml_table(text: str) -> dict[str, Any]:
-    """What a text in TOML says; a byte order mark, as Windows writes it, is passed over.
-
-    Raises TomlError, also for what Python's reader gives up on: brackets in thousands of others, endless numbers.
-    """
+    """Return the tables of a TOML text; a byte order mark, which Windows writes, is ignored. Raises TomlError, also
+    where Python's reader gives up (thousands of nested brackets, endless numbers) and for tables that are nested more
+    than 50 deep, several times the depth of any preset or sweep."""
     try:
         values = tomllib.loads(text.removeprefix("\ufeff"))
-        if _depth_is_over(values, DEEPEST):
+        if _depth_is_over(values, 50):
             raise RecursionError
         return values
     except tomllib.TOMLDecodeError as error:
@@ -50,7 +46,7 @@ def toml_table(text: str) -> dict[str, Any]:
 
 
 def _depth_is_over(values: dict[str, Any], most: int) -> bool:
-    """Whether tables and lists lie in more than so many others; by loops, for dotted keys go as deep as one likes."""
+    """Return whether tables and lists are nested deeper than the limit; by loops, because dotted keys have no limit."""
     level: list[Any] = [values]
     for _ in range(most):
         inside = [value for one in level for value in (one.values() if isinstance(one, dict) else one)]
@@ -59,7 +55,7 @@ def _depth_is_over(values: dict[str, Any], most: int) -> bool:
 
 
 def read_toml(path: Path, kind: str = "preset") -> dict[str, Any]:
-    """The tables of a TOML file, not checked yet; raises PresetError, which calls the file a `kind`."""
+    """Return the unchecked tables of a TOML file; raises PresetError, whose message calls the file a `kind`."""
     try:
         return toml_table(path.read_text(encoding="utf-8"))
     except TomlError as error:

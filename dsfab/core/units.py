@@ -1,4 +1,4 @@
-"""Units: metres, newtons and pascals inside; other units exist only at the doors (readers and writers)."""
+"""Units: dsfab computes in metres, newtons and pascals; only readers and writers use other units."""
 
 from dsfab.core.errors import SurfaceError
 
@@ -11,7 +11,7 @@ METRES_PER: dict[str, float] = {
     "in": 0.0254,
     "ft": 0.3048,
 }
-"""Metres in one of the units a preset or a file may declare."""
+"""Metres in each unit that a preset or a file may declare."""
 
 _PREFIXES = ("milli", "m"), ("centi", "c"), ("deci", "d"), ("kilo", "k"), ("", "")
 UNIT_WORDS: dict[str, str] = {
@@ -22,7 +22,7 @@ UNIT_WORDS: dict[str, str] = {
     "foot": "ft",
     "feet": "ft",
 }
-"""Units by the words that files name them with, in small letters."""
+"""Units by the words that files use for them, in small letters."""
 
 MM_PER_M = 1e3
 """Exported files are in millimetres."""
@@ -32,7 +32,7 @@ GRAVITY = 9.80665
 
 
 def metres_per(unit: str) -> float:
-    """Metres in one `unit`; raises SurfaceError for a unit that dsfab does not know."""
+    """Return the metres in one `unit`; raises SurfaceError for an unknown unit."""
     if unit not in METRES_PER:
         raise SurfaceError(f"unit = {unit!r} is not known; use one of {', '.join(METRES_PER)}")
     return METRES_PER[unit]

@@ -1,4 +1,4 @@
-"""The order of the stages: `run` makes a `Design` of a preset, `revise` remakes it from the first changed section."""
+"""The order of the stages: `run` makes a `Design` from a preset; `revise` repeats it from the first changed section."""
 
 from dsfab.design.buildability import refusal
 from dsfab.design.design import PARTS, ROWS, Design
@@ -37,24 +37,24 @@ TIMED = ("membrane", "bending", "statics", "stress", "diffusion", "modes", "slic
 
 
 def run(preset: Preset, progress: Progress | None = None) -> Design:
-    """Make the design of a preset, all of its stages.
+    """Run all stages of a preset.
 
-    Raises DsfabError, of the stage that refuses, when it cannot be built; PresetError for a mesh alone.
+    Raises the DsfabError of the stage that refuses, and PresetError if `preset` is a mesh alone.
     """
     return Design.of(preset, None, progress).until("thickening")
 
 
 def revise(design: Design, preset: Preset, progress: Progress | None = None) -> Design:
-    """The design of `preset`, with every stage of `design` before the first section that differs.
+    """Return the design of `preset`, reusing each stage of `design` before the first section that differs.
 
-    A change of [pattern] solves nothing again; `gamma` and `r` restart at diffusion, since statics are linear.
+    A change of [pattern] solves nothing again; `gamma` and `r` restart at diffusion, because statics are linear.
     """
     return Design.of(preset, design, progress).until("thickening")
 
 
 def draft(preset: Preset, progress: Progress | None = None, old: Design | None = None) -> Design:
-    """A design up to its pattern, with the stages of `old` before the first section that differs; nothing is cut.
+    """Run the stages up to the pattern, reusing those of `earlier` before the first section that differs; cut nothing.
 
-    Raises DsfabError, of the stage that refuses.
+    Raises the DsfabError of the stage that refuses.
     """
     return Design.of(preset, old, progress).until("pattern")

@@ -1,4 +1,4 @@
-"""Can it be built at all? What the statics say against it, before anything is cut."""
+"""Objections of the statics to a design, before anything is cut."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
@@ -19,14 +19,14 @@ NEVERTHELESS = "(statics.check = false builds it nevertheless)"
 
 
 class Objection(NamedTuple):
-    """A sentence on what is wrong, where, and what to change; whether it is a reason not to build, or to look again."""
+    """A sentence with a fault, its place and a remedy; `refuses` if the design must not be built."""
 
     text: str
     refuses: bool = True
 
 
 def objections(preset: Preset, surface: Surface, cases: Mapping[str, CaseResult]) -> Iterator[Objection]:
-    """What is to be said against a sheet that was solved, the gravest first."""
+    """Yield the objections to a solved sheet, the gravest first."""
     on, weight = acting_on(preset, surface), preset.statics.weight
     yield from _moving(surface, cases)
     if point := _on_one_vertex(surface, on, cases):
@@ -39,20 +39,20 @@ def objections(preset: Preset, surface: Surface, cases: Mapping[str, CaseResult]
 
 
 def require_buildable(preset: Preset, statics: StaticsResult) -> None:
-    """Raise StaticsError with the gravest reason not to build a sheet, unless `statics.check` is false."""
+    """Raise StaticsError with the gravest objection to a sheet, unless `statics.check` is false."""
     if why := refusal(preset, statics):
         raise StaticsError(why)
 
 
 def refusal(preset: Preset, statics: StaticsResult) -> str:
-    """The gravest reason not to build a sheet, a sentence; empty where there is none or `statics.check` is false."""
+    """Return the gravest objection to a sheet, a sentence; empty without any, and if `statics.check` is false."""
     return f"{statics.objections[0]} {NEVERTHELESS}" if preset.statics.check and statics.objections else ""
 
 
 def off_surface(preset: Preset, surface: Surface) -> tuple[str, ...]:
-    """A sentence for each point that the nearest vertex is far away from: nothing is there to hold or to load.
+    """Return a sentence for each point of a picker that is too far from the nearest vertex.
 
-    Raises SurfaceError with the first, unless `statics.check` is false.
+    Raises SurfaceError with the first one, unless `statics.check` is false.
     """
     given, found, surface = preset.surface, [], whole_surface(preset, surface)
     names = [*support_names(given.support), *load_names(given.load)]
@@ -71,7 +71,7 @@ def off_surface(preset: Preset, surface: Surface) -> tuple[str, ...]:
 
 
 def _moving(surface: Surface, cases: Mapping[str, CaseResult]) -> Iterator[Objection]:
-    """The sheet moves out of all proportion: statics are linear, and only the load or the units can be wrong."""
+    """Object to large movements: statics are linear, so that the load or the units must be wrong."""
     worst = max(cases, key=lambda name: cases[name].equilibrium.largest_displacement)
     answer, span = cases[worst].equilibrium, float(np.ptp(surface.V, axis=0).max())
     if answer.largest_displacement > LARGEST_MOVE * span:
@@ -84,7 +84,7 @@ def _moving(surface: Surface, cases: Mapping[str, CaseResult]) -> Iterator[Objec
 
 
 def _on_one_vertex(surface: Surface, on: Acting, cases: Mapping[str, CaseResult]) -> Objection | None:
-    """Under every case nearly all of the reaction is on the same vertex."""
+    """Object if nearly all of the reaction is on one vertex, the same under every case."""
     sizes = [np.linalg.norm(case.equilibrium.reaction, axis=1) for case in cases.values() if case.factors is None]
     shares = [size / size.sum() for size in sizes if size.any()]
     least = np.min(shares, axis=0) if shares else np.zeros(surface.n)
@@ -100,7 +100,7 @@ def _on_one_vertex(surface: Surface, on: Acting, cases: Mapping[str, CaseResult]
 
 
 def _on_few_vertices(entries: Sequence[SupportEntry]) -> Iterator[Objection]:
-    """A support of a point or two that carries something: stress there depends on the mesh."""
+    """Object to a support with few vertices that carries load, because its stress depends on the mesh."""
     for entry in entries:
         share = max(entry.share.values(), default=0.0)
         if entry.vertices < FEW_VERTICES and share > SOME_REACTION:
@@ -113,7 +113,7 @@ def _on_few_vertices(entries: Sequence[SupportEntry]) -> Iterator[Objection]:
 
 
 def _past_faces(on: Acting, surface: Surface, weight: float) -> Iterator[Objection]:
-    """Snow and wind that run along the faces they are on: a wall that is not quite upright, say."""
+    """Object to snow and wind parallel to their faces, for example on a wall that is not quite upright."""
     climate = [load for load in on.load if isinstance(load, Snow | Wind)]
     for load, entry in zip(climate, load_entries(surface, climate, weight), strict=True):
         if entry.total < GLANCING * load.pressure * entry.area:
@@ -124,7 +124,7 @@ def _past_faces(on: Acting, surface: Surface, weight: float) -> Iterator[Objecti
 
 
 def _on_supports(on: Acting, surface: Surface, weight: float, cases: Mapping[str, CaseResult]) -> Iterator[Objection]:
-    """Loads that the supports take at once."""
+    """Object to loads that act on held directions only."""
     free = ~next(iter(cases.values())).load.fixed
     for name, load in zip(load_names(on.load), on.load, strict=True):
         if not load.on(surface, weight)[free].any():

@@ -44,17 +44,14 @@ T = TypeVar("T")
 
 
 class Early:
-    """Results that follow from `statics`, by name, each with a log of its own.
-
-    statics : of `rough_statics`: what the pattern follows is there, stress and energy are rough.
-    """
+    """Results by name that follow from rough `statics` (see `rough_statics`), each with its own log."""
 
     def __init__(self, statics: StaticsResult, progress: Progress | None) -> None:
         self.statics, self._progress = statics, progress
         self._made: dict[str, tuple[Any, Log]] = {}
 
     def once(self, name: str, make: Callable[[Log], T]) -> T:
-        """What `make` gives, made once."""
+        """Return the result of `make`, computed once under `name`."""
         if name not in self._made:
             log = Log(self._progress)
             self._made[name] = make(log), log
@@ -62,7 +59,9 @@ class Early:
         return found
 
     def taken(self, name: str, statics: StaticsResult, log: Log) -> Any | None:
-        """It, with its seconds and notes into `log`, if the pattern follows the same stress; else None."""
+        """Remove and return a result, adding its seconds and notes to `log`; None if the pattern follows another
+        stress.
+        """
         if name not in self._made or not self._holds(statics):
             return None
         found, told = self._made.pop(name)
@@ -86,18 +85,19 @@ ROWS = {
 """The rows of the timing table that each stage fills."""
 
 PARTS = {"statics": ("factor",)}
-"""Seconds that are part of another row of the stage, told beside it."""
+"""Timing rows that are part of another row of the stage."""
 
 HELD = {"slicing": ("slicing", "sheet"), "thickening": ("solid",)}
-"""What holds the results of a stage, where that is not an attribute of its name."""
+"""Attributes that hold the results of a stage, where their name is not that of the stage."""
 
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Design:
-    """A preset and everything that is made of it. Frozen: `dsfab.revise` makes the next one.
+    """A preset and the results of its stages, computed on first access and cached; `dsfab.revise` makes the next
+    design.
 
-    surface, statics, diffusion, pattern, slicing and solid are made when they are first asked for, and kept; each
-    raises the DsfabError of its stage. `dsfab.run` makes them all, `dsfab.design.draft` those before the cut.
+    surface, statics, diffusion, pattern, slicing and solid each raise the DsfabError of their stage. `dsfab.run`
+    computes all of them, `dsfab.design.draft` those before the cut.
     """
 
     preset: Preset
@@ -107,9 +107,9 @@ class Design:
 
     @classmethod
     def of(cls, preset: Preset, old: "Design | None" = None, progress: Progress | None = None) -> "Design":
-        """A design whose stages are still to be made, but for those of `old` before the first section that differs.
+        """Return a design without results, except those of `earlier` before the first section that differs.
 
-        Raises PresetError for what is no preset, a mesh for instance: it says what is missing.
+        Raises PresetError for an argument that is no preset, for example a mesh; the message lists what is missing.
         """
         if not isinstance(preset, Preset):
             raise PresetError(missing_preset(preset))
@@ -131,16 +131,18 @@ class Design:
 
     @classmethod
     def known(cls, preset: Preset, log: Log | None = None, **results: Any) -> "Design":
-        """A design of which some results are there already, by the names of its attributes (see `HELD`).
+        """Return a design with given results, by the names of its attributes (see `HELD`).
 
-        log : where the stages that are still to be made write down their seconds and notes.
+        log : receives the seconds and notes of the stages that are still to be computed.
         """
         new = cls(preset, log or Log(None))
         vars(new).update(results)
         return new
 
     def until(self, stage: str) -> Self:
-        """The design itself, with everything up to this stage made. Raises the DsfabError of the one that refuses."""
+        """Compute every stage up to `stage` and return the design itself. Raises the DsfabError of the stage that
+        refuses.
+        """
         before = STAGES[: STAGES.index(stage) + 1]
         for each in before:
             getattr(self, HELD.get(each, (each,))[0])
@@ -149,38 +151,38 @@ class Design:
         return self
 
     def _stripes(self) -> Before | None:
-        """Evenly spaced stripes for a design that differs in [pattern] first."""
+        """Return the evenly spaced stripes for a design whose first difference is in [pattern]."""
         even = self.pattern.even if self.has("pattern") else None
         return Before(self.preset.pattern, even, self.seconds["stripes"]) if even else None
 
     def has(self, stage: str) -> bool:
-        """Whether what the stage makes is there already."""
+        """Return whether the results of a stage exist already."""
         return any(name in vars(self) for name in HELD.get(stage, (stage,)))
 
     def once(self, stage: str, name: str, make: Callable[[], T]) -> T:
-        """What somebody works out of this design, worked out once; revisions that differ later share it."""
+        """Memoise `make()` under `name`; revisions keep it if only stages after `stage` changed."""
         if name not in self._answers:
             self._answers[name] = stage, make()
         found: T = self._answers[name][1]
         return found
 
     def write(self, path: str | Path, **options: Any) -> Path:
-        """Write one file, its format by its suffix, as `dsfab build` writes it; see `dsfab.write`."""
+        """Write one file in the format of its suffix, as `dsfab build` does; see `dsfab.write`."""
         done: Path = ways_out.through("write", self, path, **options)
         return done
 
     def save(self, folder: str | Path, **options: Any) -> Path:
-        """Write everything that `dsfab build` writes into a folder; see `dsfab.save`."""
+        """Write into a folder all files that `dsfab build` writes; see `dsfab.save`."""
         done: Path = ways_out.through("save", self, folder, **options)
         return done
 
     def to_build123d(self) -> "build123d.Shape":
-        """For CAD, millimetres: what `write("x.step")` writes, smooth where it is."""
+        """Return the CAD shape, millimetres, that `write("x.step")` writes: smooth where that is possible."""
         shape: build123d.Shape = ways_out.through("to_build123d", self)
         return shape
 
     def _repr_png_(self) -> bytes | None:
-        """PNG for a notebook, or None where nothing can be drawn."""
+        """Return a PNG for a notebook, or None if no picture can be rendered."""
         picture: bytes | None = ways_out.through("inline_picture", self)
         return picture
 
@@ -188,7 +190,7 @@ class Design:
         return "\n".join(described(self))
 
     def __getstate__(self) -> dict[str, Any]:
-        """For another process: who is told of the progress, and what others worked out, stay behind."""
+        """Leave the progress callback and memoised answers out of a pickled design."""
         now = {name: value for name, value in vars(self).items() if name not in ("_solved", "_early")}
         return {**now, "_log": replace(self._log, progress=None), "_answers": {}}
 
@@ -199,8 +201,8 @@ class Design:
 
     @cached_property
     def statics(self) -> StaticsResult:
-        """Stage 2: how the uncut surface carries its loads."""
-        solved = vars(self).pop("_solved", None)  # large, and needed no more
+        """Stage 2: the equilibrium of the uncut surface under its loads."""
+        solved = vars(self).pop("_solved", None)  # large, and not needed again
         return statics_step(self.preset, self.surface, self._log, **({"solved": solved} if solved else {}))
 
     @cached_property
@@ -211,14 +213,14 @@ class Design:
 
     @cached_property
     def pattern(self) -> PatternResult:
-        """Stage 4: the stripes, before anything is cut."""
+        """Stage 4: the stripes, before the surface is cut."""
         made = pattern_stage(self.preset, self.stressed, self._log, self._way(self.stressed))
-        for name in ("_chosen", "_early"):  # what is wanted of them is in the pattern
+        for name in ("_chosen", "_early"):  # the pattern holds what is needed of them
             vars(self).pop(name, None)
         return made
 
     def _way(self, given: StressedSurface) -> ChosenWay:
-        """Where the stripes run: once for a sketch and the pattern after it."""
+        """Return the method and course of the stripes, once for the sketch and the pattern after it."""
         if "_chosen" not in vars(self):
             early = self._found_early("way")
             vars(self)["_chosen"] = early or chosen_way(self.preset, given, self._log, self._before)
@@ -227,7 +229,7 @@ class Design:
 
     @cached_property
     def _early(self) -> Early | None:
-        """What a sketch can be drawn from before better elements answer; None where that is no sooner."""
+        """Rough results for a sketch before better elements are solved; None if these save no time."""
         if self.has("statics"):
             return None
         solved = vars(self)["_solved"] = checked_sheet(self.preset, self.surface, self._log)
@@ -235,17 +237,18 @@ class Design:
         return Early(rough, self._log.progress) if rough else None
 
     def _found_early(self, name: str) -> Any:
-        """What a sketch was drawn from, where that is still so; else None."""
+        """Return a result of the sketch if it is still valid, else None."""
         early, statics = vars(self).get("_early"), self.statics
         return early.taken(name, statics, self._log) if early else None
 
     def sketch(self, modes: bool = True, answers: bool = False) -> "Design | None":
-        """A design whose pattern is about what `pattern` will be, found in a tenth of the time: for a first picture.
+        """Return a design with an approximate pattern in a tenth of the time, for a first picture.
 
-        modes   : whether it has modes; without, those that evenly spaced stripes have no use for are left for later.
-        answers : whether its stress and energy are the design's; else rough ones will do.
+        modes   : whether its modes are needed; without, modes that evenly spaced stripes do not use are not computed.
+        answers : whether stress and energy must be those of the design; else rough ones suffice.
 
-        None where its widths cannot be counted: `pattern` says why. Raises the DsfabError of the stage that refuses.
+        None if the widths cannot be found by counting points: `pattern` raises the reason. Raises the DsfabError of the
+        stage that refuses.
         """
         if answers:
             _ = self.statics
@@ -271,26 +274,28 @@ class Design:
 
     @cached_property
     def slicing(self) -> SlicingResult:
-        """Stage 5: the surface cut, and what is kept of it."""
+        """Stage 5: the cut surface, and the sheet that remains."""
         require_buildable(self.preset, self.statics)
         return slicing_step(self.preset, self.surface, self.statics, self.pattern, self._log)
 
     @cached_property
     def sheet(self) -> Sheet:
-        """The sheet that is kept."""
+        """The sheet that remains after slicing."""
         return self.slicing.sheet
 
     @property
     def members(self) -> "MemberGraph":
-        """The members of the sheet by their names, and the nodes at which they meet."""
-        from dsfab.members import member_graph  # takes half of the time of `import dsfab`, and few designs need it
+        """The members of the sheet by name, and the nodes between them."""
+        from dsfab.members import member_graph  # takes half of the time of `import dsfab`; few designs need it
 
         return self.once("slicing", "members", lambda: member_graph(self.surface, self.sheet, self.pattern))
 
     @property
     def frame(self) -> "Frame":
-        """The members of the sheet as beams between nodes, with supports and loads; raises StaticsError where there are
-        none, and where nothing carries its loads."""
+        """The members as beams between nodes, with supports and loads.
+
+        Raises StaticsError if no member has an axis, or if nothing carries a load.
+        """
         return self.once("slicing", "frame", self._frame)
 
     def _frame(self) -> "Frame":
@@ -300,16 +305,16 @@ class Design:
 
     @property
     def member_forces(self) -> "dict[str, MemberForces]":
-        """By the names of members, what they bear along their axes, from `section_forces`."""
+        """Forces along the axis of each member, by its name, from `section_forces`."""
         from dsfab.members.frame import member_forces
 
         return self.once("slicing", "member forces", lambda: member_forces(self.members, self.section_forces))
 
     @property
     def member_utilisation(self) -> "Utilisation":
-        """What members bear over what the standard of their material lets them bear, see `dsfab.members.eurocode`.
+        """Forces of members over their resistance by the standard of their material, see `dsfab.members.eurocode`.
 
-        Raises StaticsError where neither the material nor a strength is known.
+        Raises StaticsError if neither the material nor a strength is set.
         """
         return self.once(
             "slicing",
@@ -318,7 +323,7 @@ class Design:
         )
 
     def frame_agreement(self) -> "list[FrameAgreement]":
-        """By case and combination, how far the beams answer as the sheet does."""
+        """Compare beams and sheet, by case and combination."""
         return self.once("slicing", "frame agreement", self._frame_agreement)
 
     def _frame_agreement(self) -> "list[FrameAgreement]":
@@ -327,38 +332,41 @@ class Design:
 
     @cached_property
     def solid(self) -> Solid:
-        """Stage 6: the sheet thickened."""
+        """Stage 6: the thickened sheet."""
         return thickening_step(self.preset, self.surface, self.slicing, self._log)
 
     @cached_property
     def fields(self) -> Mapping[str, Floats] | None:
-        """What a VTU file shows, by name, (n, ...) or (m, ...), where it was read from a folder; None where it is
-        still to be worked out."""
+        """Fields of the VTU file by name, (n, ...) or (m, ...), of a design read from a folder; None for a computed
+        design.
+        """
         return None
 
     @property
     def stressed(self) -> StressedSurface:
-        """What the pattern is drawn on: stages 1 to 3."""
+        """Stages 1 to 3: the input of the pattern."""
         return StressedSurface(self.surface, self.statics, self.diffusion)
 
     @property
     def seconds(self) -> Mapping[str, float]:
-        """Rows of the timing table, of the stages that were made."""
+        """Rows of the timing table for the stages that ran."""
         return MappingProxyType(self._log.seconds)
 
     @property
     def notes(self) -> tuple[Note, ...]:
-        """What a person should know, of the stages that were made."""
+        """Notes for the user from the stages that ran."""
         return tuple(self._log.notes)
 
     @property
     def file(self) -> FileRecord | None:
-        """What was read, repaired and dropped of the file of the surface, once it was read; None for other surfaces."""
+        """The record of the surface file: data read, repaired and dropped; None before it is read and for other
+        surfaces.
+        """
         return self._log.file
 
     @property
     def settled(self) -> Preset:
-        """The preset with what was chosen: it makes the same design without a search."""
+        """The preset with the results of all searches: it makes the same design without a search."""
         return self.pattern.settled(self.preset)
 
     @property
@@ -367,17 +375,18 @@ class Design:
         return self.statics.load
 
     def quality(self, symmetry: bool = True) -> PatternQuality:
-        """The measures of a good pattern: of the sheet where that is made, else of what is drawn.
+        """Measure the quality of the pattern, on the sheet if it exists, else on the stripes.
 
-        symmetry : whether the error of its symmetry is measured too: it takes longest.
+        symmetry : whether the error of the symmetry is measured too, which takes longest.
         """
         cells, sheet = (self.slicing.cells, self.sheet) if self.has("slicing") else (None, None)
         return measured_pattern(self, symmetry, cells, sheet)
 
     @property
     def cut_loads(self) -> dict[str, LoadCase]:
-        """By name, the loads that the pattern follows, on the cut sheet; raises StaticsError where nothing carries
-        them."""
+        """The loads that the pattern follows, by name, on the cut sheet. Raises StaticsError if nothing carries a
+        load.
+        """
         return self._loads_on_sheet(self.preset.followed)
 
     def _loads_on_sheet(self, names: Iterable[str]) -> dict[str, LoadCase]:
@@ -385,12 +394,13 @@ class Design:
 
     @property
     def section_forces(self) -> dict[str, SectionForces]:
-        """By case and combination, n, m and q per face of the cut sheet, see `dsfab.statics.SectionForces`; raises
-        StaticsError where nothing carries its loads."""
+        """n, m and q on each face of the cut sheet, by case and combination, see `dsfab.statics.SectionForces`.
+
+        Raises StaticsError if nothing carries a load.
+        """
         return self.once("slicing", "section forces", self._section_forces)
 
     def _section_forces(self) -> dict[str, SectionForces]:
-        """By the elements for displacements, on the mesh as it is cut."""
         model = self.preset.statics.sheet().on(self.sheet.surface)
         loads = self._loads_on_sheet(self.statics.cases)
         answers, found, shear = solve_for(model, loads, "stress"), {}, None
@@ -407,7 +417,7 @@ class Design:
 
 
 def described(design: Design) -> Iterator[str]:
-    """A line for the design and one for each thing that it has, for people."""
+    """Yield one line for the design and one for each result, for people."""
     preset = design.preset
     yield f"Design {preset.name}" + (f": {preset.description}" if preset.description else "")
     if design.has("surface"):
@@ -423,4 +433,4 @@ def described(design: Design) -> Iterator[str]:
         pieces = "1 piece" if solid.pieces == 1 else f"{solid.pieces} pieces"
         yield f"  solid    {mass(design.mass)}, {solid.volume:.4g} m3, {pieces}, {len(solid.F):,} triangles"
     if not design.has("thickening"):
-        yield "  what is not listed is made when it is asked for"
+        yield "  stages that are not listed run on first access"

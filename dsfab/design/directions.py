@@ -1,4 +1,4 @@
-"""The third stage: diffusion tensors, modes and directions of the material, and their steering by the user."""
+"""Stage 3: diffusion tensors, modes and directions of the material, and steering by the user."""
 
 from dataclasses import dataclass
 
@@ -7,6 +7,7 @@ import numpy as np
 from dsfab.core.arrays import Bools, Floats
 from dsfab.core.errors import PatternError
 from dsfab.design.log import Log
+from dsfab.design.regions_and_loads import IMAGE_DIFFERENCE
 from dsfab.diffusion import (
     CLEAR,
     DiffusionTensors,
@@ -26,12 +27,9 @@ from dsfab.results import DiffusionResult, StaticsResult, Steered
 from dsfab.surface import LoadCase, Surface, generated_group
 from dsfab.surface.orientation import one_sided_pieces
 
-CELLS_PER_ROOT_R = 3.2
-"""Cells across a surface that keep the first eigenvalues within 10 % at anisotropy r: 32 at r = 100 (measured)."""
-
 
 def followed_stress(preset: Preset, surface: Surface, statics: StaticsResult) -> Floats:
-    """(m, 3, 3) the stress, Pa, that the pattern follows: of one case, or combined of several."""
+    """Return the stress (m, 3, 3), Pa, that the pattern follows: of one case, or combined from several."""
     sigma = {name: statics.cases[name].followed for name in preset.followed}
     if not preset.combines:
         return next(iter(sigma.values()))
@@ -39,8 +37,9 @@ def followed_stress(preset: Preset, surface: Surface, statics: StaticsResult) ->
 
 
 def load_axes(surface: Surface, load: LoadCase) -> Floats:
-    """(3, 3) rows, what signs and bases of modes look at: the loads and the supports, and so they turn with the
-    design."""
+    """Return axes (3, 3), by rows, for signs and bases of modes; they follow loads and supports, so turn with the
+    design.
+    """
     sizes = np.linalg.norm(load.force, axis=1)
     density = sizes / np.where(surface.vertex_areas > 0, surface.vertex_areas, np.inf)
     resultant = load.force.sum(axis=0)
@@ -49,7 +48,7 @@ def load_axes(surface: Surface, load: LoadCase) -> Floats:
 
 
 def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log: Log) -> DiffusionResult:
-    """The third stage: tensors and modes of both families."""
+    """Stage 3: return tensors and modes of both families."""
     ask = preset.diffusion
     if log.progress:
         log.progress("diffusion", f"computing {ask.modes} modes of both families")
@@ -66,7 +65,8 @@ def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log
             f"modes are the same at {symmetry.order} images ({', '.join(ask.symmetry)}), to {off:.1g} of their size "
             "on this mesh",
         )
-    edge = np.sqrt(surface.area) / (CELLS_PER_ROOT_R * np.sqrt(ask.r))
+    # measured: 3.2 sqrt(r) cells across a surface keep the first eigenvalues within 10 % at anisotropy r
+    edge = np.sqrt(surface.area) / (3.2 * np.sqrt(ask.r))
     if surface.mean_edge > edge:
         log.note(
             "diffusion",
@@ -79,7 +79,7 @@ def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log
 
 
 def _tensors(preset: Preset, surface: Surface, statics: StaticsResult) -> tuple[Symmetry | None, DiffusionTensors]:
-    """Those of [diffusion], and the symmetry that it asks for."""
+    """Return the symmetry that [diffusion] requests, and its tensors."""
     ask = preset.diffusion
     loads = statics.loads(preset.followed).values()
     symmetry = symmetry_of(surface, ask.symmetry, *loads) if ask.symmetry else None
@@ -89,14 +89,13 @@ def _tensors(preset: Preset, surface: Surface, statics: StaticsResult) -> tuple[
 
 
 def without_modes(preset: Preset, surface: Surface, statics: StaticsResult) -> DiffusionResult:
-    """Tensors alone: for who draws evenly spaced stripes at once, and solves for modes later."""
+    """Return the tensors without modes, for evenly spaced stripes."""
     none = Modes(np.zeros(0), np.zeros((surface.n, 0)))
     return DiffusionResult(_tensors(preset, surface, statics)[1], none, none)
 
 
 def _unclear(share: float, labelling: Labelling) -> str:
-    """What is told where most of the surface has no direction: larger loads would not change that, the stress grows
-    alike everywhere."""
+    """Return a note for a surface that has mostly no direction. Larger loads change nothing: all stress grows alike."""
     alike = "as large" if labelling == "magnitude" else "nearly the same"
     more = ', or labelling = "signed" where tension and compression are' if labelling == "magnitude" else ""
     return (
@@ -105,15 +104,11 @@ def _unclear(share: float, labelling: Labelling) -> str:
     )
 
 
-SAME_SENSE = 0.9
-"""A mirror or turn keeps the sense of turning on this share of the surface: on all of it, but for the mesh."""
-OFF = 0.3
-"""Guides may differ from their images by this share: a region is picked to one edge."""
-
-
 @dataclass(frozen=True, eq=False)
 class Steering:
-    """The angle, radians, that stripes are turned by from the stress; what guides ask; the symmetry that is left."""
+    """Rotation of the stripes from the stress, radians; guides; the symmetry that both leave; a note for the user,
+    or ''.
+    """
 
     turn: float
     guidance: tuple[Guidance, ...]
@@ -121,15 +116,15 @@ class Steering:
     told: str = ""
 
     def confidence(self, surface: Surface, stress: Floats) -> Floats:
-        """(m,) how clear directions are, 0 to 1, of how clear the stress is."""
+        """Return how clear directions are (m,), 0 to 1, from the clarity of the stress (m,) and the guides."""
         return np.minimum(stress + self.guided(surface), 1.0) if self.guidance else stress
 
     def guided(self, surface: Surface) -> Floats:
-        """(m,) what guides weigh."""
+        """Return the weight of the guides on each face (m,)."""
         return np.asarray(sum((guide.weight for guide in self.guidance), np.zeros(surface.n))[surface.F].mean(axis=1))
 
     def steered(self, surface: Surface, along: Floats, given: StressDirections, over: Bools) -> Steered:
-        """What became of it: along (n, 3) are the directions of the major stripes; over (n,) see `crossed_over`."""
+        """Return the outcome: along (n, 3) are directions of the major stripes; over (n,) see `family_crossings`."""
         one, two = ((np.einsum("mcx,mx->mc", along[surface.F], given.direction[:, k]) ** 2).sum(axis=1) for k in (0, 1))
         crossed = over[surface.F].mean(axis=1) > 0.5
         told = [self.told] * bool(self.told)
@@ -143,11 +138,11 @@ class Steering:
 
 
 def steering(ask: Pattern, frames: Frames, symmetry: Symmetry | None, spacing: float) -> Steering:
-    """What steers the stripes of a pattern.
+    """Return the steering of a pattern.
 
     symmetry : of surface, supports and loads.    spacing : metres, for guides without a reach.
 
-    Raises PatternError for an angle on a surface with one side, and for a guide that acts nowhere.
+    Raises PatternError for an angle on a one-sided surface, and for a guide that acts nowhere.
     """
     oblique = ask.rotate % 90 != 0
     if oblique and one_sided_pieces(frames.surface.F, frames.surface.edges).any():
@@ -172,17 +167,19 @@ def steering(ask: Pattern, frames: Frames, symmetry: Symmetry | None, spacing: f
 
 
 def _same_sense(surface: Surface, symmetry: Symmetry) -> Bools:
-    """(g,) whether what turns counter-clockwise on the surface does so in its image too."""
+    """Return whether each image (g,) keeps the sense of rotation on the surface, on 90 % of its area because of the
+    mesh.
+    """
     normal = surface.normals
     same = [
         np.linalg.det(R) * np.einsum("mi,mi->m", normal @ R.T, normal[face]) > 0
         for R, face in zip(symmetry.R, symmetry.faces, strict=True)
     ]
-    return np.array([surface.areas @ one > SAME_SENSE * surface.area for one in same])
+    return np.array([surface.areas @ one > 0.9 * surface.area for one in same])
 
 
 def _same_guides(frames: Frames, symmetry: Symmetry, guidance: tuple[Guidance, ...]) -> Bools:
-    """(g,) whether the image of each guide is a guide."""
+    """Return whether each image (g,) of every guide is a guide."""
     area, n = frames.surface.vertex_areas, frames.surface.n
     each = [guide.tensors(frames) for guide in guidance]
     every = np.asarray(sum(each))
@@ -191,12 +188,12 @@ def _same_guides(frames: Frames, symmetry: Symmetry, guidance: tuple[Guidance, .
     for k, (R, T) in enumerate(zip(symmetry.R, symmetry.maps, strict=True)):
         image = (T @ every.reshape(n, 9)).reshape(n, 3, 3)
         off = np.linalg.norm(image - R @ every @ R.T, axis=(1, 2))
-        same[k] = all((area * (size > 0)) @ off < OFF * (area @ size) for size in sizes)
+        same[k] = all((area * (size > 0)) @ off < IMAGE_DIFFERENCE * (area @ size) for size in sizes)
     return same
 
 
 def _subgroup(symmetry: Symmetry, keep: Bools) -> tuple[Symmetry | None, int]:
-    """What is left of a group, if that is a group and more than the identity; and its elements."""
+    """Return the selected elements and their number, or None and 1 if they are no group beyond the identity."""
     R, maps = symmetry.R[keep], tuple(T for T, kept in zip(symmetry.maps, keep, strict=True) if kept)
     if len(R) < 2 or len(generated_group(list(R))) != len(R):
         return None, 1

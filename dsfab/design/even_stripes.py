@@ -38,30 +38,17 @@ from dsfab.slicing import Halved, chart_of, halved
 from dsfab.statics import varying_thickness
 from dsfab.surface import Surface, connected
 
-SMOOTHING = 1.0
-"""Directions are smoothed over this many mean spacings, or over an edge of the mesh where that is longer: what
-changes in between is no member's to follow, and no stress that is known."""
-SEEN = 0.6
-"""Mean edges over which directions are smoothed when it is seen where the stresses cross: with 1 one face between both
-sides that leans to neither joins them, on three of eight plates, and with .25 noise does on two."""
-ROOM = 2.0
-"""A region in which the families change names is this many smoothing lengths wide, or no two members have room in it:
-around the feet of a floor there are such of 1.6, with which four members ended in the air."""
-PEAK = 4
-"""A stripe runs through the most stressed places: stress to this power is where its phase begins. Of two phases half a
-period apart it is the one with lines where these move: what is held is stressed as well, but stiff anyway."""
-WHOLE = 0.995
-"""A member runs on all of a curve where it is on this share of the points that are looked at."""
 SLOPES = (0.6, 1.6)
-"""The phase grows by this much of what was asked; beyond that it is at a singular face that says nothing."""
+"""Bounds of the growth of a phase over the wanted growth; values beyond come from singular faces."""
 
 
 @dataclass(frozen=True, eq=False)
 class Lines:
-    """One family: its phase, how often it may be halved, (m,) how often it should be, (n,) its periods per metre.
+    """The lines of one family.
 
-    free  : (m,) how often it should be halved if it may be as often as that, or less than not at all.
-    grown : how much the phase grows in all, over how much it was asked to.
+    most, wish : largest number of halvings, and (m,) the number wanted on each face.    slope : (n,) periods per metre.
+    free       : (m,) number of halvings wanted without limits, also negative.
+    grown      : total growth of the phase over the wanted growth.
     """
 
     phase: CornerPhase
@@ -74,11 +61,11 @@ class Lines:
 
 @dataclass(frozen=True, eq=False)
 class Followed:
-    """What both families follow.
+    """Directions and constraints that both families follow.
 
-    along : (n, 3) directions of the major stripes.    confidence : (m,) how clear these are, 0 to 1.
-    moved : (n,) how far the vertices move under what is followed; any unit.
-    members : curves of guides that are to be members.
+    along   : (n, 3) directions of the major stripes.    confidence : (m,) their clarity, 0 to 1.
+    moved   : (n,) movement of the vertices under the followed loads, in any unit.
+    members : curves of guides that become members.
     """
 
     frames: Frames
@@ -93,7 +80,7 @@ class Followed:
 
     @classmethod
     def of(cls, preset: Preset, surface: Surface, statics: StaticsResult, spacings: list[float]) -> Self:
-        """Of a preset, with the spacings of the families that are drawn, metres."""
+        """Return the directions of a preset, for spacings of the drawn families, metres."""
         symmetry = _symmetry(preset, surface, statics)
         sigma = followed_stress(preset, surface, statics)
         given = StressDirections(*principal_stresses(surface, symmetry.stress(sigma) if symmetry else sigma))
@@ -101,7 +88,7 @@ class Followed:
         steer = steering(preset.pattern, frames, symmetry, min(spacings))
         symmetry = steer.symmetry
         images = Images(symmetry.R, symmetry.maps, symmetry.faces) if symmetry else Images.none(surface.n)
-        length = max(SMOOTHING * float(np.mean(spacings)), surface.mean_edge)
+        length = max(float(np.mean(spacings)), surface.mean_edge)  # members cannot follow shorter changes
         along, over = _directions(preset.pattern, frames, given, steer, images, length)
         confidence = steer.confidence(surface, given.confidence(surface.areas))
         along = signs_with_short_seams(frames, along)[:, None] * along
@@ -113,11 +100,11 @@ class Followed:
 
     @cached_property
     def gradients(self) -> tuple[Floats, Floats]:
-        """(n, 3) of both phases: stripes run square to them."""
+        """Directions (n, 3) of the gradients of both phases, square to the stripes."""
         return cross(self.frames.normal, self.along), self.along
 
     def with_members(self, both: Sequence[Lines]) -> Steered | None:
-        """How the families are steered, with words on how far the curves that are to be members are."""
+        """Return the steering of the families, with messages on the curves of guides that become members."""
         if self.steered is None or not self.members:
             return self.steered
         surface, told = self.frames.surface, [self.steered.told] * bool(self.steered.told)
@@ -130,11 +117,11 @@ class Followed:
 
 
 def _member_words(line: GuideLine, share: float, across: bool) -> str:
-    """What a person should know of the share of a guide's curve that is a member, and if it runs across the stress."""
+    """Return a message on the share of a guide's curve that is a member, and on its direction across the stress."""
     key = f"pattern.guide.{line.number}"
     other = FAMILIES[1 - FAMILIES.index(line.family)]
     hint = f"; the {other} family runs along it by itself: family = '{other}' bends less" if across else ""
-    if share >= WHOLE:
+    if share >= 0.995:  # a few sample points may lie beside the member
         return f"a {line.family} member runs on the curve of {key}{hint}"
     return (
         f"a {line.family} member runs on {share:.0%} of the curve of {key} only: another guide, an edge or a point "
@@ -145,10 +132,11 @@ def _member_words(line: GuideLine, share: float, across: bool) -> str:
 def _directions(
     ask: Pattern, frames: Frames, given: StressDirections, steer: Steering, images: Images, length: float
 ) -> tuple[Floats, Bools]:
-    """(n, 3) where the major stripes run, smoothed over `length` metres, and (n,) where they go on as the minor ones.
+    """Return directions (n, 3) of the major stripes, smoothed over `length` metres, and vertices (n,) where they
+    continue as minor ones.
 
-    Where the stresses cross is seen before they are smoothed: from one to the other side the larger one turns by a
-    right angle, and between these any direction would be as smooth, which makes singular points all along the curve.
+    The search for crossings of the two stresses comes before smoothing. From one side to the other the larger stress
+    turns by a right angle; any direction between would be equally smooth and make singular points along the curve.
     """
 
     def smoothed(given: StressDirections, length: float) -> Floats:
@@ -156,8 +144,10 @@ def _directions(
 
     over = np.zeros(frames.surface.n, dtype=bool)
     if not ask.steered:
-        over = _crossed_over(ask, frames, smoothed(given, SEEN * frames.surface.mean_edge), images)
-        over = over & (_region_areas(frames, over) > (ROOM * length) ** 2)
+        # measured on eight plates: over 1 edge a face between both sides joins them, over .25 edges noise does
+        over = _crossed_over(ask, frames, smoothed(given, 0.6 * frames.surface.mean_edge), images)
+        # a smaller region has no room for two members: with 1.6 lengths, four members of a floor had loose ends
+        over = over & (_region_areas(frames, over) > (2.0 * length) ** 2)
         given = _renamed(given, over[frames.surface.F].mean(axis=1) > 0.5)
     along = smoothed(given, length)
     more = _crossed_over(ask, frames, along, images)
@@ -165,7 +155,7 @@ def _directions(
 
 
 def _region_areas(frames: Frames, over: Bools) -> Floats:
-    """(n,) square metres of the region around each vertex with one name of the families."""
+    """Return the area (n,), m2, of the region around each vertex in which families keep their names."""
     surface, (i, j) = frames.surface, frames.ends.T
     same = over[i] == over[j]
     count, region = connected(surface.n, i[same], j[same])
@@ -173,14 +163,14 @@ def _region_areas(frames: Frames, over: Bools) -> Floats:
 
 
 def _renamed(given: StressDirections, over: Bools) -> StressDirections:
-    """Stresses with the first and the second exchanged on some faces (m,)."""
+    """Return the directions with the first and the second stress exchanged on marked faces (m,)."""
     order = np.where(over[:, None], [1, 0], [0, 1])
     stress = np.take_along_axis(given.stress, order, axis=1)
     return StressDirections(stress, np.take_along_axis(given.direction, order[:, :, None], axis=1))
 
 
 def _crossed_over(ask: Pattern, frames: Frames, along: Floats, images: Images) -> Bools:
-    """(n,) where the families change names: nowhere if a person steers them by these names, or if images do not."""
+    """Return vertices (n,) where the families exchange names: none if guides use the names, or if images disagree."""
     over = crossed_over(frames, along)
     same = np.abs(images.mean(over.astype(float)) - over).max() < 0.5
     return over if same and not ask.steered else np.zeros_like(over)
@@ -188,8 +178,12 @@ def _crossed_over(ask: Pattern, frames: Frames, along: Floats, images: Images) -
 
 @dataclass(frozen=True, eq=False)
 class Course:
-    """What a family is whatever its spacing: (n, 3) g where its phase grows to, (n,) u how dense its lines are, how
-    often they are halved, (n,) start where the phase begins, and the curves that are to be its members."""
+    """The course of a family for any spacing.
+
+    g : (n, 3) direction of the phase's gradient.    u : (n,) logarithm of the density.    halved : where lines are
+        halved.
+    start : (n,) where the phase begins.             members : curves that become members of the family.
+    """
 
     follow: Followed
     g: Floats
@@ -200,25 +194,31 @@ class Course:
 
     @classmethod
     def of(cls, follow: Followed, name: str, halve: bool) -> Self:
-        """The course of a family by its name."""
+        """Return the course of a family by its name.
+
+        Lines run through the most stressed places: the start is the stress to the fourth power.
+        """
         g = follow.gradients[FAMILIES.index(name)]
         surface = follow.frames.surface
         size = vertex_means(surface, np.abs(follow.given.stress).max(axis=1))
         u = follow.images.mean(log_density(follow.frames, g, follow.confidence))
         members = tuple(line for line in follow.members if line.family == name)
-        return cls(follow, g, u, halving(u, surface.vertex_areas, halve), (size / size.max()) ** PEAK, members)
+        return cls(follow, g, u, halving(u, surface.vertex_areas, halve), (size / size.max()) ** 4, members)
 
     @property
     def unhalved(self) -> Self:
-        """The same with every line drawn everywhere."""
+        """The same course with every line drawn everywhere."""
         return replace(self, halved=halving(self.u, self.follow.frames.surface.vertex_areas, allowed=False))
 
     def lines(self, spacing: float) -> Lines:
-        """The family with so many metres between its lines, in the mean."""
+        """Return the lines of the family, `spacing` metres apart on average.
+
+        Of two phases half a period apart, lines run where stressed places move: held places are stiff anyway.
+        """
         frames, images, most = self.follow.frames, self.follow.images, self.halved.most
         surface = frames.surface
         finest = density(surface, self.u, spacing, self.halved)
-        coarse = Flow(frames, self.g, finest / 2**most)  # counts then close around every loop, after halving too
+        coarse = Flow(frames, self.g, finest / 2**most)  # whole periods around loops stay whole after halving
         beside, aim = aimed(self.members, frames, self.g, coarse.density)
         lock = beside | boundary_lines(surface, self.g, spacing)
         given = self.start, lock, images.projection(surface.V, self.g, coarse.density), aim
@@ -237,21 +237,21 @@ class Course:
 
 
 def _moved(preset: Preset, surface: Surface, statics: StaticsResult) -> Floats:
-    """(n,) size of the displacements, summed over what the pattern follows; alike where there are none."""
+    """Return the size of displacements (n,), summed over the followed loads; 1 everywhere if all are zero."""
     followed = [(weight, statics.cases[name].equilibrium.u) for name, weight in preset.followed.items()]
     moved = sum(abs(weight) * np.linalg.norm(u, axis=1) for weight, u in followed)
     return np.asarray(moved if np.any(moved) else np.ones(surface.n))
 
 
 def no_lines(surface: Surface, spacing: float) -> Lines:
-    """A family that is not drawn: without a phase on any face."""
+    """Return a family that is not drawn: it has no phase on any face."""
     sides = (surface.m, 3)
     phase = CornerPhase(np.zeros(surface.n), np.ones(sides), np.zeros(sides), np.ones(surface.m, dtype=bool))
     return Lines(phase, 0, np.zeros(surface.m), np.zeros(surface.m), np.full(surface.n, 1 / spacing), 1.0)
 
 
 def _symmetry(preset: Preset, surface: Surface, statics: StaticsResult) -> Symmetry | None:
-    """What surface, supports and followed loads have, if it is wanted."""
+    """Return the symmetry of surface, supports and followed loads, unless the preset excludes it."""
     if preset.pattern.symmetry == "none":
         return None
     loads = list(statics.loads(preset.followed).values())
@@ -259,7 +259,7 @@ def _symmetry(preset: Preset, surface: Surface, statics: StaticsResult) -> Symme
 
 
 def _slope(surface: Surface, size: Floats, singular: Bools, asked: Floats) -> Floats:
-    """(n,) periods per metre around each vertex, of those `size` (m,) on the faces that have a phase."""
+    """Return periods per metre (n,) around each vertex, from `size` (m,) on faces with a phase."""
     whole = (~singular).astype(float)
     mean, known = vertex_means(surface, np.stack([size * whole, whole], axis=1)).T
     slope = np.divide(mean, known, out=asked.copy(), where=known > 0)
@@ -267,15 +267,15 @@ def _slope(surface: Surface, size: Floats, singular: Bools, asked: Floats) -> Fl
 
 
 def follows_membrane(preset: Preset, surface: Surface, statics: StaticsResult) -> bool:
-    """Whether the pattern follows the stress of the middle surface: which forces of bending are best is not sought."""
+    """Return whether the pattern follows the stress of the middle surface; optimal forces exist for that only."""
     cases = [statics.cases[name] for name in preset.followed]
     return all(case.layered is None for case in cases) and not is_slab(surface, [case.answers for case in cases])
 
 
 def optimal_statics(preset: Preset, surface: Surface, statics: StaticsResult) -> StaticsResult:
-    """The statics with those stresses, times the thickness over the whole one, in place of what the pattern follows.
+    """Return the statics with stresses of the stiffest sheet of varying thickness in place of the followed ones.
 
-    Raises PatternError where the pattern follows bending too.
+    Stresses are times the thickness over that of the whole sheet. Raises PatternError if the pattern follows bending.
     """
     if not follows_membrane(preset, surface, statics):
         raise PatternError(
@@ -291,20 +291,15 @@ def optimal_statics(preset: Preset, surface: Surface, statics: StaticsResult) ->
 
 
 FINEST = 0.5
-"""Stripes are at least this share of a mean edge apart: members that are much thinner than triangles are ragged."""
-HOLDS = 0.05
-"""Halved stripes that are farther off their mean spacing than this share are drawn a second time."""
-FAILS = 0.3
-"""If they are as far off as this then, they are drawn without being halved."""
-LEAST_GROWN = 0.5
-"""Of what was asked a phase grows at least by this much: or the surface is too small to have two stripes around it."""
+"""Least spacing of stripes in mean edges: members much thinner than triangles are ragged."""
 
 
 def same_stripes(old: Pattern, new: Pattern) -> bool:
-    """Whether two [pattern] ask for the same middles of stripes: all is alike but widths, and what is kept besides.
+    """Return whether two [pattern] sections give the same centre lines: all keys are equal except widths and kept
+    regions.
 
-    What stripes on modes alone are drawn by makes no difference either. A key that is not named here does. Where
-    stripes are drawn with the weight that others leave, everything does.
+    Keys that only stripes on modes use make no difference either. A new key does until this function names it. With
+    rounds of weight, every key counts.
     """
     if new.rounds:
         return old == new
@@ -321,10 +316,9 @@ def same_stripes(old: Pattern, new: Pattern) -> bool:
 
 
 def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> EvenStripes:
-    """The families of stripes as `[pattern]` asks.
+    """Return the evenly spaced stripes that [pattern] requests.
 
-    Raises PatternError where nothing is stressed, and for spacings that the mesh is too coarse or the surface too small
-    for.
+    Raises PatternError if the stress is zero, and for spacings too fine for the mesh or too wide for the surface.
     """
     ask = preset.pattern
     if ask.forces == "optimal":
@@ -337,7 +331,7 @@ def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> Ev
     courses = {k: Course.of(followed, FAMILIES[k], ask.halved) for k in shown}
     both = [courses[k].lines(h) if k in courses else no_lines(surface, h) for k, h in enumerate(spacings)]
     for name, lines, spacing in zip(FAMILIES, both, spacings, strict=True):
-        if lines.grown < LEAST_GROWN:
+        if lines.grown < 0.5:  # the surface is too small for two stripes around it
             raise _too_far(name, spacing, surface)
     found = _drawn_again(followed, courses, both, spacings)
     made = found.stripes(followed)
@@ -348,19 +342,18 @@ def even_stripes(preset: Preset, surface: Surface, statics: StaticsResult) -> Ev
 def _drawn_again(
     followed: Followed, courses: dict[int, Course], both: list[Lines], spacings: list[float]
 ) -> "_Divided":
-    """Both families of lines, drawn anew where what is left of them is off their spacings, metres.
+    """Return both families of lines, redrawn if the spacing, metres, of the remaining lines is off by over 5 %.
 
-    Where lines are halved everywhere or nowhere that may be the one at this spacing and the other at that, and either
-    is off by nearly a half: such a family is not halved.
+    Lines halved everywhere or nowhere may be half off at any spacing: a family still off by 30 % is not halved.
     """
     surface, found = followed.frames.surface, _Divided.of(followed, *both)
     tries = [found]
-    for most, halve in ((HOLDS, True), (FAILS, False)):
+    for most, halve in ((0.05, True), (0.3, False)):
         off = _off(surface, found, spacings)
         again = [k for k, lines in enumerate(both) if lines.most > 0 and abs(off[k]) > most]
         if not again:
             break
-        for k in again:  # levels follow whole openings: what they leave is known afterwards
+        for k in again:  # levels end at whole openings, so that the spacing follows from the drawn lines
             wider = spacings[k] * float(np.exp(off[k]))
             both[k] = courses[k].lines(wider) if halve else courses[k].unhalved.lines(spacings[k])
         tries.append(_Divided.of(followed, *both))
@@ -369,13 +362,13 @@ def _drawn_again(
 
 
 def _off(surface: Surface, found: "_Divided", spacings: list[float]) -> Floats:
-    """(2,) logarithm of the stripes per metre that are drawn, in the mean, over what was asked."""
+    """Return the logarithm (2,) of drawn over requested stripes per metre, on average."""
     mean = surface.vertex_areas @ found.density / surface.area
     return np.asarray(np.log(mean * np.array(spacings)))
 
 
 def _refuse_impossible(name: str, spacing: float, surface: Surface) -> None:
-    """Raise PatternError for metres between stripes that no phase needs to be solved for."""
+    """Raise PatternError for a spacing, metres, that no phase can have."""
     if spacing < FINEST * surface.mean_edge:
         raise PatternError(
             f"pattern.{name}.spacing = {spacing:.4g} m is too fine for this mesh, whose edges are "
@@ -396,22 +389,23 @@ def _too_far(name: str, spacing: float, surface: Surface) -> PatternError:
 
 
 def _as_millimetres(spacing: float, surface: Surface) -> str:
-    """A hint where as many millimetres would fit."""
+    """Return a hint if the same number of millimetres would fit."""
     fits = FINEST * surface.mean_edge <= spacing / 1000 <= surface.size
     return f" (lengths are in metres: {spacing / 1000:.4g} for {spacing:.4g} mm)" if fits else ""
 
 
 def _digits(length: float) -> str:
-    """Rounded up to two digits."""
+    """Round up to two digits."""
     unit = 10.0 ** (np.floor(np.log10(length)) - 1)
     return f"{np.ceil(length / unit) * unit:.2g}"
 
 
 @dataclass(frozen=True, eq=False)
 class _Divided:
-    """Both families with their lines left out where they crowd, (n, 2) how many lines are left per metre.
+    """Both families without the lines dropped where they crowd; density : (n, 2) remaining lines per metre.
 
-    These are those of all images of a point: faces are seldom as symmetric as vertices, and widths follow them.
+    The density is the mean over all images of a point, because widths follow it and faces are less symmetric than
+    vertices.
     """
 
     both: tuple[Lines, Lines]
@@ -429,7 +423,7 @@ class _Divided:
         return cls(both, divided, np.stack([lines.slope for lines in both], axis=1) * left)
 
     def stripes(self, followed: Followed) -> EvenStripes:
-        """What the line goes on with."""
+        """Return the evenly spaced stripes."""
         surface, (major, minor) = followed.frames.surface, self.both
         slope = np.stack([major.slope, minor.slope], axis=1)
         phases = major.phase, minor.phase

@@ -1,4 +1,4 @@
-"""Cut cells made fit to be built: least widths, round corners, no point contacts, slits or spikes."""
+"""Finishing of the cut: least widths, round corners, and removal of point contacts, slits and spikes."""
 
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
@@ -34,23 +34,15 @@ from dsfab.slicing import (
 from dsfab.slicing.finishing.fillets import rounded_corners
 from dsfab.surface import Surface
 
-MOSTLY = 0.5
-"""Of so much material members are not much narrower than openings anyway."""
-
 SPECK = 0.15
-"""Openings between evenly spaced stripes that are smaller than this share of the spacing are filled: what the edge of
-the surface leaves of an opening that it cuts through."""
-NECK, WIDEST = 1.1, 0.2
-"""Evenly spaced openings are bridged where they are narrower than so many times the thickness, or than this share of
-the spacing if that is less. A little more than once: the corners beside a bridge are rounded by chords."""
+"""Openings between evenly spaced stripes that are smaller than this share of the spacing are filled: the rest of an
+opening at the edge of the surface."""
 LEFT, AGAIN = 0.95, 5
-"""Gaps between rounded members that are narrower than this share of a neck are bridged too, in so many rounds."""
+"""Gaps between rounded members narrower than this share of a neck are bridged too, in up to this number of rounds."""
 
 
 class Finished(NamedTuple):
-    """All cells without point contacts, specks, slits, necks and spikes, with round corners; how many of each there
-    were, the radii, and at how many places members were widened.
-    """
+    """Finished cells with round corners; numbers of details changed, radii, and places of widened members."""
 
     cells: Sheet
     pinches: int
@@ -63,7 +55,7 @@ class Finished(NamedTuple):
 
 
 class Unrounded(NamedTuple):
-    """Cells without point contacts, specks, slits, necks and spikes, and how many of each there were."""
+    """Finished cells before corners are rounded: no point contacts, specks, slits, necks and spikes; their numbers."""
 
     cells: Sheet
     pinches: int
@@ -74,7 +66,7 @@ class Unrounded(NamedTuple):
 
 
 class FirstRounding(NamedTuple):
-    """Cells whose corners were rounded for the first time, the radii, and the slits that were filled then."""
+    """Cells after the first rounding of corners, the radii, and the number of slits filled then."""
 
     cells: Sheet
     radii: Floats
@@ -82,14 +74,14 @@ class FirstRounding(NamedTuple):
 
 
 class Smallest(NamedTuple):
-    """Metres: smaller openings are filled, and bridged where they are narrower than a neck may be; 0 for neither."""
+    """Metres: smaller openings are filled, and openings with a narrower neck are bridged; 0 for neither."""
 
     opening: float
     neck: float
 
 
 class Terms(NamedTuple):
-    """All that finishing goes by, until corners have been rounded once; metres."""
+    """Options that decide the finishing, up to the first rounding of corners; metres."""
 
     snap: float
     pinch: str
@@ -107,14 +99,12 @@ def _terms(preset: Preset, ask: Slicing, smallest: Smallest, pattern: PatternRes
 
 @dataclass(frozen=True, eq=False)
 class Rehearsal:
-    """The sheet of a pattern as it was measured while its widths were sought: slicing by the same terms goes on from
-    it.
+    """The trial cut of a pattern from the search for its widths: slicing with the same options continues from it.
 
-    drawn : weak references to what was cut, of `_drawn`: fields may lie on the surface that a rehearsal is kept for,
-            which would live as long as that.
-    terms : what finishing goes by.    cells : as they were cut.
-    rounded, bridged : as they were rounded once, and with what is too narrow bridged by the defaults of [slicing].
-    cured : least widths of openings and members, metres, and that sheet with nothing narrower.
+    drawn   : weak references to the fields, levels and tidy of the pattern: fields may keep the surface alive.
+    terms   : options of finishing.    cells : as they were cut.
+    rounded, bridged : after the first rounding, and with bridges by the defaults of [slicing].
+    cured   : least widths of openings and members, metres, and the sheet that keeps them.
     """
 
     drawn: tuple[ref[Any], ...]
@@ -126,18 +116,18 @@ class Rehearsal:
     cured: tuple[tuple[float, float], LeastWidths] | None = None
 
     def serves(self, pattern: PatternResult, terms: Terms) -> bool:
-        """Whether the same would be cut of a pattern and finished by these terms."""
+        """Return whether a pattern with these options would be cut and finished in the same way."""
         drawn = _drawn(pattern)
         same = len(drawn) == len(self.drawn) and all(a() is b() for a, b in zip(drawn, self.drawn, strict=True))
         return same and terms == self.terms
 
     @property
     def finished(self) -> Sheet:
-        """All cells, as far as they are known."""
+        """The cells after the latest step of finishing."""
         return (self.bridged or self.rounded or self.unrounded).cells
 
     def with_least_widths(self, gap: float, member: float) -> LeastWidths:
-        """They with nothing narrower than that."""
+        """Return these cells with least widths, metres, of openings and members."""
         if self.cured and self.cured[0] == (gap, member):
             return self.cured[1]
         neck = least_neck(self.terms.smallest, self.terms.merge, self.terms.fillet)
@@ -145,16 +135,15 @@ class Rehearsal:
 
 
 def _drawn(pattern: PatternResult) -> tuple[ref[Any], ...]:
-    """What is cut of a pattern."""
     return tuple(ref(one) for one in (*pattern.fields, *pattern.levels, pattern.tidy) if one is not None)
 
 
 _REHEARSALS: WeakKeyDictionary[Surface, Rehearsal] = WeakKeyDictionary()
-"""The last one of each surface that lives, until it is sliced."""
+"""The latest trial cut of each surface, until slicing takes it."""
 
 
 def taken_rehearsal(preset: Preset, surface: Surface, pattern: PatternResult, smallest: Smallest) -> Rehearsal | None:
-    """The rehearsal of a surface if slicing can go on from it; it is kept no longer, for its memory is needed."""
+    """Remove and return the trial cut of a surface if slicing can continue from it; its memory is needed later."""
     rehearsal = _REHEARSALS.pop(surface, None)
     if rehearsal is None or not rehearsal.serves(pattern, _terms(preset, preset.slicing, smallest, pattern)):
         return None
@@ -170,10 +159,10 @@ def finished_cells(
     again: int = AGAIN,
     rehearsal: Rehearsal | None = None,
 ) -> Finished:
-    """What is made of cells as they were cut; slits are filled and necks bridged if `merge` says so, and gaps between
-    rounded members `again` and again.
+    """Finish cells after the cut; fill slits and bridge necks by `merging_rule`, and gaps of rounded members in
+    `rounds`.
 
-    rehearsal : of these cells, if there was one: what was done there is not done again.
+    trial_cut : of these cells, if it exists: its steps are not repeated.
     """
     plain = rehearsal.unrounded if rehearsal else unrounded_cells(preset, cells, ask, smallest, merge)
     if not preset.pattern.fillet:
@@ -187,7 +176,7 @@ def finished_cells(
 
 
 def unrounded_cells(preset: Preset, cells: Sheet, ask: Slicing, smallest: Smallest, merge: Merging) -> Unrounded:
-    """What is made of cells as they were cut before corners are rounded."""
+    """Finish cells after the cut, without rounding corners."""
     pinched = resolve_pinches(cells, preset.statics.thickness / 2, ask.pinch)
     cells, filled, merged, bridged, spikes = pinched.sheet, 0, 0, 0, 0
     late = merge != "none" and ask.min_opening is None  # most of these are slits
@@ -203,32 +192,31 @@ def unrounded_cells(preset: Preset, cells: Sheet, ask: Slicing, smallest: Smalle
     if smallest.neck and merge != "none":
         cells, bridged = bridged_necks(cells, smallest.neck)
     if merge != "none":
-        cells, more = filled_slits(divided_walls(faired_walls(cells)), merge)  # hairs decide of some
+        cells, more = filled_slits(divided_walls(faired_walls(cells)), merge)  # fairing opens or closes thin slits
         merged += more
         cells, spikes = without_spikes(cells)
     return Unrounded(cells, pinched.count, filled, merged, bridged, spikes)
 
 
 class Least(NamedTuple):
-    """Metres: rounded openings and members that are narrower are bridged and widened; 0 for neither."""
+    """Metres: narrower rounded openings and members are bridged and widened; 0 for neither."""
 
     neck: float
     member: float
 
 
 def _least(smallest: Smallest, ask: Slicing, merge: Merging) -> Least:
-    """What is bridged and widened; nothing where slits stay."""
+    """Return the widths below which openings are bridged and members widened; none if slits stay."""
     return Least(smallest.neck, ask.min_member or 0.0) if merge != "none" else Least(0.0, 0.0)
 
 
 def least_neck(smallest: Smallest, merge: Merging, fillet: float) -> float:
-    """Metres; openings with round corners that are left narrower are bridged, but for tips. 0 for none."""
+    """Return metres below which openings with round corners are bridged, except tips; 0 for none."""
     return LEFT * smallest.neck if fillet and merge != "none" else 0.0
 
 
 class Rounded(NamedTuple):
-    """Cells with round corners of so many radii; slits filled and bridges built, and at how many places members were
-    widened."""
+    """Cells with round corners, their radii, slits filled, bridges built, and places of widened members."""
 
     cells: Sheet
     radii: Floats
@@ -240,9 +228,9 @@ class Rounded(NamedTuple):
 def _rounded_cells(
     cells: Sheet, radius: float, merge: Merging, least: Least, again: int, first: FirstRounding | None = None
 ) -> Rounded:
-    """Cells with round corners, `again` and again where that leaves what is too narrow; slits filled if `merge`.
+    """Round corners, and repeat in up to `rounds` where the result is too narrow; fill slits by `merge`.
 
-    first : what comes first, where it is known.
+    first_rounding : the first result, if it exists.
     """
     bridged, widened, last = 0, 0, cells.surface.m
     for attempt in range(again + 1):
@@ -251,7 +239,7 @@ def _rounded_cells(
         if attempt == again:
             break
         better, bridges, places = _broadened(cells, done, least)
-        if not (bridges or places) or places > last:  # nothing is left, or it comes to no end
+        if not (bridges or places) or places > last:  # done, or the rounds do not converge
             break
         cells, bridged, widened, last = better, bridged + bridges, widened + places, places or last
     return Rounded(done, radii, merged, bridged, widened)
@@ -261,12 +249,12 @@ def _rounded_once(cells: Sheet, radius: float, merge: Merging) -> FirstRounding:
     done, radii = rounded_corners(cells, radius)
     done, merged = (
         filled_slits(done, merge) if merge != "none" and len(radii) else (done, 0)
-    )  # corners take their share of openings
+    )  # round corners narrow the openings
     return FirstRounding(done, radii, merged)
 
 
 def _broadened(cells: Sheet, rounded: Sheet, least: Least) -> tuple[Sheet, int, int]:
-    """The cells with the gaps of the rounded sheet bridged, or else its members widened; the bridges and the places."""
+    """Bridge gaps of the rounded sheet, or else widen its members; return cells, bridges and widened places."""
     if least.neck:
         better, bridges = bridged_gaps(cells, rounded, LEFT * least.neck, least.neck)
         if bridges:
@@ -277,25 +265,28 @@ def _broadened(cells: Sheet, rounded: Sheet, least: Least) -> tuple[Sheet, int, 
 
 
 def merges_slits(preset: Preset, pattern: PatternResult) -> Merging:
-    """Which members with a slit between them become one, of those that are tidied; see `merging`.
+    """Return which members with a slit between them merge, in tidied patterns; see `merging_rule`.
 
-    Nothing is filled of what is tidied but no stripes: a topology optimisation, which is cut by the preset of evenly
-    spaced ones and meets their mass as it is drawn.
+    Patterns without stripes keep their slits: a topology optimisation, cut by the same preset, meets its mass as it is.
     """
     own = pattern.even is not None or pattern.settled(preset).pattern.method == "modes"
     return merging(preset) if pattern.tidy is not None and own else "none"
 
 
 def merging(preset: Preset) -> Merging:
-    """All slits are filled; where more than `MOSTLY` of the surface is to be kept, those where members crowd."""
-    return "crowded" if preset.pattern.width.solid_fraction > MOSTLY else "slits"
+    """Return whether all slits are filled, or only those of crowded members.
+
+    With more than half of the surface solid, members are hardly narrower than openings anyway.
+    """
+    return "crowded" if preset.pattern.width.solid_fraction > 0.5 else "slits"
 
 
 def added_share(preset: Preset, surface: Surface, pattern: PatternResult, polygons: PolygonMesh | None = None) -> float:
-    """The share of the surface that the sheet of a pattern has beyond what its stripes keep: round corners above all.
+    """Return the share of the surface that finishing, mainly round corners, adds to the stripes of a pattern.
 
-    By the defaults of [slicing]: no stage depends on a later section. Slicing goes on from that sheet if it can.
-    polygons : what the surface is cut into, where it is at hand.
+    It uses the defaults of [slicing], because no stage depends on a later section. Slicing continues from that cut if
+    it can.
+    polygons : the surface cut along the pattern, if it exists.
     """
     ask, fields = Slicing(), (pattern.fields, pattern.levels)
     cells = sheet_of(polygons or cut_polygons(surface, *fields, ask.snap, pattern.tidy))
@@ -313,9 +304,9 @@ def added_share(preset: Preset, surface: Surface, pattern: PatternResult, polygo
 
 
 def bridged_share(surface: Surface) -> float:
-    """The share of the surface that bridges add to the sheet that `added_share` has made of it last.
+    """Return the share of the surface that bridges add to the latest trial cut; 0 without one.
 
-    They are built where round members leave too little between them. 0 where there is no such sheet.
+    Bridges fill gaps that are too narrow between rounded members.
     """
     rehearsal = _REHEARSALS.get(surface)
     if rehearsal is None or rehearsal.rounded is None:
@@ -329,8 +320,7 @@ def bridged_share(surface: Surface) -> float:
 
 
 def cured_share(surface: Surface, gap: float, member: float) -> float:
-    """The share of the surface that the sheet which these two have made last is given besides, so that nothing is
-    narrower than these widths, metres. 0 where there is no such sheet."""
+    """Return the share of the surface that least widths, metres, add to the latest trial cut; 0 without one."""
     rehearsal = _REHEARSALS.get(surface)
     if rehearsal is None:
         return 0.0
@@ -340,65 +330,60 @@ def cured_share(surface: Surface, gap: float, member: float) -> float:
 
 
 def _material(cells: Sheet) -> float:
-    """Square metres."""
+    """Return the area of material, m2."""
     return float(cells.surface.areas[cells.material].sum())
 
 
 def smallest_widths(preset: Preset, surface: Surface) -> Smallest:
-    """Of openings and necks; evenly spaced ones have no neck that is narrower than the sheet is thick."""
+    """Return the smallest openings and necks; evenly spaced openings have necks about as wide as the sheet is thick."""
     ask, given = preset.pattern, preset.slicing.min_opening
     if given is not None or ask.method != "stripes":
         return Smallest(given or 0.0, given or 0.0)
     spacing = min(family.distance(surface.area, surface.mean_edge) for family in ask.drawn)
     thickness = preset.statics.thickness
-    # slits between tidied ones are filled anyway
+    # slits between tidied members are filled anyway
     opening = min(SPECK * spacing, thickness) if ask.tidied else SPECK * spacing
-    return Smallest(opening, min(NECK * thickness, WIDEST * spacing))
+    # a neck exceeds the thickness by a tenth, because chords round the corners beside a bridge
+    return Smallest(opening, min(1.1 * thickness, 0.2 * spacing))
 
 
-THIN_MEMBER, NARROW_GAP = 0.5, 0.25
-"""With `pattern.workshop` no member and no opening is narrower than these shares of the thickness, unless [slicing]
-says otherwise: a cutter that goes through a sheet is about so wide."""
-WIDE_CUT, OF_SIZE = 3e-3, 1 / 500
-"""Nor is an opening narrower than so many metres, where a blade goes in, or this share of the size of small things."""
 LESS = 0.95
-"""Members that are asked to be narrower than that are as wide as this share of what is asked: on flat triangles widths
-are right to some percent."""
-SLIMMEST = 0.5
-"""Where widths differ, members may be this share of what equally wide ones would be, however thick the sheet is."""
-PLAIN_SHARE = 0.5
-"""The share of material that stripes are about, where none is asked."""
+"""Members below the usual width are at least this share of the requested one: on flat triangles widths are right to a
+few percent."""
 
 
 class WorkshopWidths(NamedTuple):
-    """Metres that openings and members have at least; 0 where nothing is asked."""
+    """Least widths of openings and members, metres; 0 for no limit."""
 
     gap: float
     member: float
 
 
 def least_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
-    """Those of a preset on a surface: what [slicing] says, or what is usual; none without `pattern.workshop`.
+    """Return the least widths of a preset on a surface, by [slicing] or by default; none without `pattern.workshop`.
 
-    Members are kept to no more than is usual, in every design: where [slicing] asks for more, only members between
-    openings with round corners are widened.
+    By default no member is narrower than half the thickness, about the width of a cutter. Members never have more than
+    that default: if [slicing] requests more, only members between openings with round corners are widened.
     """
     if not preset.pattern.for_workshop:
         return WorkshopWidths(0.0, 0.0)
     ask, thickness = preset.slicing, preset.statics.thickness
     gap = usual_gap(thickness, surface.size) if ask.min_gap is None else ask.min_gap
     unlimited = preset.pattern.width.min_width == 0
-    usual = 0.0 if unlimited else min(THIN_MEMBER * thickness, LESS * _asked(preset.pattern, surface))
+    usual = 0.0 if unlimited else min(0.5 * thickness, LESS * _asked(preset.pattern, surface))
     return WorkshopWidths(gap, usual if ask.min_member is None else min(ask.min_member, usual))
 
 
 def usual_gap(thickness: float, size: float) -> float:
-    """The least width of openings, metres, in a sheet of this thickness and this diagonal of its box, metres."""
-    return max(NARROW_GAP * thickness, min(WIDE_CUT, OF_SIZE * size))
+    """Return the least width of openings, metres, for a thickness and a diagonal of the surface's box, metres.
+
+    It is a quarter of the thickness, and at least 3 mm for a blade, or a 500th of the size of small things.
+    """
+    return max(0.25 * thickness, min(3e-3, 1 / 500 * size))
 
 
 def _asked(ask: Pattern, surface: Surface) -> float:
-    """Metres that members are asked to have somewhere, or may have; infinite where nothing is said."""
+    """Return the least member width, metres, that the preset requests or permits; infinite without any."""
     width = ask.width
     given = width.member if width.rule == "constant" else 0.0
     differ = ask.method == "stripes" and width.rule in ("graded", "stressed") and not width.asked_least
@@ -407,9 +392,12 @@ def _asked(ask: Pattern, surface: Surface) -> float:
 
 
 def slimmest(ask: Pattern, surface: Surface) -> float:
-    """Metres that evenly spaced members whose widths differ may have, however thick the sheet is."""
+    """Return the least width, metres, of evenly spaced members of varying width, for any thickness.
+
+    It is half the width that equally wide members would have; without a solid fraction half the surface is material.
+    """
     density = sum(1 / family.distance(surface.area, surface.mean_edge) for family in ask.drawn)
-    return SLIMMEST * (ask.width.solid_fraction or PLAIN_SHARE) / density
+    return 0.5 * (ask.width.solid_fraction or 0.5) / density
 
 
 def kept_to_least_widths(
@@ -421,14 +409,14 @@ def kept_to_least_widths(
     neck: float = 0.0,
     rehearsal: Rehearsal | None = None,
 ) -> Sheet:
-    """The cells, cut from a surface, without what is too narrow, as far as material can do that; how many places that
-    took is told.
+    """Return cells, cut from a surface, without narrow places, as far as added material can; note how many were
+    changed.
 
-    Strips end where they must and leave needles, edges of a micrometre, on which quadrature and sparse solvers lose
-    their digits: cells are flipped and collapsed within the faces of the surface, which moves no edge of the material.
+    Filled strips leave needles with edges of a micrometre, on which quadrature and sparse solvers lose digits: cells
+    are flipped and collapsed within the faces of the surface, which moves no edge of the material.
 
-    merge, neck : which slits that this leaves are filled, and what is bridged, see `with_least_widths`.
-    rehearsal   : what it has done to these cells is not done again.
+    merge, neck : slits to fill and widths to bridge afterwards, see `with_least_widths`.
+    trial_cut   : its steps on these cells are not repeated.
     """
     if not any(least := least_widths(preset, surface)):
         return cells
@@ -444,10 +432,9 @@ def kept_to_least_widths(
 def closed_share(
     preset: Preset, surface: Surface, pattern: PatternResult, polygons: PolygonMesh | None = None
 ) -> float:
-    """The share of the surface that is added to the sheet of a pattern so that nothing is too narrow.
+    """Return the share of the surface that least widths add to the sheet of a pattern, by the defaults of [slicing].
 
-    By the defaults of [slicing]: no stage depends on a later section.
-    polygons : what it cuts the surface into, where that is at hand.
+    polygons : the surface cut along the pattern, if it exists.
     """
     usual = pattern.settled(preset.model_copy(update={"slicing": Slicing()}))
     merge, smallest = merges_slits(usual, pattern), smallest_widths(usual, surface)
@@ -459,17 +446,19 @@ def closed_share(
 
 
 def rehearsed_closed_share(preset: Preset, surface: Surface) -> float:
-    """The same for the sheet that `added_share` and `bridged_share` have made last; 0 without `pattern.workshop`."""
+    """Return the same share for the latest trial cut; 0 without `pattern.workshop`."""
     return cured_share(surface, *_usual_widths(preset, surface)) if preset.pattern.for_workshop else 0.0
 
 
 def drawn_member(preset: Preset, surface: Surface) -> float:
-    """Metres that members are drawn with at least, so that few have to be widened; 0 without `pattern.workshop`."""
+    """Return the least width, metres, of members in the pattern, so that few must be widened; 0 without
+    `pattern.workshop`.
+    """
     return _usual_widths(preset, surface).member / LESS
 
 
 def _usual_widths(preset: Preset, surface: Surface) -> WorkshopWidths:
-    """Those of a preset by the defaults of [slicing]: no stage depends on a later section."""
+    """Return the least widths by the defaults of [slicing], because no stage depends on a later section."""
     return least_widths(preset.model_copy(update={"slicing": Slicing()}), surface)
 
 

@@ -1,4 +1,4 @@
-"""Material that is kept around supports and loads, loose ends that are removed, and the correction of the share."""
+"""Material around supports and loads, removal of loose ends, and correction of the material share."""
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
@@ -15,7 +15,7 @@ from dsfab.surface import LoadCase, PatternRegion, Surface, hat_gradients
 
 
 class _Kept(NamedTuple):
-    """What such values of [pattern] keep of a surface."""
+    """Layers for values of [pattern] on a surface."""
 
     asked: tuple[float, float, Sequence[PatternRegion]]
     surface: ref[Surface]
@@ -23,12 +23,14 @@ class _Kept(NamedTuple):
 
 
 _KEPT: WeakKeyDictionary[LoadCase, _Kept] = WeakKeyDictionary()
-"""The last for each load that lives: all that `auto` tries keeps the same, which took a tenth of its time."""
+"""The latest layers for each load: all trials of `auto` share them, which saves a tenth of their time."""
 
 
 def kept_regions(preset: Preset, surface: Surface, load: LoadCase, even: EvenStripes | None = None) -> list[Layer]:
-    """What is material whatever the stripes do; of symmetric ones with the images of ragged patches, which are picked
-    to one edge. Drawn regions are where they were drawn.
+    """Return the layers that are material whatever the stripes are.
+
+    With symmetric stripes, ragged patches (vertices picked to one edge) are united with their images. Regions of the
+    user stay where the user put them.
     """
     layers, ask = _kept_as_asked(preset, surface, load), preset.pattern
     symmetry = even.symmetry if even else None
@@ -49,12 +51,8 @@ def _kept_as_asked(preset: Preset, surface: Surface, load: LoadCase) -> list[Lay
     return layers
 
 
-ASTRAY = float(np.cos(np.radians(45)))
-"""Stripes go astray where they run nearer to the other direction of the stress than to their own."""
-
-
 def tidy_of(preset: Preset, given: StressedSurface, layers: Sequence[Layer]) -> Tidy | None:
-    """What to take off of layers that are cut together, or None where the preset does not ask for it."""
+    """Return the ends to remove from layers that are cut together, or None if the preset does not request it."""
     if not preset.pattern.tidied:
         return None
     names = [layer.name for layer in layers]
@@ -68,7 +66,9 @@ def tidy_of(preset: Preset, given: StressedSurface, layers: Sequence[Layer]) -> 
 
 
 def _astray(surface: Surface, diffusion: DiffusionResult, layer: Layer) -> Bools | None:
-    """(m,) faces where stripes on a mode run across their direction; evenly spaced ones never do."""
+    """Return faces (m,) where stripes on a mode run nearer to the other direction of the stress; None if they
+    cannot.
+    """
     if layer.name not in FAMILIES or not isinstance(layer.field, np.ndarray):
         return None
     x: Floats = layer.field if layer.field.ndim == 1 else layer.field.mean(axis=1)
@@ -81,21 +81,14 @@ def _astray(surface: Surface, diffusion: DiffusionResult, layer: Layer) -> Bools
 
 
 SHARE_TOLERANCE = 4e-4
-"""How closely pattern.width.solid_fraction is reached, as a share of the surface."""
+"""Accuracy of pattern.width.solid_fraction, as a share of the surface."""
 
 UNSAID = 2 * SHARE_TOLERANCE
-"""What it is missed by so little is not worth a word."""
-
-CORRECTIONS = 3
-"""Rounds at most in which it is corrected by what round corners and filled openings add."""
-
-HALVINGS, SOME = 8, 3
-"""Rounds at most in which it is looked for where that leads astray, since openings close: while it is not allowed, and
-while it is worth a word."""
+"""A smaller miss of the solid fraction is not reported."""
 
 
 class _Try(NamedTuple):
-    """Stripes that were to keep `aim` of the surface, what is added to it, what both are, and they themselves."""
+    """A trial: the share that stripes should keep, the share added to it, the sum that both reach, and the stripes."""
 
     aim: float
     added: float
@@ -110,16 +103,16 @@ def corrected(
     added: Callable[[PatternResult], float],
     bridged: Callable[[], float],
 ) -> tuple[PatternResult, float]:
-    """Stripes that keep what is asked together with round corners and filled openings, and the share that this is.
+    """Return stripes that keep the requested share together with round corners and filled openings, and the share
+    reached.
 
-    made    : the stripes for a share that is added to them, and a guess of their factor, 0 for none.
-    nearest : the share that the last ones keep, near one.    added : what is added to them.
-    bridged : what bridges add to the last ones besides. That takes long, and is mostly nothing: it is asked once those
-              without it are known, and ever after where it is something.
+    draw_pattern  : makes stripes for a share added to them, and a guess of their factor, 0 for none.
+    nearest_share : the share near a target that the latest stripes keep.    added_share : the share added to them.
+    bridged_share : the share that bridges add to the latest stripes. It takes long and is mostly 0: it is computed once
+                    after the search without it, and in each further trial only if it is not 0.
 
-    What is added changes little with the widths, so it is taken off what the stripes are to keep. Where it jumps,
-    since openings close, that leads astray: then the answer is looked for between one that keeps less and one that
-    keeps more.
+    The added share changes little with the widths, so it is subtracted from the share of the stripes. It jumps if
+    openings close; then the search bisects between a trial that keeps less and one that keeps more.
     """
     wanted, allowed = width.solid_fraction, width.solid_fraction_tolerance
     tries = list[_Try]()
@@ -132,19 +125,19 @@ def corrected(
         return tries[-1]
 
     def settled(last: _Try) -> _Try:
-        for _ in range(CORRECTIONS):
+        for _ in range(3):
             if any(abs(one.aim + last.added - wanted) < SHARE_TOLERANCE for one in tries):
-                break  # it is known what the next would be: where a bridge comes and goes, that of the last but one
+                break  # the next trial would repeat an earlier one, for example if a bridge comes and goes
             last = attempt(last.added, last.result.factor)
         return last
 
     last = settled(attempt(0.0))
     if (bridges := bridged()) > SHARE_TOLERANCE:
         last = tries[-1] = last._replace(added=last.added + bridges, total=last.total + bridges)
-        tries[:-1] = []  # nothing is known of their bridges
+        tries[:-1] = []  # their bridges were not measured
         last = settled(last)
-    for k in range(HALVINGS):
-        near = max(allowed, UNSAID) if k >= SOME else UNSAID
+    for k in range(8):  # the last five rounds accept the tolerance of the preset
+        near = max(allowed, UNSAID) if k >= 3 else UNSAID
         if min(abs(one.total - wanted) for one in tries) <= near or not (between := _between(tries, wanted)):
             break
         last = attempt(wanted - between, last.result.factor)
@@ -154,9 +147,8 @@ def corrected(
 
 
 def _between(tries: Sequence[_Try], wanted: float) -> float:
-    """What to aim at next: the middle of the nearest two tries of which one keeps too little and one too much.
-
-    0 where there are none, or nothing new lies between them.
+    """Return the next share to aim at: the middle of the nearest two trials around the requested share; 0 without
+    any.
     """
     pairs = [(abs(a.aim - b.aim), (a.aim + b.aim) / 2) for a in tries for b in tries if a.total < wanted < b.total]
     gap, middle = min(pairs, default=(0.0, 0.0))

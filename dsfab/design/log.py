@@ -1,4 +1,4 @@
-"""What a run tells besides its results: progress, seconds and notes."""
+"""The log of a run: progress, seconds and notes."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -9,27 +9,27 @@ from dsfab.results import Note
 from dsfab.surface import FileRecord
 
 Progress = Callable[[str, str], None]
-"""Called with a stage and what it is about to do."""
+"""Called with a stage and a message about the step that begins."""
 
 
 def silent(_stage: str, _doing: str) -> None:
-    """The progress that nobody wants to see."""
+    """Ignore progress."""
 
 
 @dataclass
 class Log:
-    """What a run tells besides its results. clock : what its seconds are measured with."""
+    """Progress, seconds and notes of a run. clock : measures its seconds."""
 
     progress: Progress | None
     seconds: dict[str, float] = field(default_factory=dict)
     notes: list[Note] = field(default_factory=list)
     file: FileRecord | None = None
-    """What was read, repaired and dropped, where the surface is in a file."""
+    """The record of the surface file, if the surface is in a file."""
     clock: Callable[[], float] = time.perf_counter
 
     @contextmanager
     def stage(self, name: str, doing: str) -> Iterator[None]:
-        """Tell that a stage begins, and write down its seconds."""
+        """Report that a stage begins, and record its seconds."""
         if self.progress:
             self.progress(name, doing)
         start = self.clock()
@@ -38,11 +38,11 @@ class Log:
 
     @contextmanager
     def row(self, name: str) -> Iterator[None]:
-        """Add the seconds of what is done inside to a row."""
+        """Add the seconds of the enclosed block to a row."""
         start = self.clock()
         yield
         self.seconds[name] = self.seconds.get(name, 0.0) + self.clock() - start
 
     def note(self, stage: str, text: str) -> None:
-        """Write down what a person should know."""
+        """Add a note for the user."""
         self.notes.append(Note(stage, text))

@@ -21,13 +21,13 @@ if TYPE_CHECKING:
 
 
 LASTS: dict[str, "Duration"] = {"permanent": "permanent", "imposed E": "long", "imposed H": "short", "wind": "short"}
-"""How long loads act, by what they are [EN 1995-1-1, table 2.2]; all others for a medium time, snow too."""
+"""Duration of loads by their action [EN 1995-1-1, table 2.2]; any other action, snow too, has a medium duration."""
 
 
 def member_utilisation(preset: Preset, graph: "MemberGraph", forces: Mapping[str, "MemberForces"]) -> "Utilisation":
-    """What members bear over what they can bear, in the cases and combinations that stress is judged in.
+    """Return forces of members over their resistance, in the cases and combinations of the ultimate limit state.
 
-    Raises StaticsError where neither the material nor a strength is known.
+    Raises StaticsError if neither the material nor a strength is set.
     """
     from dsfab.members.eurocode import MemberBays, utilisation
 
@@ -36,7 +36,7 @@ def member_utilisation(preset: Preset, graph: "MemberGraph", forces: Mapping[str
 
 
 def rules_of(preset: Preset, cases: tuple[str, ...]) -> "Rules":
-    """The rules of a preset for cases and combinations, by their names."""
+    """Return the Eurocode rules of a preset for cases and combinations, by their names."""
     from dsfab.members.eurocode import Rules, SteelFactors, TimberFactors
 
     given, ask = preset.statics, preset.eurocode
@@ -55,7 +55,7 @@ def rules_of(preset: Preset, cases: tuple[str, ...]) -> "Rules":
 
 
 def _loads(preset: Preset, cases: tuple[str, ...]) -> str:
-    """A sentence on what is judged, with which factors."""
+    """Return a sentence on the judged loads and their factors."""
     judged = preset.judged_in("ULS", cases)
     if preset.surface.sums:
         return f"Judged in {len(judged)} cases and combinations, with the factors that the preset gives them."
@@ -63,7 +63,7 @@ def _loads(preset: Preset, cases: tuple[str, ...]) -> str:
 
 
 def _duration(preset: Preset, name: str) -> "Duration":
-    """Of a case, or the shortest of those that a combination adds."""
+    """Return the duration of a case, or the shortest of the cases in a combination."""
     from dsfab.members.eurocode import shortest
 
     sums = {one.name: one.factors for one in preset.surface.sums}
@@ -83,7 +83,7 @@ def _of_case(preset: Preset, case: str) -> "Duration":
 
 
 PERMANENT = {"self_weight", "cladding"}
-"""Kinds of loads that are always there."""
+"""Kinds of permanent loads."""
 
 
 class ActionCase(NamedTuple):
@@ -98,10 +98,10 @@ class ActionCase(NamedTuple):
 
 
 def action_cases(preset: Preset, surface: Surface, statics: StaticsResult) -> dict[str, ActionCase]:
-    """The cases of a preset by name, each of one kind of action: one that holds several is taken apart.
+    """Return the cases of a preset by name, split so that each has one kind of action.
 
-    Programs for frames combine cases by their kinds: weight that is in a case of snow would come and go with it. What
-    `surface.actions` says of a case holds for all of it.
+    Frame programs combine cases by their kinds: weight in a case of snow would come and go with the snow. An entry of
+    `surface.actions` holds for the whole case.
     """
     given, found = preset.surface, dict[str, ActionCase]()
     for case in (name for name, one in statics.cases.items() if one.factors is None):
@@ -124,7 +124,9 @@ def _action(load: Load) -> str:
 
 
 def _said(kind: str | None) -> str:
-    """Of the kinds of EN 1990: snow of either height is snow, what people and heat do varies."""
+    """Return the action of a kind of EN 1990: snow at either altitude is snow; imposed loads and temperature are
+    variable.
+    """
     if kind is None or kind in ("permanent", "wind"):
         return kind or ""
     return "snow" if kind.startswith("snow") else "variable"
@@ -138,9 +140,9 @@ def beam_model(
     cases: Mapping[str, ActionCase],
     loads: Mapping[str, LoadCase],
 ) -> "Frame":
-    """Of a cut sheet with its members, under the loads on it of these cases; one that was taken apart is their sum.
+    """Return the beam model of a cut sheet with its members, under the loads of these cases; a split case is their sum.
 
-    Raises StaticsError where there are no members with an axis.
+    Raises StaticsError if no member has an axis.
     """
     from dsfab.members.frame import BeamMaterial, frame_of
 
@@ -159,9 +161,9 @@ def beam_model(
 def beam_agreement(
     preset: Preset, sheet: Surface, graph: "MemberGraph", frame: "Frame", loads: Mapping[str, LoadCase]
 ) -> list["FrameAgreement"]:
-    """The beams against the sheet that they stand for, its ribs twisting as bars, case by case.
+    """Compare beams with the sheet that they model, whose ribs twist as bars, case by case.
 
-    Raises StaticsError where one is not held.
+    Raises StaticsError if either is not held.
     """
     from dsfab.members.frame import agreement, solve_frame
 
@@ -179,8 +181,10 @@ def beam_agreement(
 def _thin_and_barred(
     model: SheetModel, loads: Mapping[str, LoadCase]
 ) -> tuple[Mapping[str, Equilibrium], Mapping[str, Equilibrium]]:
-    """The answers of a sheet whose ribs twist as a thin sheet and as bars, by the same elements: alike in its plane,
-    and where bars can not be solved, since they are next to nothing wide."""
+    """Return the answers of a sheet whose ribs twist as a thin sheet and as bars, by the same elements.
+
+    Both are equal if the sheet is solved in its plane, and if bars cannot be solved because they are too narrow.
+    """
     try:
         barred = solve_for(model, loads, "displacement", bars=True)
     except StaticsError:
@@ -191,8 +195,9 @@ def _thin_and_barred(
 
 
 def _spread(graph: "MemberGraph", count: int) -> Bools:
-    """(m,) faces of the sheet that carry to all sides: those of discs, also where a member runs into one, and those in
-    no member along an axis."""
+    """Return faces of the sheet (m,) that carry in all directions: those of discs, and those in no member with an
+    axis.
+    """
     found, disc = np.ones(count, dtype=bool), np.zeros(count, dtype=bool)
     for member in graph.members:
         within = graph.source[member.cells]

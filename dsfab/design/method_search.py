@@ -17,25 +17,21 @@ from dsfab.slicing import Sheet
 from dsfab.surface import Surface
 
 RULES = ("constant", "graded")
-"""Width rules of which the better one is taken, where one of them is asked for with a share of the surface to keep."""
-GENTLE = 0.5
-"""Widths are graded by this power of what is asked, too. Were stripes bars that nothing bends, the stiffest would be as
-wide as their force is large; members that carry little in the plane still carry their own weight and brace others."""
+"""Width rules that the search may exchange, if one of them is requested with a solid fraction."""
 SPACINGS = (0.75, 1.25)
-"""Of the best stripes, distances that nobody asked for are multiplied with these. In a plane closer ones are mostly
-stiffer, if triangles can show them: a plate with a hole at 30 % of its material has .86 times the compliance."""
-FEWEST = 2
-"""Edges of the mesh from one stripe to the next at least, so that a member and an opening may have one each."""
+"""Factors for spacings that the preset leaves open. In a plane, closer stripes are mostly stiffer if the mesh resolves
+them: a plate with a hole at 30 % solid fraction has .86 times the compliance.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class Way:
-    """A way to draw the stripes, and what it is worth.
+    """A method of drawing stripes, with its worth.
 
-    preset  : with nothing left to be chosen.            choice  : of its modes and phases, where these were `auto`.
-    even    : where evenly spaced stripes run; None for modes.        sheet : what it was cut to; None when refused.
-    grading : (n, f) relative half-widths by the rule `stressed`; None by others.           notes : for who takes it.
-    drawn   : its stripes, where they were drawn as they would be built.
+    preset  : without open choices.                      choice  : of its modes and phases, if these were `auto`.
+    even    : evenly spaced stripes; None for modes.     sheet   : after the cut; None if refused.
+    grading : (n, f) relative half-widths by the rule `stressed`; None by other rules.     notes : for the design.
+    drawn   : its stripes, if they were drawn as built.
     """
 
     preset: Preset
@@ -49,11 +45,12 @@ class Way:
 
 
 def evened_ways(preset: Preset, found: list[Way], given: StressedSurface, log: Log) -> Iterator[Way]:
-    """The best of the evenly spaced stripes and the best of the modes, with widths by the rule `stressed`: where the
-    preset asks for a width that others may be exchanged for.
+    """Yield the best evenly spaced stripes and the best modes, with widths by the rule `stressed`, if the search may
+    exchange width rules.
 
-    In flat sheets it is worth most: there the other rules left 1.3 to 3.9 times the compliance of what topology
-    optimisation finds, and this one 1.2 to 1.7 times.
+    Flat sheets gain most: other rules left 1.3 to 3.9 times the compliance of a topology optimisation, this one 1.2 to
+    1.7
+    times.
     """
     if not _exchangeable(preset.pattern.width):
         return
@@ -75,9 +72,10 @@ def evened_ways(preset: Preset, found: list[Way], given: StressedSurface, log: L
 
 
 def optimal_ways(preset: Preset, found: list[Way], given: StressedSurface, log: Log) -> Iterator[Way]:
-    """The best of the evenly spaced stripes, along the forces of the stiffest sheet of varying thickness instead.
+    """Yield the best evenly spaced stripes, along the forces of the stiffest sheet of varying thickness.
 
-    Where these are not those of the uncut sheet it is worth most: a plate with a hole has .87 times the compliance.
+    They gain most if these forces differ from those of the uncut sheet: a plate with a hole has .87 times the
+    compliance.
     """
     ask = preset.pattern
     ways = [way for way in found if way.even and not way.attempt.refused]
@@ -103,8 +101,10 @@ def optimal_ways(preset: Preset, found: list[Way], given: StressedSurface, log: 
 
 
 def spaced_ways(preset: Preset, found: list[Way], given: StressedSurface, log: Log) -> Iterator[Way]:
-    """The best of the evenly spaced stripes at other distances, where these were left open and a share of material was
-    asked: halved, where any crowd, and not."""
+    """Yield the best evenly spaced stripes at other spacings, halved (if lines crowd) and not halved.
+
+    Only if the preset leaves the spacings open and requests a solid fraction.
+    """
     ways = [way for way in found if way.even and not way.attempt.refused]
     if not ways or not preset.pattern.width.solid_fraction:
         return
@@ -122,26 +122,28 @@ def spaced_ways(preset: Preset, found: list[Way], given: StressedSurface, log: L
             except DsfabError as error:
                 yield Way(asked, Attempt(words, refused=str(error)))
                 continue
-            if any(even.wanted) or not halve:  # else no line is left out, and the next one is the same
+            if any(even.wanted) or not halve:  # else halving drops no line, and the next candidate is the same
                 yield _tried(Way(asked, Attempt(words), None, even), given, replace(log, notes=[]))
 
 
 def _spaced(preset: Preset, surface: Surface, factor: float) -> tuple[dict[str, Family], str]:
-    """The families whose distances nobody asked for with others, to two digits, and these in words; none where the
-    mesh is too coarse."""
+    """Return families with spacings scaled by `factor` to two digits, if the preset leaves these open, and them in
+    words.
+
+    No family if stripes would be less than two edges of the mesh apart: a member and an opening need one each.
+    """
     families, apart = dict[str, Family](), list[str]()
     for name in preset.pattern.family_names:
         family: Family = getattr(preset.pattern, name)
         distance = float(f"{factor * family.distance(surface.area, surface.mean_edge):.2g}")
-        if not family.spacing and distance >= FEWEST * surface.mean_edge:
+        if not family.spacing and distance >= 2 * surface.mean_edge:
             families[name] = family.model_copy(update={"spacing": distance, "frequency": 0.0})
             apart.append(f"{distance:g}")
     return families, " and ".join(dict.fromkeys(apart))
 
 
 def as_built(way: Way, given: StressedSurface) -> Way:
-    """A way with what it is worth as it would be built, by the elements of a trial; with the defaults of [slicing], for
-    no stage depends on a later section."""
+    """Return a candidate with its worth as built, by the elements of a trial and the defaults of [slicing]."""
     preset = way.preset.model_copy(update={"slicing": Slicing()})
     trial, log = Trial(preset, given, way.even), Log(None)
     try:
@@ -156,19 +158,20 @@ def as_built(way: Way, given: StressedSurface) -> Way:
 
 
 def methods(preset: Preset) -> list[tuple[str, bool]]:
+    """Return the methods to try, and whether each halves crowded lines."""
     halved = [("stripes", True)] if preset.pattern.halved else []
-    modes = [] if preset.pattern.steered else [("modes", preset.pattern.halve)]  # they follow nothing but the stress
+    modes = [] if preset.pattern.steered else [("modes", preset.pattern.halve)]  # modes cannot follow guides
     return [*halved, ("stripes", False), *modes]
 
 
 def first_ways(preset: Preset, given: StressedSurface, log: Log, method: str, halve: bool) -> Iterator[Way]:
-    """One method by each width rule."""
+    """Yield one method with each width rule."""
     words = {"modes": "modes", "stripes": "halved stripes" if halve else "stripes"}[method]
     asked = preset.with_pattern(method=method, halve=halve, weight_rounds=0)
     if method == "modes":
-        asked = asked.with_pattern(forces="uncut")  # no others say where modes run
+        asked = asked.with_pattern(forces="uncut")  # modes are only defined for the uncut sheet's forces
     if method == "modes" and preset.pattern.tidy is None and preset.pattern.families == "both":
-        asked = asked.with_pattern(tidy=True)  # what ends in the air is taken off, as of evenly spaced ones
+        asked = asked.with_pattern(tidy=True)  # loose ends are removed, as in evenly spaced stripes
     if log.progress:
         log.progress("pattern", f"trying {words}: cutting and solving")
     scratch = replace(log, notes=[])
@@ -185,15 +188,15 @@ def first_ways(preset: Preset, given: StressedSurface, log: Log, method: str, ha
 
 
 def _tried(way: Way, given: StressedSurface, scratch: Log) -> Way:
-    """A way with what it is worth."""
+    """Return a candidate with its worth."""
     preset, name = way.preset, way.attempt.name
     try:
         stressed = preset.pattern.width.rule == "stressed"
         grading = stressed_step(preset, given, scratch, even=way.even) if stressed else None
-        candidate, pattern, sheet, cells = Trial(preset, given, way.even).drawn(preset, grading)
+        result, pattern, sheet, cells = Trial(preset, given, way.even).drawn(preset, grading)
     except DsfabError as error:
         return replace(way, attempt=Attempt(name, refused=str(error)))
-    worth = candidate.compliance, candidate.over_uncut, candidate.kept
+    worth = result.compliance, result.over_uncut, result.kept
     return replace(_measured(way, given, worth, pattern, cells, sheet), grading=grading, notes=tuple(scratch.notes))
 
 
@@ -205,9 +208,9 @@ def _measured(
     cells: Sheet,
     sheet: Sheet,
 ) -> Way:
-    """A way with its sheet, and the dead ends and slits of that.
+    """Return a candidate with its sheet, and the dead ends and slits of that sheet.
 
-    worth : joules, over those of the uncut sheet, and share of the surface, as in an `Attempt`.
+    worth : joules, the same over those of the uncut sheet, and share of the surface, as in an `Attempt`.
     """
     drafted = Drafted(way.preset, given.surface, given.statics, given.diffusion, pattern)
     quality = measured_pattern(drafted, symmetry=False, cells=cells, sheet=sheet)
@@ -215,32 +218,36 @@ def _measured(
 
 
 def _exchangeable(asked: Width) -> bool:
-    """Whether other rules may take the place of the one that is asked for."""
+    """Return whether the search may replace the requested width rule."""
     return asked.rule in RULES and bool(asked.solid_fraction)
 
 
 def _widths(asked: Width) -> dict[str, Width]:
-    """Rules to try, by name."""
+    """Return width rules to try, by name.
+
+    A gentle grading, by half the power q, is among them: bars without bending are stiffest as wide as their force, but
+    members with little force still carry their own weight and brace others.
+    """
     if not _exchangeable(asked):
         return {asked.rule: asked}
-    gentle = GENTLE * asked.q
+    gentle = 0.5 * asked.q
     constant, graded = (asked.model_copy(update={"rule": rule}) for rule in RULES)
     return {"constant": constant, "graded": graded, f"graded q {gentle:g}": graded.model_copy(update={"q": gentle})}
 
 
-CLOSE, MOST = 0.1, 4
-"""What is softer than the best by less than this share may be stiffer in truth: so many at most are drawn as they would
-be built, where a share of material is asked, and all solved with better elements. Trials count points and round
-nothing, and keep up to 8 % more or less material once ends are cut off and slits are filled: on a bracket modes were
-worth 3 % less than stripes by their trial, and 28 % more as built with the share that was asked for. And their quick
-elements take members that are one triangle wide for up to 26 % stiffer than they are, more than thick ones."""
+CLOSE = 0.1
+"""Candidates softer than the best by less than this share may be stiffer in truth, and are measured better.
+
+Trials count points and round no corners, so that their solid fraction is off by up to 8 %: on a bracket modes were 3 %
+worse than stripes by their trial, and 28 % better as built. Their quick elements are up to 26 % too stiff for members
+one triangle wide."""
 
 
 def method_step(preset: Preset, given: StressedSurface, log: Log) -> tuple[Way, tuple[Attempt, ...]]:
-    """The best way to draw the stripes, and all that was tried, best first: without dead ends, then without slits, then
-    the stiffest per share of material (see `Attempt.rank`); where that is close, by better elements.
+    """Return the best method of drawing stripes, and all attempts, best first.
 
-    Raises PatternError when none carries the loads.
+    Best is: no dead ends, then no slits, then the stiffest per share of material (see `Attempt.rank`); better elements
+    decide between candidates that are close. Raises PatternError if none carries the loads.
     """
     found: list[Way] = []
     for method, halve in methods(preset):
@@ -262,15 +269,15 @@ def method_step(preset: Preset, given: StressedSurface, log: Log) -> tuple[Way, 
 
 
 def _finalists_as_built(found: list[Way], given: StressedSurface) -> list[Way]:
-    """The ways, those that may be the best as they would be built: with round corners, and the share that is asked.
+    """Return the candidates, of which up to four near the best are replaced by candidates as built.
 
-    The likeliest is the last: what is cut for it is at hand when it is sliced.
+    The likeliest is built last: slicing continues from its trial cut.
     """
     *flaws, soft = min(way.attempt.rank for way in found)
     near = (*flaws, (1 + CLOSE) * soft)
     shares = [way for way in found if way.sheet and way.preset.pattern.width.solid_fraction]
     ranked = sorted(shares, key=lambda way: way.attempt.rank)
-    finalists = [way for way in ranked[:MOST] if way.attempt.rank <= near]
+    finalists = [way for way in ranked[:4] if way.attempt.rank <= near]
     if len(finalists) < 2:
         return found
     built = {way: as_built(way, given) for way in reversed(finalists)}
@@ -278,7 +285,9 @@ def _finalists_as_built(found: list[Way], given: StressedSurface) -> list[Way]:
 
 
 def _ranked(found: list[Way], given: StressedSurface) -> list[Way]:
-    """Best first. The best, and what is as free of flaws and nearly as stiff, is put in order by better elements."""
+    """Return candidates, best first; better elements order the best and those that are nearly as stiff, without
+    more flaws.
+    """
     ranked = sorted(found, key=lambda one: one.attempt.rank)
     *flaws, soft = ranked[0].attempt.rank
     close = [one for one in ranked if one.sheet and list(one.attempt.rank[:-1]) == flaws]
@@ -289,7 +298,7 @@ def _ranked(found: list[Way], given: StressedSurface) -> list[Way]:
 
 
 def _judged(way: Way, given: StressedSurface) -> float:
-    """Joules times share of material, by the elements of what is reported; to three digits as in `Attempt.rank`."""
+    """Return joules times share of material, to three digits as in `Attempt.rank`, by elements for reported results."""
     assert way.sheet is not None
     trial = Trial(way.preset, given, way.even)
     compliance = trial.compliance(way.sheet.surface, trial.loads_on(way.sheet), "compliance_once")

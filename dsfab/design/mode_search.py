@@ -24,12 +24,11 @@ from dsfab.statics import Aid, FaceStiffness, Quantity, solve_for
 from dsfab.surface import LoadCase, Surface, pieces
 
 SHARE_TOLERANCE = 2e-3
-"""How closely candidates reach pattern.width.solid_fraction, as a share of the surface."""
+"""Accuracy of pattern.width.solid_fraction in trials, as a share of the surface."""
 
 
 class CarryingSheet(NamedTuple):
-    """All cells, the sheet that reaches supports, `kept`, `whole` and `pieces` as in a `Candidate`, and what was taken
-    off."""
+    """Cells of a cut, the supported sheet, `kept`, `whole` and `pieces` as in a `Candidate`, and the removed ends."""
 
     cells: Sheet
     sheet: Sheet
@@ -40,7 +39,7 @@ class CarryingSheet(NamedTuple):
 
 
 class Tried(NamedTuple):
-    """A sheet that carries its loads: what it is worth, of what it was cut, and all cells."""
+    """A sheet that carries its loads: its worth, the pattern that cut it, and all cells."""
 
     candidate: Candidate
     pattern: PatternResult
@@ -49,7 +48,7 @@ class Tried(NamedTuple):
 
 
 class Trial:
-    """Tries modes and phases on one surface: what all candidates share is made once."""
+    """Trials of modes and phases on one surface, which share all data that does not depend on them."""
 
     def __init__(self, preset: Preset, given: StressedSurface, even: EvenStripes | None = None) -> None:
         self.preset, self.given, self.surface, self.even = preset, given, given.surface, even
@@ -60,20 +59,20 @@ class Trial:
 
     @cached_property
     def uncut(self) -> float:
-        """Joules of the uncut surface."""
+        """Compliance of the uncut surface, joules."""
         return self.compliance(self.surface, self.loads)
 
     def candidate(self, mode: tuple[int, int], phase: tuple[float, float]) -> Candidate:
-        """What these modes and phases of the major and of the minor stripes are worth; refused with its reason."""
+        """Return the worth of modes and phases of the major and the minor stripes, or the reason of a refusal."""
         try:
             return self.drawn(self.preset.settled(mode, phase)).candidate
         except DsfabError as error:
             return Candidate(mode, phase, refused=str(error))
 
     def drawn(self, preset: Preset, grading: Floats | None = None) -> Tried:
-        """A preset's own modes or stripes; raises DsfabError when they do not carry the loads.
+        """Cut and solve the modes or stripes of a preset. Raises DsfabError if they do not carry the loads.
 
-        grading : (n, f) as in `striped_families`.
+        grading : (n, f) as in `drawable_families`.
         """
         ask = preset.pattern
         families, layers = self._layers(preset, grading)
@@ -86,7 +85,7 @@ class Trial:
         return Tried(candidate, pattern, found.sheet, found.cells)
 
     def carrying(self, layers: Sequence[Layer]) -> "CarryingSheet":
-        """Layers as a sheet; raises DsfabError when it does not carry the loads."""
+        """Cut layers and return the sheet. Raises DsfabError if it does not carry the loads."""
         surface = self.surface
         tidy = tidy_of(self.preset, self.given, layers)
         cells = cut(surface, [layer.field for layer in layers], [layer.levels for layer in layers], SHARE_SNAP, tidy)
@@ -106,11 +105,11 @@ class Trial:
         return CarryingSheet(cells, sheet, *shares, count, tidy)
 
     def loads_on(self, sheet: Sheet) -> dict[str, LoadCase]:
-        """By name, what acts on such a sheet of what the pattern follows."""
+        """Return the loads that the pattern follows, by name, on a sheet."""
         return loads_on(self.surface, sheet, self.loads)
 
     def stiffness(self, surface: Surface, loads: dict[str, LoadCase]) -> FaceStiffness:
-        """Of a sheet's faces."""
+        """Return the stiffness of a sheet by faces."""
         return FaceStiffness.of(self.preset.statics.sheet().on(surface), list(loads.values()))
 
     def _layers(self, preset: Preset, grading: Floats | None) -> tuple[Sequence[Drawable], list[Layer]]:
@@ -123,23 +122,17 @@ class Trial:
         return families, layers
 
     def compliance(self, surface: Surface, loads: dict[str, LoadCase], use: Quantity | Aid = "ranking") -> float:
-        """Joules, the weighted sum over what the pattern follows."""
+        """Return joules, the weighted sum over the loads that the pattern follows."""
         answers = solve_for(self.preset.statics.sheet().on(surface), loads, use)
         return sum(weight * answers[name].compliance for name, weight in self.preset.followed.items())
 
 
 LEAST, MOST = 0.01, 0.55
-"""Half-widths, in periods, that stripes shrink and grow to: what has vanished may come back, what is full may open."""
-
-MISSED = 0.1
-"""Of the share that a step misses, so much at most is made up for in the next."""
-
-FINALISTS = 3
-"""Pairs of modes of which the best phases are evened, besides the lowest pair, where modes or phases are `auto`."""
+"""Bounds of half-widths in the search, in periods: a vanished stripe may come back, and a closed opening may open."""
 
 
 class Step(NamedTuple):
-    """Widths that were tried: what they were worth, joules times share of the surface, and what to try next."""
+    """Widths of a step: their worth, joules times share of the surface, and the widths of the next step."""
 
     worth: float
     grading: Floats
@@ -147,10 +140,10 @@ class Step(NamedTuple):
 
 
 def stressed_step(preset: Preset, given: StressedSurface, log: Log, even: EvenStripes | None = None) -> Floats | None:
-    """(n, 2) relative half-widths of both families: of pattern.width.steps tries, the best.
+    """Return the best relative half-widths (n, 2) of both families from pattern.width.steps trials.
 
-    Best is the least compliance per share of material, by constant strain and mid-edge bending on the cut mesh. None
-    where not even the first sheet carries the loads: then the widths are those of the rule `graded`.
+    Best is the least compliance per share of material, by constant strain and mid-edge bending on the cut mesh. None if
+    the first sheet does not carry the loads: then the widths are those of the rule `graded`.
     """
     tried = _steps(Stressed(preset, given, even), log)
     if not tried:
@@ -165,17 +158,18 @@ def stressed_step(preset: Preset, given: StressedSurface, log: Log, even: EvenSt
 
 
 def stressed_choice(preset: Preset, given: StressedSurface, log: Log, choice: Choice) -> Choice:
-    """The choice with those modes and phases first that are the stiffest when their widths even out the stress.
+    """Return the choice, beginning with the modes and phases that are stiffest after their widths even out the stress.
 
-    Evened are the best of a few pairs of modes. How stiff they are before says little: on the cantilever at 30 % of the
-    material modes 2 and 2 begin with 4.12 times the uncut plate's compliance and end with 3.86, modes 1 and 1 begin
-    with 4.40 and end with 3.01.
+    The best three pairs of modes are evened, and the lowest. Their order may change: on the cantilever at 30 % of the
+    material, modes 2 and 2 improve from 4.12 to 3.86 times the compliance of the uncut plate, and modes 1 and 1 from
+    4.40
+    to 3.01 times.
     """
     leading: dict[tuple[int, int], Candidate] = {}
     for candidate in choice.candidates:
         leading.setdefault(candidate.mode, candidate)
     carry = {mode: candidate for mode, candidate in leading.items() if not candidate.refused}
-    finalists = list(carry.values())[:FINALISTS]
+    finalists = list(carry.values())[:3]
     finalists = list(dict.fromkeys([*finalists, carry[min(carry)]]))  # the lowest pair has most to gain
     if len(finalists) < 2:
         return choice
@@ -195,7 +189,7 @@ def stressed_choice(preset: Preset, given: StressedSurface, log: Log, choice: Ch
 
 
 def _steps(trial: "Stressed", log: Log) -> list[Step]:
-    """Widths that were tried in turn, as many as pattern.width.steps or as carry the loads."""
+    """Return the steps of widths, as many as pattern.width.steps, or until one does not carry the loads."""
     tried: list[Step] = []
     with log.row("widths"):
         grading = trial.start
@@ -212,7 +206,7 @@ def _steps(trial: "Stressed", log: Log) -> list[Step]:
 
 
 class Stressed(Trial):
-    """Tries widths with given modes and phases."""
+    """Trials of widths for fixed modes and phases."""
 
     def __init__(self, preset: Preset, given: StressedSurface, even: EvenStripes | None = None) -> None:
         super().__init__(preset, given, even)
@@ -224,16 +218,15 @@ class Stressed(Trial):
         self.factor = self.added = 0.0
 
     def step(self, grading: Floats) -> Step:
-        """Cut and solve with half-widths `grading` (n, f); raises DsfabError for a sheet that does not carry the
-        loads."""
+        """Cut and solve with half-widths `grading` (n, f). Raises DsfabError if the sheet does not carry the loads."""
         families = [family.stressed(g) for family, g in zip(self.families, grading.T, strict=True)]
         search = WidthSearch(self._share, SHARE_TOLERANCE, self.factor, added=self.added)
         layers, self.factor = solved_layers(self.preset, self.surface, self.kept, families, search)
         found = self.carrying(layers)
         ask = self.preset.pattern
         wanted = ask.width.solid_fraction
-        if ask.forces == "optimal":  # points were counted with the ends that are taken off, which vary most here
-            self.added = float(np.clip(self.added + found.kept - wanted, -MISSED, MISSED))
+        if ask.forces == "optimal":  # the count of points includes removed ends, which vary most here
+            self.added = float(np.clip(self.added + found.kept - wanted, -0.1, 0.1))
         names = np.array([layer.name for layer in layers])
         K = self.stiffness(found.sheet.surface, self.loads_on(found.sheet))
         energy = K.energies(K.factor(np.ones(found.sheet.surface.m))(K.force)) @ list(self.preset.followed.values())
@@ -244,7 +237,7 @@ class Stressed(Trial):
         return Step(float(energy.sum()) * found.kept, grading, self._within(families, after))
 
     def _by_family(self, sheet: Sheet, names: NDArray[np.str_], x: Floats) -> Floats:
-        """(m, 2) sums of values x (m',) of cells over what each family, by the names of layers, has of each face."""
+        """Return sums (m, 2) of values x (m',) of cells over the part of each face that belongs to each family."""
         sums = []
         for family in self.families:
             cells = np.flatnonzero(names[sheet.family] == family.name)
@@ -252,49 +245,45 @@ class Stressed(Trial):
         return np.stack(sums, axis=1).astype(np.float64)
 
     def _within(self, families: Sequence[Drawable], grading: Floats) -> Floats:
-        """What widths are multiplied with stays such that they reach from LEAST to MOST."""
+        """Return the grading, clipped so that half-widths stay between LEAST and MOST."""
         full = np.array([self.factor * family.stripes.half_width for family in families])
         full = np.where(full > 0, full, 1.0)
         return np.asarray(np.clip(grading * full, LEAST, MOST) / full)
 
 
-MODES = 4
-"""The first modes of a family, among which one is chosen: the paper finds them enough."""
-
 START = (0.25, 0.0, 0.5, 0.75)
-"""Phases of the first round where both modes are chosen too, the same in both families: all of them with a mode 1, else
+"""Phases of the first round if both modes are chosen too, the same in both families: all of them with a mode 1, else
 the first. A higher mode rises and falls more often, so that a shift moves some of its stripes one way and some the
 other: on the cantilever these phases differ by a factor of 50 with modes 1 and 1, 1.1 with 2 and 2, 1.02 with 4 and 4.
 """
 
 GRID = ((0.0, 0.25, 0.5, 0.75), (0.25, 0.75))
-"""Phases of the first round, all combinations, with no mode to choose and with one."""
+"""Phases of the first round, in all combinations: without a mode to choose, and with one."""
 
 TOGETHER = ((1, 1), (-1, -1))
-"""Moves of both phases along the line that the first round began on."""
+"""Moves of both phases along the line of the first round."""
 
 AROUND = ((1, 0), (-1, 0), (0, 1), (0, -1), *TOGETHER)
 """Moves of one phase or both."""
 
 ROUNDS = ((4, 0.125, TOGETHER), (1, 0.125, AROUND), (1, 0.0625, AROUND))
-"""After the first: how many pairs of modes go on, the best first; by what step in phase, in periods; the moves."""
+"""Later rounds: number of pairs of modes that continue, best first; step of phases, in periods; moves."""
 
 WHOLE = 0.98
-"""A design of which a smaller share hangs together comes after all that are in one piece."""
+"""A design whose largest supported piece has a smaller share of its material ranks after connected ones."""
 
 Numbers = tuple[tuple[int, int], tuple[float, float]]
 """Modes and phases of both families."""
 
 
 def choice_step(preset: Preset, given: StressedSurface, log: Log) -> Choice:
-    """The candidates for what is `auto`, best first.
+    """Return the candidates for modes and phases that are `auto`, best first.
 
-    Best is the smallest compliance per share of material, of those in which every concentrated load stands on a piece
-    that reaches a support. At most 57 are tried, as many as the steps of a topology optimisation. By the width rule
-    `stressed` they are tried as wide as by `graded`, and of the best few the one that evening makes the stiffest is
-    first.
+    Best is the smallest compliance per share of material, if every concentrated load stands on a supported piece. The
+    search tries at most 57, the steps of a topology optimisation. By the width rule `stressed`, candidates are tried
+    with widths as by `graded`, and the one of the best few that evening makes the stiffest is first.
 
-    Raises PatternError when none carries the loads.
+    Raises PatternError if no candidate carries the loads.
     """
     found: dict[Numbers, Candidate] = {}
     with log.row("choice"):
@@ -325,16 +314,18 @@ def choice_step(preset: Preset, given: StressedSurface, log: Log) -> Choice:
 
 
 def _rank(candidate: Candidate) -> tuple[bool, bool, float, Numbers]:
-    """Equal to three digits, as mirror images are, the lower numbers come first: rounding errors decide nothing."""
+    """Return the sort key. Values are equal to three digits for mirror images; then lower numbers come first, not
+    rounding.
+    """
     soft = float(f"{candidate.compliance * candidate.kept:.3g}")
     return bool(candidate.refused), candidate.whole < WHOLE, soft, (candidate.mode, candidate.phase)
 
 
 def _rounds(preset: Preset, computed: int, found: dict[Numbers, Candidate]) -> Iterator[Iterable[Numbers]]:
-    """What to try next, given what was `found` up to then."""
+    """Yield the modes and phases of each round, from the candidates up to then."""
     both = (preset.pattern.major, preset.pattern.minor)
     shown = [name in preset.pattern.family_names for name in FAMILIES]
-    every = range(1, min(MODES, computed) + 1)
+    every = range(1, min(4, computed) + 1)  # the first four modes suffice, as in the paper
     any_mode = [shown[k] and both[k].mode == AUTO for k in (0, 1)]
     major, minor = (every if any_mode[k] else (both[k].number,) for k in (0, 1))
     free = [shown[k] and both[k].phase == AUTO for k in (0, 1)]
@@ -348,7 +339,7 @@ def _rounds(preset: Preset, computed: int, found: dict[Numbers, Candidate]) -> I
         for candidate in sorted(found.values(), key=_rank):
             leading.setdefault(candidate.mode, candidate)
         finalists = list(leading.values())[:count]
-        if count > 1:  # the lowest pair varies most with its phases, and so has most to gain
+        if count > 1:  # the lowest pair varies most with its phases
             finalists = list(dict.fromkeys([*finalists[:-1], leading[min(leading)]]))
         yield [
             (best.mode, _moved(best.phase, (a * free[0], b * free[1]), step)) for best in finalists for a, b in moves
@@ -358,7 +349,7 @@ def _rounds(preset: Preset, computed: int, found: dict[Numbers, Candidate]) -> I
 def _first_phases(
     mode: tuple[int, int], free: list[bool], given: tuple[float, float], unknown: int
 ) -> list[tuple[float, float]]:
-    """Phases to begin with for a pair of modes, where `unknown` modes are to be chosen."""
+    """Return the first phases of a pair of modes, if `open_modes` modes are to be chosen."""
     if unknown == 2:
         grid = [(p, p) for p in (START if 1 in mode else START[:1])]
     else:
@@ -367,6 +358,6 @@ def _first_phases(
 
 
 def _moved(phase: tuple[float, float], move: tuple[int, int], step: float) -> tuple[float, float]:
-    """What does not move stays as it is, to the last bit."""
+    """Return phases after a move; a phase that does not move keeps its last bit."""
     p, q = ((x + way * step) % 1 if way else x for x, way in zip(phase, move, strict=True))
     return p, q

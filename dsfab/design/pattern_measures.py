@@ -1,4 +1,4 @@
-"""The measures of a good pattern, of a draft or a design: its phases on a chart, the stress, and the symmetry."""
+"""Quality measures of a pattern, of a draft or a design: phases on a chart, directions, and symmetry."""
 
 from collections.abc import Callable
 from dataclasses import replace
@@ -22,23 +22,14 @@ from dsfab.slicing.measures.pattern_quality import Arms, DeadEnds, FamilyQuality
 from dsfab.surface import Surface, centroid, connected, nearest, weights_at
 from dsfab.surface.fields import CornerField, DividedField
 
-TOUCH = 0.1
-"""A dead end is still there if material is this near to it, as a share of a mean edge."""
-REACH = 1.5
-"""Widths of a member around a dead end within which it is seen whether it is one."""
-GUIDED = 0.1
-"""Guides of this weight, beside clear stress of 1, may make members turn back."""
-LOOKS = 120_000
-"""About how many points and images of points are looked at to see whether material is symmetric: of a floor with eight
-images, and 24,000 points, .40 % were told where .55 % of the area differ."""
-FILLED_LOOKS = 3
-"""An opening is filled where so many of its largest cells are."""
 R2 = np.array([0.7548776662466927, 0.5698402909980532])
-"""Steps of a sequence of points that fills a square evenly: the powers of 1 / 1.3247..., the root of x^3 = x + 1."""
+"""Steps of a sequence that fills the unit square evenly: powers of 1 / 1.3247..., the root of x^3 = x + 1 [Roberts
+2018].
+"""
 
 
 class Patterned(Protocol):
-    """A design, or what is known of one when its pattern is."""
+    """A design, or the stages of one up to its pattern."""
 
     @property
     def preset(self) -> Preset: ...
@@ -53,7 +44,7 @@ class Patterned(Protocol):
 
 
 class Drafted(NamedTuple):
-    """Stages 1 to 4 of a design that may never be made."""
+    """Stages 1 to 4 of a design."""
 
     preset: Preset
     surface: Surface
@@ -65,12 +56,12 @@ class Drafted(NamedTuple):
 def measured_pattern(
     made: Patterned, symmetry: bool = True, cells: Sheet | None = None, sheet: Sheet | None = None
 ) -> PatternQuality:
-    """The measures of what is drawn. Once cut, symmetry is that of the cells; if tidied too, dead ends and slits are
-    those of the sheet.
+    """Measure the quality of a pattern. After the cut, symmetry is measured on the cells, and dead ends and slits of
+    tidied patterns on the sheet.
 
-    symmetry : whether the error of the symmetry that the pattern was made with is measured too: it takes longest.
-    cells    : all that it was cut to; None measures what is drawn (see `Design.quality`).
-    sheet    : what is kept of these; all material where it is left out.
+    symmetry : whether the error of the pattern's own symmetry is measured too, which takes longest.
+    cells    : all cells of the cut; None measures the stripes (see `Design.quality`).
+    sheet    : the part of the cells that remains; all material by default.
     """
     chart = pattern_chart(made)
     drawn = drawn_pattern(made.surface, chart, made.pattern)
@@ -81,7 +72,7 @@ def measured_pattern(
         confidence = np.zeros(made.surface.m)
     parent = chart.parent
     steered = made.pattern.even.steered if made.pattern.even else None
-    guided = steered.guided[parent] > GUIDED if steered else None
+    guided = steered.guided[parent] > 0.1 if steered else None  # beside clear stress of 1
     columns = given.stress[parent], given.direction[parent], confidence[parent]
     found = pattern_quality(drawn, *columns, guided=guided)
     found = replace(found, turned=made.preset.pattern.rotate if steered else 0.0)
@@ -95,21 +86,23 @@ def measured_pattern(
 
 
 def _of_sheet(made: Patterned, cells: Sheet, sheet: Surface, drawn: Drawn, found: PatternQuality) -> PatternQuality:
-    """The measures with the dead ends and the slits that the sheet has."""
+    """Return the measures with the dead ends and slits of the sheet."""
     openings, name = Openings.of(cells), np.array([*made.pattern.names, ""])[cells.family]
     both = []
     for k, (own, family) in enumerate(found.families):
         slits, share = openings.slits_between(name == own) if openings else (0, 0.0)
-        built = _built(sheet, TOUCH * made.surface.mean_edge, family, drawn.d[:, k])
+        built = _built(sheet, 0.1 * made.surface.mean_edge, family, drawn.d[:, k])
         both.append(replace(built, slits=slits, slit_share=share))
     return replace(found, major=both[0], minor=both[1])
 
 
 def _built(sheet: Surface, near: float, family: FamilyQuality, half_width: Floats) -> FamilyQuality:
-    """The family without dead ends that are none on the sheet: where nothing is left, as they were taken off, and where
-    the member goes on, as one of the other family does around a singular point of the stress.
+    """Return the family without dead ends that the sheet does not have.
 
-    near       : metres; where material is no farther from a dead end it is still there.
+    An end counts no more if its material was removed, or if the member continues, for example as a member of the other
+    family around a singular point of the stress.
+
+    reach      : metres; a dead end still exists if material is nearer than this.
     half_width : (n,) of its members, in periods.
     """
     width = 2 * float(np.median(half_width)) * family.spacing[1]
@@ -118,7 +111,7 @@ def _built(sheet: Surface, near: float, family: FamilyQuality, half_width: Float
         if not len(places):
             return places
         there = nearest(places, sheet.V, sheet.F).squared < near**2
-        there[there] = [dead(arms(sheet, place, REACH * width), width) for place in places[there]]
+        there[there] = [dead(arms(sheet, place, 1.5 * width), width) for place in places[there]]
         return np.asarray(places[there])
 
     ends = family.dead_ends
@@ -126,18 +119,18 @@ def _built(sheet: Surface, near: float, family: FamilyQuality, half_width: Float
 
 
 def pattern_chart(made: Patterned) -> Chart:
-    """The chart of either kind of stripes."""
+    """Return the chart of evenly spaced stripes or of stripes on modes."""
     even = made.pattern.even
     return even.chart if even is not None else modes_chart(made.surface, made.diffusion, made.pattern)
 
 
 def drawn_on_chart(made: Patterned) -> Drawn:
-    """What is drawn, on that chart."""
+    """Return the stripes and kept regions of a design, on its chart."""
     return drawn_pattern(made.surface, pattern_chart(made), made.pattern)
 
 
 def modes_chart(surface: Surface, diffusion: DiffusionResult, pattern: PatternResult) -> Chart:
-    """The surface as its own chart: phases on modes have one value at each vertex, z = frequency x + phase."""
+    """Return the surface as its own chart: phases on modes have one value at each vertex, z = frequency x + phase."""
     modes = zip((diffusion.major, diffusion.minor), pattern.mode, strict=True)
     x = np.stack([family.mode(number) for family, number in modes], axis=1)
     z = x * np.array(pattern.frequency) + np.array(pattern.phase)
@@ -145,7 +138,7 @@ def modes_chart(surface: Surface, diffusion: DiffusionResult, pattern: PatternRe
 
 
 def drawn_pattern(surface: Surface, chart: Chart, pattern: PatternResult) -> Drawn:
-    """What is drawn, on a chart."""
+    """Return the stripes and kept regions of a pattern, on a chart."""
     d = np.stack([pattern.half_width(name) for name in FAMILIES], axis=1)
     kept = np.full(surface.n, -1.0)
     for name, x, levels in zip(pattern.names, pattern.fields, pattern.levels, strict=True):
@@ -156,7 +149,7 @@ def drawn_pattern(surface: Surface, chart: Chart, pattern: PatternResult) -> Dra
 
 
 def _followed(made: Patterned) -> StressDirections:
-    """What the members of both families were to run along, but for guides."""
+    """Return the directions that both families follow, without guides."""
     ask = made.preset
     stress, direction = principal_stresses(made.surface, followed_stress(ask, made.surface, made.statics))
     if made.pattern.even is None and ask.diffusion.labelling == "magnitude":
@@ -174,7 +167,7 @@ def _followed(made: Patterned) -> StressDirections:
 
 
 def used_symmetry(made: Patterned) -> Symmetry | None:
-    """The mirrors and turns that the pattern was made with; None without any."""
+    """Return the mirrors and rotations of a pattern; None without any."""
     if made.pattern.even is not None:
         return made.pattern.even.symmetry
     words = made.preset.diffusion.symmetry
@@ -183,28 +176,36 @@ def used_symmetry(made: Patterned) -> Symmetry | None:
 
 
 def symmetry_error(surface: Surface, drawn: Drawn, symmetry: Symmetry) -> float:
-    """Share of the surface (uncut) where what is drawn differs from its image, the largest over the group."""
+    """Return the share of the uncut surface where the stripes differ from their image, the largest over the group."""
     return _differing(surface, drawn.surface, symmetry, partial(_material, drawn))
 
 
 def cut_error(surface: Surface, cells: Sheet, symmetry: Symmetry) -> float:
-    """As `symmetry_error`, of the cells of the cut: edges of members have moved by up to `slicing.snap` there, narrow
-    openings are closed, and corners round."""
+    """Return `symmetry_error` for the cells of the cut.
+
+    There, edges of members have moved by up to `slicing.snap`, narrow openings are closed, and corners are round.
+    """
     V, F = cells.surface.V, cells.surface.F
     return _differing(surface, cells.surface, symmetry, lambda points: cells.material[nearest(points, V, F).simplex])
 
 
-def _differing(surface: Surface, faces: Surface, symmetry: Symmetry, material: Callable[[Floats], Bools]) -> float:
-    """Share of the area where material differs from its image, the largest over the group.
+def _differing(
+    surface: Surface,
+    faces: Surface,
+    symmetry: Symmetry,
+    material: Callable[[Floats], Bools],
+    samples: int = 120_000,
+) -> float:
+    """Return the share of the area where material differs from its image, the largest over the group.
 
-    surface  : uncut, about whose centroid the images are.    faces : the chart or the cells. Looked at are points that
-               stand for the same area each, so that no large face counts by one; spread in their faces so that no row
-               lies along the edge of a member [Roberts 2018, R2].
+    surface  : uncut; images are about its centroid.    faces : the chart or the cells. Each sample point stands for the
+               same area; points spread evenly in their faces, so that no row lies along the edge of a member.
     material : whether the places nearest to points (p, 3) are material, (p,).
+    samples  : about how many points and images. On a floor with eight images, 24,000 gave .40 % instead of .55 %.
     """
     centre = centroid(surface)
     upto = np.cumsum(faces.areas)
-    number = np.arange(LOOKS // symmetry.order)
+    number = np.arange(samples // symmetry.order)
     some = np.searchsorted(upto, (number + 0.5) / len(number) * upto[-1])
     uv = number[:, None] * R2 % 1
     uv = np.where(uv.sum(axis=1, keepdims=True) > 1, 1 - uv, uv)
@@ -216,7 +217,7 @@ def _differing(surface: Surface, faces: Surface, symmetry: Symmetry, material: C
 
 
 def _material(drawn: Drawn, points: Floats) -> Bools:
-    """(p,) whether the nearest point of the sheet to points (p, 3) is material."""
+    """Return whether the nearest point of the sheet to each point (p, 3) is material."""
     V, F = drawn.surface.V, drawn.surface.F
     _, face, place = nearest(points, V, F)
     at = weights_at(place, V, F[face])
@@ -224,21 +225,24 @@ def _material(drawn: Drawn, points: Floats) -> Bools:
 
 
 class Filling(NamedTuple):
-    """Openings side by side that were filled: how many, and where in the mean (3,), metres, by their areas."""
+    """Filled openings side by side: their number, and their mean place (3,), metres, by area."""
 
     openings: int
     place: Floats
 
 
-def largest_filling(before: Sheet, after: Sheet, apart: float) -> Filling | None:
-    """The most openings of a sheet before it was finished that are filled after, none farther than `apart` metres from
-    the next; None where none is."""
+def largest_filling(before: Sheet, after: Sheet, apart: float, samples: int = 3) -> Filling | None:
+    """Return the largest group of openings that finishing filled, each at most `apart` metres from the next; None
+    without any.
+
+    samples : an opening counts as filled if all of this number of its largest cells are.
+    """
     every = Openings.of(before)
     if every is None:
         return None
     order = np.lexsort((-every.part.areas, every.label))
     rank = np.arange(len(order)) - np.searchsorted(every.label[order], every.label[order])
-    seen = order[rank < FILLED_LOOKS]
+    seen = order[rank < samples]
     there = nearest(every.part.centroids[seen], after.surface.V, after.surface.F).simplex
     open_ = np.bincount(every.label[seen], ~after.material[there], every.count) > 0
     filled = np.flatnonzero(~open_)

@@ -1,4 +1,4 @@
-"""The fourth stage: the pattern of a preset, with rounds in which the weight follows the stripes."""
+"""Stage 4: the pattern of a preset, with rounds in which the weight of the sheet follows the stripes."""
 
 from dataclasses import replace
 from typing import NamedTuple
@@ -22,14 +22,10 @@ from dsfab.results import Attempt, EvenStripes, PatternResult, StaticsResult, St
 from dsfab.slicing import cut_polygons
 from dsfab.surface import LoadParts, Surface
 
-CLEAR = 0.1
-"""A direction is clear where half the difference of the principal stresses is over this share of the stress."""
-
 
 def weighed_stripes(preset: Preset, given: StressedSurface, log: Log) -> EvenStripes:
-    """Evenly spaced stripes as `[pattern]` asks, after as many rounds as it asks for.
-
-    Raises PatternError as `even_stripes` does.
+    """Return evenly spaced stripes after the rounds of weight that [pattern] requests. Raises PatternError as
+    `even_stripes`.
     """
     if log.progress:
         log.progress("pattern", "finding evenly spaced stripes along the stress")
@@ -60,15 +56,15 @@ def weighed_stripes(preset: Preset, given: StressedSurface, log: Log) -> EvenStr
 
 
 def _weighs(preset: Preset, statics: StaticsResult) -> bool:
-    """Whether what the pattern follows has a part that is the sheet's own weight."""
+    """Return whether the stress that the pattern follows includes the sheet's own weight."""
     parts = [load.parts for load in statics.loads(preset.followed).values()]
     return any(one is not None and bool(one.weight.any()) for one in parts)
 
 
 def drawn_share(preset: Preset, given: StressedSurface, even: EvenStripes) -> Floats:
-    """(m,) share of each face that stripes and what is kept besides them cover, the same at all images.
+    """Return the share of each face (m,) that stripes and kept regions cover, the same at all images.
 
-    Widths are those of a sketch: what round corners and filled openings add is not in it.
+    Widths are those of a sketch, without round corners and filled openings.
     """
     surface, drawn = given.surface, sketched_step(preset, given, even=even)
     polygons = cut_polygons(surface, drawn.fields, drawn.levels, SHARE_SNAP, drawn.tidy)
@@ -78,9 +74,11 @@ def drawn_share(preset: Preset, given: StressedSurface, even: EvenStripes) -> Fl
 
 
 def weighed_statics(preset: Preset, surface: Surface, statics: StaticsResult, share: Floats) -> StaticsResult:
-    """`statics`, and in what the pattern follows each face weighs a share (m,) of what it does; as stiff as before."""
+    """Return `statics` with a share (m,) of each face's weight in the cases that the pattern follows; stiffness is
+    unchanged.
+    """
     layered = any(case.layered is not None for case in statics.cases.values())
-    follow = "layers" if layered else "membrane"  # as was decided with the whole weight
+    follow = "layers" if layered else "membrane"  # as the first round decided with the full weight
     plain = preset.statics.model_copy(update={"frequencies": 0, "buckling": 0, "stress": follow})
     acting = [_lighter(one, surface, share) for one in loadings(preset, surface)]
     found = statics_step(preset.model_copy(update={"statics": plain}), surface, Log(None), acting).cases
@@ -88,7 +86,7 @@ def weighed_statics(preset: Preset, surface: Surface, statics: StaticsResult, sh
 
 
 def _lighter(one: Loading, surface: Surface, share: Floats) -> Loading:
-    """A loading with shares (m,) of its weight."""
+    """Return a loading with shares (m,) of its weight."""
     whole = one.load.parts
     if whole is None:
         return one
@@ -98,23 +96,23 @@ def _lighter(one: Loading, surface: Surface, share: Floats) -> Loading:
 
 
 def turned(surface: Surface, before: Floats, after: Floats) -> tuple[float, float]:
-    """Degrees between the principal directions of stresses (m, 3, 3): mean by area and by how clear they are before
-    (difference of principal stresses), and what 95 % of the area whose directions are clear stay under."""
+    """Return degrees between the principal directions of stresses (m, 3, 3): a mean, and the 95 % quantile by area.
+
+    The mean is weighted by area and by the difference of the principal stresses `before`. The quantile covers the area
+    with clear directions.
+    """
     (stress, first), (_, second) = (principal_stresses(surface, sigma) for sigma in (before, after))
     one, other = first[:, 0], second[:, 0]
     across, along = np.linalg.norm(np.cross(one, other), axis=1), np.abs(np.einsum("mi,mi->m", one, other))
     angle, apart = np.degrees(np.arctan2(across, along)), (stress[:, 0] - stress[:, 1]) / 2
     size = surface.areas * apart
-    clear = np.flatnonzero(apart > CLEAR * np.linalg.norm(before, axis=(1, 2)))
+    # clear: half the difference of the principal stresses exceeds a tenth of the stress
+    clear = np.flatnonzero(apart > 0.1 * np.linalg.norm(before, axis=(1, 2)))
     order = clear[np.argsort(angle[clear])]
     grown = np.cumsum(surface.areas[order])
     if not len(grown):
         return 0.0, 0.0
     return float(angle @ size / size.sum()), float(angle[order][np.searchsorted(grown, 0.95 * grown[-1])])
-
-
-SOLVED = 4e3
-"""Bytes for each face that the solvers of the stages before leave."""
 
 
 class Before(NamedTuple):
@@ -126,16 +124,19 @@ class Before(NamedTuple):
 
 
 class ChosenWay(NamedTuple):
-    """A way to draw stripes before their widths are known, and all that was tried for it, best first."""
+    """The chosen method of drawing stripes, before their widths are known, and all attempts of the search, best
+    first.
+    """
 
     way: Way
     attempts: tuple[Attempt, ...] = ()
 
 
 def chosen_way(preset: Preset, given: StressedSurface, log: Log, before: Before | None = None) -> ChosenWay:
-    """Where the stripes of a preset run, with all that it leaves to be chosen but the width that a share asks for.
+    """Choose the method, modes, phases and forces of the stripes: all but the width that a share of material
+    determines.
 
-    before : its stripes are taken where at most their widths, and what is kept besides them, have changed.
+    before : its stripes are reused if at most widths and kept regions have changed.
     """
     attempts = tuple[Attempt, ...]()
     if preset.pattern.weight_rounds and not preset.pattern.rounds:
@@ -156,26 +157,26 @@ def chosen_way(preset: Preset, given: StressedSurface, log: Log, before: Before 
 
 
 def pattern_stage(preset: Preset, given: StressedSurface, log: Log, chosen: ChosenWay) -> PatternResult:
-    """The stripes of a preset, that way; what a search has drawn already is in the seconds of `method`."""
+    """Return the stripes by the chosen method; stripes that a search drew count in the seconds of `method`."""
     way = chosen.way
     log.seconds.setdefault("pattern", 0.0)
     drawn = way.drawn or pattern_step(way.preset, given, log, way.choice, way.grading, way.even)
     asked = None if way.preset is preset else way.preset.pattern
-    give_back(SOLVED * given.surface.m)  # what the solvers held: whoever draws needs memory of another shape
+    give_back(4e3 * given.surface.m)  # bytes that the solvers hold: drawing needs blocks of other sizes
     return replace(drawn, asked=asked, attempts=chosen.attempts)
 
 
 def sketched_pattern(given: StressedSurface, chosen: ChosenWay) -> PatternResult:
-    """The stripes as wide as a count of points says, at a tenth of the time: for a picture that another one replaces.
+    """Return stripes with widths by a count of points, in a tenth of the time, for a picture that another one replaces.
 
-    Off by what round corners and filled openings add. Raises PatternError where no width keeps what is asked.
+    Round corners and filled openings are missing. Raises PatternError if no width gives the requested share.
     """
     way = chosen.way
     return sketched_step(way.preset, given, way.choice, way.grading, way.even)
 
 
 def _idle_frequencies(ask: Pattern, surface: Surface) -> list[str]:
-    """What is said of frequencies that evenly spaced stripes do not have; the default is in every complete preset."""
+    """Return notes on frequencies that evenly spaced stripes ignore; every complete preset has the default."""
     idle = [(name, getattr(ask, name)) for name in ask.family_names]
     return [
         f"pattern.{name}.frequency = {family.frequency:g} has no effect on evenly spaced stripes, which are "
@@ -186,7 +187,7 @@ def _idle_frequencies(ask: Pattern, surface: Surface) -> list[str]:
 
 
 def _asked_way(preset: Preset, given: StressedSurface, log: Log, before: Before | None) -> Way:
-    """The way to draw that a preset asks for, with the modes, phases and widths that it leaves to be chosen."""
+    """Return the requested method, with the modes, phases and widths that the preset leaves open."""
     even = _even(preset, given, log, before) if preset.pattern.method == "stripes" else None
     choice = choice_step(preset, given, log) if preset.pattern.auto else None
     settled = preset.settled(choice.mode, choice.phase) if choice else preset
@@ -195,7 +196,7 @@ def _asked_way(preset: Preset, given: StressedSurface, log: Log, before: Before 
 
 
 def _even(preset: Preset, given: StressedSurface, log: Log, before: Before | None) -> EvenStripes:
-    """Evenly spaced stripes: those from before, or new ones."""
+    """Return evenly spaced stripes: the earlier ones if they still hold, else new ones."""
     if before and same_stripes(before.asked, preset.pattern):
         log.seconds["stripes"] = before.seconds
         return before.even

@@ -1,4 +1,4 @@
-"""The surface cut along the outlines of its regions, and the load cases that act on it."""
+"""The surface, cut along the outlines of its regions, and the load cases that act on it."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -29,19 +29,20 @@ from dsfab.surface import (
     with_regions,
 )
 
-OFF = 0.3
-"""A region may differ from its image by this share of its area: it is cut out of triangles."""
+IMAGE_DIFFERENCE = 0.3
+"""Largest accepted difference of a region or a guide from its image, as a share of it: both follow edges of triangles.
+"""
 
 
 _BEFORE: WeakKeyDictionary[Surface, tuple[Surface, Ints]] = WeakKeyDictionary()
-"""Of surfaces with voids: the same without them, and the number there (n,) of each vertex: not made twice."""
+"""Surfaces without their voids, and the number of each vertex (n,) there, so that they are not built twice."""
 
 
 def surface_with_regions(preset: Preset, surface: Surface, log: Log) -> Surface:
-    """The surface cut along the outlines of the regions of a preset, and without those that are void.
+    """Return the surface cut along the outlines of the regions of a preset, without its voids.
 
-    Raises SurfaceError for a region that is nowhere on it, and for voids that leave a support, a load or a piece of the
-    surface with nothing that holds it.
+    Raises SurfaceError for a region off the surface, and for voids that leave a support, a load or a piece of the
+    surface unsupported.
     """
     regions, voids = preset.pattern.region, preset.pattern.voids
     cut = with_regions(surface, regions)
@@ -54,17 +55,17 @@ def surface_with_regions(preset: Preset, surface: Surface, log: Log) -> Surface:
 
 
 class Acting(NamedTuple):
-    """Supports and loads, whose pickers mean the vertices of a surface."""
+    """Supports and loads, whose pickers select vertices of one surface."""
 
     support: tuple[Support, ...]
     load: tuple[Load, ...]
 
 
 def acting_on(preset: Preset, surface: Surface) -> Acting:
-    """The supports and the loads of a preset on its surface.
+    """Return the supports and the loads of a preset on its surface.
 
-    They are picked as if there were no voids: the edge of an oculus is no boundary that was supported, and the lowest
-    vertices stay the lowest ones. Raises SurfaceError for what picks nothing that is left.
+    They are picked as if there were no voids: the edge of an oculus is no boundary, and the lowest vertices stay the
+    lowest ones. Raises SurfaceError for a picker of which nothing remains.
     """
     given = preset.surface
     if not preset.pattern.voids:
@@ -82,7 +83,7 @@ def acting_on(preset: Preset, surface: Surface) -> Acting:
 
 
 def whole_surface(preset: Preset, surface: Surface) -> Surface:
-    """The surface of a preset as it was before its voids were taken away."""
+    """Return the surface of a preset before its voids were removed."""
     return _before_voids(preset, surface)[0] if preset.pattern.voids else surface
 
 
@@ -94,7 +95,9 @@ def _before_voids(preset: Preset, surface: Surface) -> tuple[Surface, Ints]:
 
 
 def _left(key: str, one: Any, whole: Surface, vertices: Ints, edges: Ints, voids: str) -> Any:
-    """A support or a load at what it picks on a whole surface, of which vertices (n,) and edges (e, 2) are left."""
+    """Return a support or load on the remaining vertices (n,) and edges (e, 2) of those that it picks on a whole
+    surface.
+    """
     at = getattr(one, "at", None)
     if at is None or isinstance(at, All):
         return one
@@ -110,7 +113,7 @@ def _left(key: str, one: Any, whole: Surface, vertices: Ints, edges: Ints, voids
 
 
 def one_sided_words(surface: Surface, regions: Sequence[PatternRegion], symmetry: Symmetry | None) -> str:
-    """What a person should know of drawn regions whose images are no region, a sentence; nothing where all are."""
+    """Return a sentence on regions whose images under the symmetry are no regions; '' if there are none."""
     if symmetry is None:
         return ""
     found = []
@@ -119,7 +122,7 @@ def one_sided_words(surface: Surface, regions: Sequence[PatternRegion], symmetry
             continue  # a hole on one side leaves the surface no symmetry
         inside = region.faces(surface)
         off = [float(surface.areas @ (inside[images] != inside)) for images in symmetry.faces]
-        same = int((np.array(off) <= OFF * float(surface.areas @ inside)).sum())
+        same = int((np.array(off) <= IMAGE_DIFFERENCE * float(surface.areas @ inside)).sum())
         if same < symmetry.order:
             found.append(f"{region_key(regions, k)} at {same}")
     return f"the stripes are the same at {symmetry.order} images, {', '.join(found)} of them only" if found else ""
@@ -131,7 +134,7 @@ def _void_words(preset: Preset) -> str:
 
 
 def _check_pieces(preset: Preset, before: Surface, after: Surface) -> None:
-    """Raise SurfaceError for pieces that voids part from all supports."""
+    """Raise SurfaceError if voids cut pieces off from all supports."""
     count, label = after.pieces
     supports = acting_on(preset, after).support
     if count == before.pieces[0] or not supports:
@@ -151,10 +154,10 @@ def _check_pieces(preset: Preset, before: Surface, after: Surface) -> None:
 
 @dataclass(frozen=True, eq=False)
 class Loading:
-    """A load that the sheet answers to.
+    """A load that the sheet is solved for.
 
     name    : of the case or the combination; empty for all cases together.
-    factors : what the cases are multiplied with; None for a case itself, which is solved; all others are sums.
+    factors : of the cases in a combination; None for a case, which is solved. Combinations are sums.
     """
 
     name: str
@@ -164,7 +167,7 @@ class Loading:
 
 
 def loadings(preset: Preset, surface: Surface) -> list[Loading]:
-    """The cases of a preset, then its combinations, and last, if there are several cases, all of them together.
+    """Return the cases of a preset, then its combinations, then the sum of all cases if there are several.
 
     Raises SurfaceError for supports and loads that act on nothing.
     """

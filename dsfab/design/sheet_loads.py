@@ -1,4 +1,4 @@
-"""Loads and supports of the cut sheet, taken over from the uncut surface."""
+"""Loads and supports of the cut sheet, transferred from the uncut surface."""
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
@@ -15,20 +15,14 @@ from dsfab.slicing import Sheet
 from dsfab.slicing.cutting.sheet import ON_SIMPLEX
 from dsfab.surface import LoadCase, LoadParts, Surface, connected
 
-BEARS = 0.02
-"""Share of a face that has to be material for it to carry anything: a sliver is no bearing."""
-
-ON_LINE = 1e-9
-"""Bolts whose group is thinner than the root of this, of its length, are on a line: no arm takes a moment about it."""
-
 
 @dataclass(frozen=True, eq=False)
 class Tributary:
-    """What the faces of an uncut surface (m,) give to what a sheet has of them.
+    """The material that carries loads on the covering of each face (m,) of an uncut surface.
 
-    to      : (m,) the face that carries the covering of each; itself where it has material, -1 where none can.
-    area    : (m,) m2 of material in each face.         place : (m, 3) the middle of it, metres.
-    opening : (m,) the number of the opening that a face is part of, -1 for those that carry.
+    to      : (m,) the face that carries the covering of each face; itself if it has material, -1 if none can.
+    area    : (m,) m2 of material in each face.         place : (m, 3) centre of that material, metres.
+    opening : (m,) number of the opening that a face belongs to, -1 for faces that carry.
     """
 
     surface: Surface
@@ -39,11 +33,11 @@ class Tributary:
 
     @classmethod
     def of(cls, surface: Surface, sheet: Sheet) -> Self:
-        """Of a sheet of the surface."""
+        """Return the carrying faces of a sheet that was cut from the surface."""
         cells, m = sheet.surface, surface.m
         area: Floats = np.bincount(sheet.parent, cells.areas, m).astype(np.float64)
         first = group_sums(sheet.parent, cells.areas[:, None] * cells.centroids, m)
-        bears = area > BEARS * surface.areas
+        bears = area > 0.02 * surface.areas  # a sliver of material is no bearing
         bears = bears if bears.any() else area > 0
         place = np.where(bears[:, None], first / np.where(area > 0, area, 1.0)[:, None], surface.centroids)
         f, g, _ = _steps(surface)
@@ -52,9 +46,9 @@ class Tributary:
         return cls(surface, nearest_faces(surface, bears), area, place, np.where(bears, -1, part))
 
     def forces(self, covered: Floats) -> Floats:
-        """(m, 3) newtons on the material in each face, of tractions (m, 3), Pa, on the uncut surface.
+        """Return forces (m, 3), N, on the material in each face, for tractions (m, 3), Pa, on the uncut surface.
 
-        Raises StaticsError for a load on a piece of the surface that has no material.
+        Raises StaticsError for a load on a piece of the surface without material.
         """
         load = covered * self.surface.areas[:, None]
         lost = np.flatnonzero((self.to < 0) & load.any(axis=1))
@@ -73,10 +67,10 @@ class Tributary:
         return force
 
     def _by_opening(self, load: Floats) -> Floats:
-        """(m, 3) newtons, of loads (m, 3), with the moment of each opening where its rim takes that."""
+        """Return forces (m, 3), N, of loads (m, 3), with the moment of each opening if its rim can take it."""
         given = np.flatnonzero((self.opening >= 0) & (self.to >= 0))
         force = group_sums(self.to[self.to >= 0], load[self.to >= 0], len(load))
-        # a face of the rim may carry several openings: of each it takes its own part
+        # a face of the rim may carry several openings, each with a part of its own
         pair, of = np.unique(np.stack([self.opening[given], self.to[given]]), axis=1, return_inverse=True)
         group, number = np.unique(pair[0], return_inverse=True)
         turning = np.cross(self.surface.centroids[given] - self.place[self.to[given]], load[given])
@@ -93,8 +87,9 @@ class Tributary:
 
 
 def nearest_faces(surface: Surface, marked: Bools) -> Ints:
-    """(m,) the marked face (m,) that is nearest along the surface, over the middles of faces and of edges between them;
-    -1 where none can be reached."""
+    """Return the marked face (m,) nearest to each face along the surface, over centres of faces and edges; -1 if
+    unreachable.
+    """
     f, g, length = _steps(surface)
     steps = coo_array((length, (f, g)), shape=(surface.m, surface.m)).tocsr()
     found = dijkstra(steps, directed=False, indices=np.flatnonzero(marked), min_only=True, return_predecessors=True)[2]
@@ -102,7 +97,7 @@ def nearest_faces(surface: Surface, marked: Bools) -> Ints:
 
 
 def _steps(surface: Surface) -> tuple[Ints, Ints, Floats]:
-    """Pairs of neighbouring faces (k,), and metres from middle to middle over the middle of their edge."""
+    """Return pairs of neighbouring faces (k,), and metres between their centres over the middle of their edge."""
     edges = surface.edges
     face, of = edges.order // 3, edges.of.ravel()[edges.order]
     same = np.flatnonzero(of[1:] == of[:-1])
@@ -112,8 +107,11 @@ def _steps(surface: Surface) -> tuple[Ints, Ints, Floats]:
 
 
 def _bolted(group: Ints, place: Floats, weight: Floats, moment: Floats) -> Floats:
-    """(k, 3) newtons at places (k, 3) without a resultant that give each group (k,) its moment (g, 3), Nm, as bolts of
-    these sizes (k,) take it. About a line that all places of a group are on nothing is given."""
+    """Return forces (k, 3), N, at places (k, 3), that have no resultant and give each group (k,) its moment (g, 3), N
+    m.
+
+    They act as bolts with sizes `weight` (k,) do. A group whose places lie on a line takes no moment about it.
+    """
     count = len(moment)
     total = np.bincount(group, weight, count)
     middle = group_sums(group, weight[:, None] * place, count) / np.where(total > 0, total, 1.0)[:, None]
@@ -121,65 +119,59 @@ def _bolted(group: Ints, place: Floats, weight: Floats, moment: Floats) -> Float
     inertia = np.zeros((count, 3, 3))
     each = (r * r).sum(axis=1)[:, None, None] * np.eye(3) - r[:, :, None] * r[:, None, :]
     np.add.at(inertia, group, weight[:, None, None] * each)
-    theta = np.einsum("gij,gj->gi", np.linalg.pinv(inertia, rcond=ON_LINE, hermitian=True), moment)
+    # a group thinner than sqrt(1e-9) of its length counts as a line, which has no arm for a moment about it
+    theta = np.einsum("gij,gj->gi", np.linalg.pinv(inertia, rcond=1e-9, hermitian=True), moment)
     return np.asarray(weight[:, None] * np.cross(theta[group], r))
 
 
-REACH = 0.1
-"""Concentrated loads are handed over this share of the surface's size at most: further away, nothing carries them."""
-
-
-LOST = 0.01
-"""Pieces that are dropped may carry this share of a concentrated load at most."""
-
-
 ATTACH = "set pattern.rim, raise pattern.keep, or change a phase or a mode"
-"""What helps then."""
+"""Remedy for a load that nothing carries, for messages."""
 
 
 def lost_load(surface: Surface, drawn: Sheet, sheet: Sheet, loads: Iterable[LoadCase]) -> str:
-    """What is lost with pieces that reach no support, as a clause; empty when they carry no concentrated load.
+    """Return a clause on the first load that stands on pieces without support; empty if these carry no concentrated
+    load.
 
-    A load whose own material was cut away is handed to what lies next to it (`sheet_load`). One that still stands on
-    material, but on a piece that is not held, is carried by nothing, however close the rest is.
+    A load whose own material was cut away moves to the nearest material (`sheet_load`). A load that stands on a piece
+    without support is lost, however close the rest is; up to 1 % of a load may be.
 
-    drawn : all material, the loose pieces included.    sheet : what is kept of it.
-    loads : of which the first that is lost is told.
+    drawn : all material, loose pieces included.    sheet : the part of it that remains.
+    loads : the first lost one is reported.
     """
     dropped = (drawn.same_vertex() >= 0) & (sheet.same_vertex() < 0)
     for load in loads:
         size = np.linalg.norm(load.point, axis=1) * load.loaded
-        if (lost := size[dropped].sum()) > LOST * size.sum():
+        if (lost := size[dropped].sum()) > 0.01 * size.sum():
             place = surface.V[dropped][size[dropped].argmax()].round(3).tolist()
             return f"the load at {place} m ({lost:.3g} N) stands on a piece that reaches no support"
     return ""
 
 
 def sheet_loads(surface: Surface, drawn: Sheet, sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, LoadCase]:
-    """The `sheet_load` of each; raises StaticsError as it does, and for a load that is lost (see `lost_load`)."""
+    """Return the `sheet_load` of each load. Raises StaticsError as it does, and for a lost load (see `lost_load`)."""
     if lost := lost_load(surface, drawn, sheet, loads.values()):
         raise StaticsError(f"{lost}; {ATTACH}")
     return loads_on(surface, sheet, loads)
 
 
 def loads_on(surface: Surface, sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, LoadCase]:
-    """The `sheet_load` of each; who carries what lies on coverings is found once."""
+    """Return the `sheet_load` of each load; faces that carry coverings are searched once."""
     covered = any(load.parts is not None and load.parts.covered.any() for load in loads.values())
     tributary = Tributary.of(surface, sheet) if covered else None
     return {name: sheet_load(surface, sheet, load, tributary) for name, load in loads.items()}
 
 
 def sheet_load(surface: Surface, sheet: Sheet, load: LoadCase, tributary: Tributary | None = None) -> LoadCase:
-    """The supports and loads of the uncut surface on a kept sheet of it, see `sheet_supports`.
+    """Return the supports and loads of the uncut surface on a sheet that was cut from it, see `sheet_supports`.
 
-    A concentrated force on a vertex that the sheet still has stays there; any other goes to the nearest vertex of the
-    sheet, so that resultants are kept exactly and moments up to the distance moved. The sheet weighs what is left of
-    it, and what acts on material alone acts there; what lies on a covering goes to the material that is nearest (see
-    `Tributary`), with resultant and moment. `parts` are those of the sheet's own vertices and cells.
+    A concentrated force on a vertex of the sheet stays there; any other moves to the nearest vertex of the sheet:
+    resultants are exact, and moments change by the distance moved. Weight and loads on material act on the remaining
+    material. A load on a covering goes to the nearest material (see `Tributary`), with resultant and moment. `parts`
+    are those of the sheet's own vertices and cells.
 
-    tributary : of this sheet, where it is known.
+    tributary : of this sheet, if it exists.
 
-    Raises StaticsError as `sheet_supports` does, and when a concentrated force finds no material near it.
+    Raises StaticsError as `sheet_supports` does, and if no material is near a concentrated force.
     """
     held = sheet_supports(surface, sheet, load)
     point = _moved(surface, sheet, load.point)
@@ -195,12 +187,12 @@ def sheet_load(surface: Surface, sheet: Sheet, load: LoadCase, tributary: Tribut
 
 
 def sheet_supports(surface: Surface, sheet: Sheet, load: LoadCase) -> LoadCase:
-    """The supports of the uncut surface on a kept sheet of it, without a load.
+    """Return the supports of the uncut surface on a sheet that was cut from it, without a load.
 
-    They hold what is left of them: springs keep the share of their stiffness that was on vertices which the sheet still
-    has, and edges do not turn that lie within such an edge of the uncut surface.
+    Springs keep the stiffness of vertices that the sheet still has. Edges inside a clamped edge of the uncut surface
+    are clamped.
 
-    Raises StaticsError when no supported vertex is left.
+    Raises StaticsError if no supported vertex is left.
     """
     fixed, same = sheet.between(surface, load.fixed, _given(load.fixed_edges)), sheet.same_vertex()
     kept = np.flatnonzero(same >= 0)
@@ -213,14 +205,14 @@ def sheet_supports(surface: Surface, sheet: Sheet, load: LoadCase) -> LoadCase:
 
 
 def _moved(surface: Surface, sheet: Sheet, force: Floats) -> Floats:
-    """(n', 3) newtons on a sheet, of forces (n, 3) on the vertices of the uncut surface."""
+    """Return forces (n', 3), N, on a sheet, for forces (n, 3) on the vertices of the uncut surface."""
     same, acting = sheet.same_vertex(), np.flatnonzero((force != 0).any(axis=1))
     at = same[acting]
     lost = at < 0
     if lost.any():
         found = cKDTree(sheet.surface.V).query(surface.V[acting[lost]])
         moved, at[lost] = np.asarray(found[0]), np.asarray(found[1])
-        if moved.max() > REACH * surface.size:
+        if moved.max() > 0.1 * surface.size:  # further away nothing carries a concentrated load
             place = surface.V[acting[lost][moved.argmax()]].round(3).tolist()
             raise StaticsError(
                 f"the load at {place} m finds no material within {moved.max():.3g} m; set pattern.keep to protect loads"
@@ -231,18 +223,18 @@ def _moved(surface: Surface, sheet: Sheet, force: Floats) -> Floats:
 
 
 def held_vertices(surface: Surface, sheet: Sheet, load: LoadCase) -> Bools:
-    """(n',) vertices of a sheet that have a support of the uncut surface, springs among them."""
+    """Return vertices of a sheet (n',) that have a support of the uncut surface, springs included."""
     edges = _given(load.fixed_edges)
     return sheet.between(surface, load.held, None if edges is None else np.asarray(edges.any(axis=1)))
 
 
 def _given(edges: Bools) -> Bools | None:
-    """Held edges; None where a load case leaves it to its vertices."""
+    """Return held edges, or None if a load case defines none: its vertices decide then."""
     return edges if len(edges) else None
 
 
 def _within(surface: Surface, sheet: Sheet, marked: Bools) -> Bools:
-    """(e',) edges of the sheet that lie within marked edges (e,) of the uncut surface."""
+    """Return edges of the sheet (e',) that lie within marked edges (e,) of the uncut surface."""
     ends = sheet.surface.edges.ends
     both = csr_array(sheet.weights[ends[:, 0]] + sheet.weights[ends[:, 1]])
     both.data[both.data < 1 - ON_SIMPLEX] = 0.0

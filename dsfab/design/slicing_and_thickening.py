@@ -1,4 +1,4 @@
-"""The last two steps: the sheet cut along the stripes, and the solid."""
+"""Stages 5 and 6: the sheet, cut along the stripes, and the solid."""
 
 from dataclasses import replace
 from functools import partial
@@ -29,18 +29,16 @@ from dsfab.slicing.measures.widths import kept_cells
 from dsfab.surface import LoadCase, Surface, pieces
 from dsfab.thickening import Base, OffsetLayer, Solid, apart, offsets, thicken, with_extras
 
-ROOM = 0.5
-"""The user is told of the median radius of corners where it is less than this share of what was asked."""
 PLATE = 5
-"""So many filled openings side by side are a plate, which is told; round a member's ends there are up to three."""
-SPRINGS_LOST = 0.005
-"""The user is told when a larger share of the stiffness of spring supports lies on removed material."""
+"""Filled openings side by side that make a plate, which a note reports; the ends of a member have up to three."""
 
 
 def slicing_step(
     preset: Preset, surface: Surface, statics: StaticsResult, pattern: PatternResult, log: Log
 ) -> SlicingResult:
-    """The fifth stage: the surface cut, and the sheet that is kept; raises PatternError where nothing is."""
+    """Stage 5: cut the surface, and return the cells and the sheet that remains. Raises PatternError if nothing
+    remains.
+    """
     ask = preset.slicing
     with log.stage("slicing", f"cutting {surface.m:,} triangles"):
         smallest = smallest_widths(pattern.settled(preset), surface)
@@ -75,7 +73,7 @@ def slicing_step(
 
 
 def _note_finishing(preset: Preset, done: Finished, smallest: Smallest, stubs: int, log: Log) -> None:
-    """What was cut off, filled, bridged, widened and rounded."""
+    """Note how many details were cut off, filled, bridged, widened and rounded."""
     if stubs:
         which = "members that meet past their last crossings, or pass beside a singular point of the stress,"
         log.note("slicing", f"{which} were cut off, straightened or evened at {_places(stubs)}")
@@ -99,7 +97,7 @@ def _note_finishing(preset: Preset, done: Finished, smallest: Smallest, stubs: i
 
 
 def _note_plate(ask: Pattern, surface: Surface, drawn: Sheet, done: Sheet, log: Log) -> None:
-    """Where many openings side by side were filled."""
+    """Note the place of many filled openings side by side."""
     apart = max(family.distance(surface.area, surface.mean_edge) for family in ask.drawn)
     filling = largest_filling(drawn, done, apart)
     if filling and filling.openings >= PLATE:
@@ -133,18 +131,18 @@ def _spikes(count: int) -> str:
 
 
 def _rounded(radius: float, found: Floats) -> str:
-    """What became of the corners of openings for a radius that was asked for."""
+    """Return a note on the radii (k,), metres, of rounded corners, compared with the requested radius."""
     if not len(found):
         return f"no corner of an opening was rounded: none has room for a radius of {length(radius)} (pattern.fillet)"
     told = f"{len(found)} corners of openings were rounded"
-    if np.median(found) < ROOM * radius:
+    if np.median(found) < radius / 2:
         half = length(float(np.median(found)))
         return f"{told}, half of them with less than {half} for want of room: {length(radius)} was asked"
     return f"{told} with {length(radius)}, or less for want of room"
 
 
 def _pieces(surface: Surface, sheet: Sheet, load: LoadCase) -> tuple[tuple[Piece, ...], Ints]:
-    """The pieces of a sheet, and the piece of each of its faces."""
+    """Return the pieces of a sheet, and the piece of each face."""
     count, label = pieces(sheet.surface.F, sheet.surface.edges)
     area = np.bincount(label, sheet.surface.areas, count)
     marks = []
@@ -155,13 +153,13 @@ def _pieces(surface: Surface, sheet: Sheet, load: LoadCase) -> tuple[tuple[Piece
 
 
 def _alone(preset: Preset) -> str:
-    """Why pieces are loose, where one family is drawn."""
+    """Return why pieces are loose, if only one family is drawn."""
     name = preset.pattern.families
     return "" if name == "both" else f": the {name} family alone has no crossings; set pattern.rim, or draw both"
 
 
 def _refuse_loose(preset: Preset, sheet: Sheet, listed: tuple[Piece, ...], label: Ints) -> None:
-    """Raise PatternError for pieces that reach no support."""
+    """Raise PatternError if pieces reach no support."""
     loose = [k for k, piece in enumerate(listed) if not piece.held]
     if loose:
         largest = max(loose, key=lambda k: listed[k].area)
@@ -194,12 +192,12 @@ def _note_slicing(
             "set pattern.keep to protect them",
         )
     total = load.spring.sum()
-    if total and (share := 1 - load.spring[sheet.same_vertex() >= 0].sum() / total) > SPRINGS_LOST:
+    if total and (share := 1 - load.spring[sheet.same_vertex() >= 0].sum() / total) > 0.005:
         log.note("slicing", f"{share:.0%} of the springs' stiffness is on removed material; set pattern.keep")
 
 
 def _note_loads(preset: Preset, surface: Surface, sheet: Sheet, statics: StaticsResult, log: Log) -> None:
-    """What acts on the cut sheet otherwise than on the uncut one, on which the directions were sought."""
+    """Note loads on the cut sheet that differ from those of the uncut sheet, which gave the directions."""
     parts = [case.load.parts for case in statics.cases.values() if case.load.parts is not None]
     if any(one.weight.any() for one in parts):
         whole, left = (force(preset.statics.weight * area) for area in (surface.area, sheet.surface.area))
@@ -212,7 +210,10 @@ def _note_loads(preset: Preset, surface: Surface, sheet: Sheet, statics: Statics
 
 
 def thickening_step(preset: Preset, surface: Surface, slicing: SlicingResult, log: Log) -> Solid:
-    """Offsets are made on the uncut surface, where normals are clean, and carried through the cut."""
+    """Stage 6: thicken the sheet, with offsets of the uncut surface, whose normals are clean, carried through the cut.
+
+    Raises SolidError if the surface bends too sharply for the thickness.
+    """
     ask = preset.thickening
     with log.stage("thickening", f"thickening {slicing.sheet.surface.m:,} triangles"):
         offset = offsets(surface, preset.statics.thickness, ask.side)

@@ -1,9 +1,8 @@
-"""The fourth step: stripes of material on the modes, and what is kept besides them."""
+"""Stage 4: stripes of material, and the regions kept besides them."""
 
 from collections.abc import Callable, Sequence
 from contextlib import suppress
 from dataclasses import dataclass, field, replace
-from functools import partial
 from typing import NamedTuple
 
 import numpy as np
@@ -42,35 +41,28 @@ from dsfab.slicing import PolygonMesh, cut_polygons
 from dsfab.surface import Surface
 
 EXACT = 1e-9
-"""Shares that differ by less are the same share, added up in another order."""
+"""Shares that differ by less are equal: rounding depends on the order of the sum."""
 
 COUNTED = 2
-"""Points along each side of a face, by which the search for it begins."""
+"""Points along each side of a face for the rough count that begins a search."""
 
-GROWTH = 0.85
-"""By about how much of itself a share grows when widths do so by themselves: crossings are shared by both families."""
 
 CLOSINGS = (1.0, 0.97, 1.03, 0.9, 0.8, 0.65, 0.5)
-"""Openings between members that crowd close as for so many times the widths that are about right. Where widths differ
-much from place to place those that close are over what is asked by themselves, until fewer of them do."""
-
-FAR = 2.5
-"""Which openings close is known for widths that are about right, not for some that are so many times as large."""
-
-SKETCHED_TOLERANCE = 4e-3
-"""How closely a sketch keeps what is asked: counts are off by as much."""
+"""Factors on the approximate widths that decide which openings of crowded members close. If widths vary much, closed
+openings alone may exceed the requested share, until fewer of them close.
+"""
 
 SHARE_SNAP = 0.05
-"""Snap fraction of the cuts that measure it: the default of slicing.snap, for no stage depends on a later section."""
+"""Snap fraction of measuring cuts: the default of slicing.snap, because no stage depends on a later section."""
 
 
 class WidthSearch(NamedTuple):
-    """How widths are searched for by which the layers keep pattern.width.solid_fraction of the surface.
+    """Options of the search for widths by which layers keep pattern.width.solid_fraction of the surface.
 
-    share     : the share of the surface that layers keep, in whose measure it is reached.
-    tolerance : how closely.    guess : what the multiplier was for a like pattern, or 0; saves time.
-    counted   : a quicker, rougher `share`, with which the search begins.
-    added     : the share that round corners bring on top: stripes keep that much less than is asked.
+    share     : measures the share of the surface that layers keep.
+    tolerance : accuracy of the share.    guess : multiplier of a similar pattern, or 0; saves time.
+    counted   : a quicker, rougher `share`, which begins the search.
+    added     : share that round corners add: stripes keep that much less than requested.
     """
 
     share: Callable[[Sequence[Layer]], float]
@@ -82,9 +74,9 @@ class WidthSearch(NamedTuple):
 
 @dataclass
 class _Shares:
-    """Called with layers it cuts them, and tells the share of the surface that they keep.
+    """Cut layers and return the share of the surface that they keep.
 
-    reached : all such shares.    layers, polygons : the last ones, and what the surface was cut into along them.
+    reached : all shares.    layers, polygons : the latest layers, and the surface cut along them.
     """
 
     preset: Preset
@@ -94,7 +86,7 @@ class _Shares:
     polygons: PolygonMesh | None = None
 
     def __call__(self, layers: Sequence[Layer]) -> float:
-        self.forget()  # its memory, before more is needed
+        self.forget()  # frees memory for the next cut
         surface = self.given.surface
         fields, levels = zip(*((layer.field, layer.levels) for layer in layers), strict=True)
         self.polygons = cut_polygons(surface, fields, levels, SHARE_SNAP, tidy_of(self.preset, self.given, layers))
@@ -103,11 +95,11 @@ class _Shares:
         return self.reached[-1]
 
     def nearest(self, wanted: float) -> float:
-        """Of the shares that were reached the nearest to one."""
+        """Return the measured share nearest to a target."""
         return min(self.reached, key=lambda one: abs(one - wanted))
 
     def forget(self) -> None:
-        """Forget the last layers."""
+        """Drop the latest layers."""
         self.layers = self.polygons = None
 
 
@@ -119,10 +111,10 @@ def pattern_step(
     grading: Floats | None = None,
     even: EvenStripes | None = None,
 ) -> PatternResult:
-    """Kept regions come first: a cell that they make material is not cut again by the stripes.
+    """Return the pattern. Kept regions come first: the stripes do not cut a cell again that they make material.
 
-    preset  : with its modes and phases settled.    choice : of them, where they were `auto`.
-    grading, even : (n, f), and evenly spaced stripes; see `striped_families`.
+    preset  : with modes and phases chosen.    choice : of these, if they were `auto`.
+    grading, even : (n, f), and evenly spaced stripes; see `drawable_families`.
     """
     ask, surface = preset.pattern, given.surface
     with log.stage("pattern", "drawing stripes"):
@@ -170,28 +162,28 @@ def sketched_step(
     grading: Floats | None = None,
     even: EvenStripes | None = None,
 ) -> PatternResult:
-    """`pattern_step` with widths that were found by counting points, without any cut."""
+    """Return `pattern_step` with widths by a count of points, without any cut."""
     surface = given.surface
     kept = kept_regions(preset, surface, given.load, even)
     families = striped_families(preset, given, member_widths(preset, surface).radius, grading, even)
-    search = WidthSearch(counted_share(surface, kept, COUNTED), SKETCHED_TOLERANCE)
+    search = WidthSearch(counted_share(surface, kept, COUNTED), 4e-3)  # counts are off by as much
     layers, factor = solved_layers(preset, surface, kept, families, search)
     found = pattern_of(preset, families, layers)
     return replace(found, factor=factor, choice=choice, even=even, tidy=tidy_of(preset, given, layers))
 
 
 def member_widths(preset: Preset, surface: Surface) -> Widths:
-    """The rule of [pattern.width], with the bounds that it has where none are said."""
+    """Return the rule of [pattern.width], with default bounds if the preset sets none."""
     ask = preset.pattern
     bounded = ask.method == "stripes" and ask.width.rule in ("graded", "stressed")
     return ask.width.widths(np.sqrt(surface.area), least_width(preset, surface) if bounded else 0.0)
 
 
 def least_width(preset: Preset, surface: Surface) -> float:
-    """Metres that evenly spaced members whose widths differ are no thinner than, unless it is said otherwise.
+    """Return the least width, metres, of evenly spaced members of varying width, by default.
 
-    Of graded width: as wide as the sheet is thick. Of stressed width: as wide as a workshop makes. Else slicing would
-    lay strips beside each of them, which takes long, and what these add would come off those that work most.
+    Graded members are at least as wide as the sheet is thick; stressed ones as wide as a workshop makes them. Otherwise
+    slicing would widen each of them, which is slow, and the added material would come off members with more force.
     """
     stressed = preset.pattern.width.rule == "stressed"
     least = drawn_member(preset, surface) if stressed else preset.statics.thickness
@@ -199,7 +191,7 @@ def least_width(preset: Preset, surface: Surface) -> float:
 
 
 def _note_spacings(preset: Preset, families: Sequence[Drawable], log: Log) -> None:
-    """Tell which frequencies the spacings became that are asked for."""
+    """Note the frequencies that follow from requested spacings."""
     for family in families:
         if spacing := getattr(preset.pattern, family.name).spacing:
             told = f"spacing {spacing:g} m: frequency of the {family.name} stripes became"
@@ -207,7 +199,7 @@ def _note_spacings(preset: Preset, families: Sequence[Drawable], log: Log) -> No
 
 
 def pattern_of(preset: Preset, families: Sequence[Drawable], layers: Sequence[Layer]) -> PatternResult:
-    """Layers that are cut together, and the numbers of the families that are drawn."""
+    """Return the pattern of layers that are cut together, with the numbers of its families."""
     ask = preset.pattern
     names, fields, levels, half_widths, _ = zip(*layers, strict=True)
     stripes = {family.name: family.stripes for family in families}
@@ -220,9 +212,9 @@ def pattern_of(preset: Preset, families: Sequence[Drawable], layers: Sequence[La
 def solved_layers(
     preset: Preset, surface: Surface, kept: Sequence[Layer], families: Sequence[Drawable], search: WidthSearch
 ) -> tuple[list[Layer], float]:
-    """What is kept and the stripes, as wide as asked; and what the widths were multiplied with.
+    """Return kept layers and stripes with the requested share, and the multiplier of their widths.
 
-    Raises PatternError where that share cannot be reached.
+    Raises PatternError if no widths give that share.
     """
     width, widths = preset.pattern.width, member_widths(preset, surface)
     factor = search.guess or (mean_duty_factor(surface, families, widths) if widths.follow else 1.0)
@@ -233,22 +225,19 @@ def solved_layers(
     share, tolerance, guess, counted, added = search
     if width.solid_fraction:
         wanted = width.solid_fraction - added
-        slope = GROWTH * wanted if guess else 0.0
+        slope = 0.85 * wanted if guess else 0.0  # less than 1, because crossings belong to both families
         if counted is None and not guess and any(layer.closed is not None for layer in layers(factor)):
-            counted = counted_share(surface, kept, COUNTED)  # which openings close must be known before
+            counted = counted_share(surface, kept, COUNTED)  # widths decide which openings close
         if counted is not None:
-            with suppress(PatternError):  # the search below says it better
+            with suppress(PatternError):  # the search below has the better message
                 factor *= solved_factor(lambda relative: counted(layers(factor * relative)), wanted, SHARE_TOLERANCE)
                 slope = (counted(layers(1.02 * factor)) - counted(layers(0.98 * factor))) / 0.04
-        found = partial(
-            solved_factor,
-            wanted=wanted,
-            tolerance=tolerance,
-            slope=slope,
-            near=bool(guess),
-            jump=width.solid_fraction_tolerance,
-        )
-        return _reached(layers, share, factor, found)
+        jump = width.solid_fraction_tolerance
+
+        def solve(share_of: Callable[[float], float]) -> float:
+            return solved_factor(share_of, wanted, tolerance, slope, bool(guess), jump)
+
+        return _reached(layers, share, factor, solve)
     return layers(factor), factor
 
 
@@ -258,12 +247,14 @@ def _reached(
     factor: float,
     solve: Callable[[Callable[[float], float]], float],
 ) -> tuple[list[Layer], float]:
-    """The layers that keep a share, and their factor, near the given one: that one says which openings close.
+    """Return layers with a requested share, and their factor, near the given factor, which decides the openings to
+    close.
 
-    solve : what `solved_factor` finds for a share as a function of the factor over the given one.
+    solve : returns the result of `solved_factor` for a share as a function of the factor over the given one.
 
-    Where the share jumps because an opening is about to close, a little more or less of them do. So it is where the
-    widths come out far from those that close them: many closed openings and stripes without a width keep a share, too.
+    The search repeats with slightly more or fewer closed openings in two cases: if the share jumps because an opening
+    is about to close, and if the widths are more than 2.5 times off those that decided the openings. Many closed
+    openings with thin stripes have the same share as few with thick ones.
     """
     refused, far = list[PatternError](), list[tuple[float, float, list[Layer]]]()
     for closing in (factor * shift for shift in CLOSINGS):
@@ -274,7 +265,7 @@ def _reached(
             refused.append(error)
         else:
             found, off = drawn.at(relative), abs(float(np.log(max(relative, EXACT) * factor / closing)))
-            if off < np.log(FAR) or all(layer.closed is None for layer in found):
+            if off < np.log(2.5) or all(layer.closed is None for layer in found):
                 return found, factor * relative
             far.append((off, factor * relative, found))
     if far:
@@ -287,7 +278,7 @@ def _reached(
 
 @dataclass
 class _LastDrawn:
-    """Layers at some part of a factor, the last ones at hand: it is mostly these that are wanted in the end."""
+    """Layers at multiples of a factor, with a cache of the latest, which the search mostly returns."""
 
     layers: Callable[[float, float], list[Layer]]
     factor: float
@@ -295,7 +286,7 @@ class _LastDrawn:
     last: tuple[float, list[Layer]] = (-1.0, [])
 
     def at(self, relative: float) -> list[Layer]:
-        """The layers whose widths are so many times the factor."""
+        """Return the layers whose widths are `relative` times the factor."""
         if self.last[0] != relative:
             self.last = relative, self.layers(self.factor * relative, self.closing)
         return self.last[1]
@@ -308,11 +299,11 @@ def striped_families(
     grading: Floats | None = None,
     even: EvenStripes | None = None,
 ) -> Sequence[Drawable]:
-    """The families that are drawn; the major one runs along the primary stress, the minor one along the secondary.
+    """Return the families of stripes; major stripes run along the primary stress, minor ones along the secondary.
 
     radius  : metres over which slopes are averaged, see `Widths.radius`.
-    grading : (n, f) relative half-widths of these for the rule `stressed`; without it they are those of `graded`.
-    even    : where evenly spaced stripes run; None for stripes on modes.
+    grading : (n, f) relative half-widths for the rule `stressed`; without it those of `graded`.
+    even    : evenly spaced stripes; None for stripes on modes.
 
     Raises PatternError for a mode that was not computed.
     """
@@ -342,9 +333,9 @@ def striped_families(
 
 
 def stripe_stresses(surface: Surface, diffusion: DiffusionResult, even: EvenStripes | None) -> Floats:
-    """(n, 2) sizes of the stress along both families, over their common mean: what graded widths follow.
+    """Return the size of the stress (n, 2) along both families, over the common mean; graded widths follow it.
 
-    Raises PatternError when there is no stress.
+    Raises PatternError if the stress is zero.
     """
     sizes = np.abs(even.forces if even is not None and even.forces is not None else diffusion.tensors.principal)
     if even is not None and even.steered:
@@ -357,7 +348,6 @@ def stripe_stresses(surface: Surface, diffusion: DiffusionResult, even: EvenStri
 def _even_families(
     preset: Preset, surface: Surface, even: EvenStripes, stress: Sequence[Floats | None]
 ) -> list[Drawable]:
-    """The stripes of the families that are drawn."""
     made: list[Drawable] = []
     for name, given in zip(preset.pattern.family_names, stress, strict=True):
         k, stripes = FAMILIES.index(name), Stripes(1.0, 0.0, getattr(preset.pattern, name).threshold)
@@ -372,7 +362,7 @@ def _even_families(
 
 
 def _solved(preset: Preset, widths: Widths, factor: float, share: float) -> str:
-    """What the widths became for the wanted share of material, and the share that they have where that is another."""
+    """Return a note on the widths for the requested share of material, and on the share if it was missed."""
     ask = preset.pattern
     if widths.rule == "constant":
         became = f"members are {length(factor * widths.member)} wide"

@@ -46,12 +46,12 @@ from dsfab.surface import SizeField, Surface, change_sizes, coincident, pieces, 
 
 @dataclass(frozen=True, eq=False)
 class SolvedSheet:
-    """All loadings of a preset from one factorisation, then their combinations, which are sums.
+    """The loadings of a preset, solved by one factorisation, then their combinations as sums.
 
-    plane     : whether it was solved in its plane, without bending.
-    made      : (N, N) the stiffness, N/m, by the elements that solved it.
-    factor_of : what made the factor, and keeps it where it is needed again.
-    answers   : under each loading.    sigma : (m, 3, 3) Pa, of the middle surface, under each.
+    plane     : whether the sheet was solved in its plane, without bending.
+    made      : (N, N) stiffness, N/m, by the elements that solved it.
+    factor_of : makes the factor, and caches it if it is needed again.
+    answers   : equilibrium under each loading.    sigma : (m, 3, 3) Pa, of the middle surface, under each.
     """
 
     acting: Sequence[Loading]
@@ -63,7 +63,7 @@ class SolvedSheet:
 
 
 def solved_sheet(preset: Preset, surface: Surface, log: Log, acting: Sequence[Loading] = ()) -> SolvedSheet:
-    """The sheet of [statics] under its loads, or under those that are given. Raises StaticsError for mechanisms."""
+    """Solve the sheet of [statics] under its loads, or under `acting`. Raises StaticsError for mechanisms."""
     sheet = preset.statics
     if log.progress:
         log.progress("statics", f"solving {surface.n:,} vertices, {surface.m:,} triangles")
@@ -83,7 +83,7 @@ def solved_sheet(preset: Preset, surface: Surface, log: Log, acting: Sequence[Lo
 
 
 def _timed(factor_of: FactorOf, log: Log) -> FactorOf:
-    """The same, its seconds in the row `factor`: they are part of the row of whoever asks."""
+    """Add the seconds of a factorisation to the row `factor`: they are part of the row of the caller."""
 
     def timed(surface: Surface, K: csr_array, held: Bools) -> Factor:
         with log.row("factor"):
@@ -93,8 +93,9 @@ def _timed(factor_of: FactorOf, log: Log) -> FactorOf:
 
 
 ANSWERED = 200_000
-"""Vertices up to which better elements answer what hinges were solved for. Their factor takes 17 GB at 250 000 (hinges:
-3.6) and four times as much time as all else: a design of a million, which is built in 16 GB, would never end for it."""
+"""Most vertices for which better elements replace hinges. Their factor takes 17 GB at 250,000 (hinges: 3.6 GB) and four
+times the time of the other stages: a design with a million vertices, which needs 16 GB, would never end.
+"""
 
 
 def answers_step(preset: Preset, surface: Surface, solved: SolvedSheet, log: Log, rough: bool = False) -> list[Answers]:
@@ -129,7 +130,7 @@ def answers_step(preset: Preset, surface: Surface, solved: SolvedSheet, log: Log
 
 
 def _affordable(sheet: Statics, surface: Surface, log: Log) -> tuple[Ask, tuple[str, ...]]:
-    """What can be asked of a mesh of that size, and why no modes are looked for; the stress by hinges is told."""
+    """Return the results that a mesh of that size allows, and why modes are refused; note that stress is by hinges."""
     ask = sheet.ask
     if surface.n <= ANSWERED or ask.elements(sheet.elements) == sheet.elements:
         return ask, ()
@@ -143,7 +144,7 @@ def _affordable(sheet: Statics, surface: Surface, log: Log) -> tuple[Ask, tuple[
 
 
 def _note(told: Sequence[tuple[str, Answers]], ask: Ask, sheet: Statics, surface: Surface, log: Log) -> None:
-    """What the answers mean for somebody who wants to build this."""
+    """Note consequences of the answers for a builder."""
     elements = told[0][1].elements
     if ask and ask.elements(sheet.elements) != sheet.elements:
         why = "hinge bending is fit for directions only"
@@ -187,12 +188,15 @@ def _note_case(under: str, answers: Answers, sheet: Statics, log: Log) -> None:
 
 
 BENDS = 0.5
-"""`auto` follows all layers where bending stores at least this share of the strain energy."""
+"""`auto` follows all layers if bending stores at least this share of the strain energy."""
 
 
 class FollowedStress(NamedTuple):
-    """(m, 3, 3) Pa under each loading: sigma of the middle surface, or of a slab's lower side, and the layers' stress
-    where that is followed in its place, else None; and what a person should know, or ''."""
+    """Stress (m, 3, 3), Pa, that the pattern follows under each loading, and a note for the user, or ''.
+
+    sigma   : of the middle surface, or of the lower side of a slab.
+    layered : of all layers, if the pattern follows them instead; else None.
+    """
 
     sigma: Sequence[Floats]
     layered: Sequence[Floats] | None = None
@@ -202,11 +206,11 @@ class FollowedStress(NamedTuple):
 def followed_layers(
     preset: Preset, surface: Surface, acting: Sequence[Loading], answers: Sequence[Answers], sigma: Sequence[Floats]
 ) -> FollowedStress:
-    """What [statics] stress asks for, of a sheet that was solved with bending.
+    """Return the stress that [statics] stress selects, for a sheet that was solved with bending.
 
     sigma : (m, 3, 3) Pa each, of its middle surface.
 
-    Raises StaticsError where it must be solved again, by elements that are fit for moments, and cannot be.
+    Raises StaticsError if elements that are fit for moments cannot solve the sheet.
     """
     ask = preset.statics.stress
     if is_slab(surface, answers):
@@ -231,9 +235,9 @@ def followed_layers(
 
 
 def bending_share(preset: Preset, surface: Surface, acting: Sequence[Loading], answers: Sequence[Answers]) -> float:
-    """Share of the strain energy that bending stores, 0 to 1, under the loads that the pattern follows; 0 without any.
+    """Return the share of strain energy that bending stores, 0 to 1, under the followed loads; 0 without any.
 
-    As the sheet was solved: by `hinge` elements it is a rough figure (see `hinge_energy`).
+    `hinge` elements give a rough figure only (see `hinge_energy`).
     """
     weights = [preset.followed.get(loading.name, 0.0) for loading in acting]
     bent = sum(w * float(a.stress.bending_energy @ surface.areas) for w, a in zip(weights, answers, strict=True))
@@ -242,7 +246,7 @@ def bending_share(preset: Preset, surface: Surface, acting: Sequence[Loading], a
 
 
 def is_slab(surface: Surface, answers: Sequence[Answers]) -> bool:
-    """Whether the surface is flat and its middle next to free of stress under all loadings."""
+    """Return whether the surface is flat and its middle almost free of stress under all loadings."""
     stresses = [each.stress for each in answers]
     return surface.is_flat and only_bends(
         np.stack([one.membrane for one in stresses]), np.stack([one.bending for one in stresses])
@@ -252,8 +256,7 @@ def is_slab(surface: Surface, answers: Sequence[Answers]) -> bool:
 def _moments(
     preset: Preset, surface: Surface, acting: Sequence[Loading], answers: Sequence[Answers]
 ) -> list[SheetStress]:
-    """The stress under each loading. Hinges scatter too much for directions: a sheet that was answered by them is
-    solved again."""
+    """Return the stress under each loading. The sheet is solved again if hinges solved it: they scatter too much."""
     if answers[0].elements.bending != "hinge":
         return [each.stress for each in answers]
     model = preset.statics.sheet().on(surface)
@@ -262,12 +265,12 @@ def _moments(
 
 
 def _bent(stress: SheetStress) -> Floats:
-    """(m, 3, 3) Pa, what bending adds at the bottom."""
+    """Return the stress (m, 3, 3), Pa, that bending adds at the bottom."""
     return stress.tensor("bottom") - stress.tensor("middle")
 
 
 def note_statics(surface: Surface, cases: Mapping[str, CaseResult], log: Log) -> None:
-    """Notes on the answers of all cases (the worst of them is named), and on the mesh that they are for."""
+    """Note the worst residual of all cases, and needles in the mesh."""
     answers = {name: case.equilibrium for name, case in cases.items()}
     under = {name: f" under {name}" if len(cases) > 1 else "" for name in cases}
     rough = max(answers, key=lambda name: answers[name].residual)
@@ -282,14 +285,14 @@ def note_statics(surface: Surface, cases: Mapping[str, CaseResult], log: Log) ->
 
 
 PLAUSIBLE = (3.0, 1e5)
-"""A surface's size over its thickness must lie between these."""
+"""Limits of a surface's size over its thickness; beyond them units are wrong, and the preset is refused."""
 
 USUAL = (10.0, 5e3)
-"""Outside of these the user is told."""
+"""Usual range of the same ratio; a note reports values outside."""
 
 
 def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
-    """Swapped units show in the ratio of size and thickness: refuse what no sheet has, and mention what few have."""
+    """Refuse a ratio of size and thickness that no sheet has, and note an unusual one: units may be swapped."""
     thickness = preset.statics.thickness
     slenderness = surface.size / thickness
     told = f"the surface is {length(surface.size)} large and the sheet {length(thickness)} thick"
@@ -306,7 +309,7 @@ def check_scale(preset: Preset, surface: Surface, log: Log) -> None:
 
 
 def checked_sheet(preset: Preset, surface: Surface, log: Log, acting: Sequence[Loading] = ()) -> SolvedSheet:
-    """`solved_sheet`, after a look at whether it is one. Raises SurfaceError for what no sheet is."""
+    """Return `solved_sheet` after checks of scale and points. Raises SurfaceError for impossible proportions."""
     check_scale(preset, surface, log)
     for text in off_surface(preset, surface):
         log.note("statics", text)
@@ -316,10 +319,10 @@ def checked_sheet(preset: Preset, surface: Surface, log: Log, acting: Sequence[L
 def statics_step(
     preset: Preset, surface: Surface, log: Log, acting: Sequence[Loading] = (), solved: SolvedSheet | None = None
 ) -> StaticsResult:
-    """All load cases, and what is asked about them.
+    """Solve all load cases, and compute the results that [statics] requests.
 
-    acting : the loads, where they are not those of the preset.
-    solved : of `checked_sheet`, where somebody had it made.
+    acting : loads that replace those of the preset.
+    solved : result of `checked_sheet`, if it exists.
     """
     solved = solved or checked_sheet(preset, surface, log, acting)
     answers = answers_step(preset, surface, solved, log)
@@ -335,21 +338,22 @@ def statics_step(
 
 
 def rough_statics(preset: Preset, surface: Surface, solved: SolvedSheet) -> StaticsResult | None:
-    """The same without better elements, for a sketch; None where there are none to wait for, or where what the pattern
-    follows may depend on them."""
+    """Return the statics without better elements, for a sketch.
+
+    None if there are no better elements to wait for, or if the stress to follow may depend on them.
+    """
     sheet = preset.statics
     if sheet.ask.elements(sheet.elements) == sheet.elements or surface.is_flat or sheet.stress == "layers":
         return None
     answers = answers_step(preset, surface, solved, Log(None), rough=True)
     if sheet.stress == "auto" and bending_share(preset, surface, solved.acting, answers) >= BENDS / 2:
-        return None  # a rough figure: see there
+        return None  # hinges give a rough share only
     return _result(preset, surface, solved, answers, FollowedStress(solved.sigma), Log(None))
 
 
 def _result(
     preset: Preset, surface: Surface, solved: SolvedSheet, answers: Sequence[Answers], follow: FollowedStress, log: Log
 ) -> StaticsResult:
-    """Everything in its place, with notes."""
     layered: Sequence[Floats | None] = follow.layered or [None] * len(solved.acting)
     results = {
         ld.name: CaseResult(ld.load, e, s, a, ld.factors, every)
@@ -365,7 +369,7 @@ def _result(
 
 
 def surface_step(preset: Preset, log: Log) -> Surface:
-    """The first stage: the surface, metres, cut along the outlines of regions."""
+    """Stage 1: return the surface, metres, cut along the outlines of regions."""
     with log.stage("surface", "reading the mesh" if hasattr(preset.surface, "file") else "making the shape"):
         surface = base_surface(preset, log)
         if preset.pattern.region:
@@ -381,8 +385,10 @@ def surface_step(preset: Preset, log: Log) -> Surface:
 
 
 def base_surface(preset: Preset, log: Log | None = None) -> Surface:
-    """The surface of a preset before it is cut along its regions: with shorter edges where the stress changes, as
-    statics on even triangles tell, if [surface] asks for that."""
+    """Return the surface before it is cut along regions.
+
+    Edges are shorter where the stress changes, by statics on even triangles, if [surface] requests that.
+    """
     given = preset.surface
     if not isinstance(given, OwnSurface):
         return given.build()
@@ -399,7 +405,7 @@ def base_surface(preset: Preset, log: Log | None = None) -> Surface:
 
 
 def _surface_read(given: OwnSurface, log: Log | None) -> Surface:
-    """The surface before its mesh is made anew; of a file what was doubtful, repaired or dropped is told."""
+    """Return the surface before remeshing, and note what a file's reader repaired or dropped."""
     if not isinstance(given, FileSurface):
         return given.given()
     found = given.read()
@@ -414,7 +420,7 @@ def _surface_read(given: OwnSurface, log: Log | None) -> Surface:
 
 
 def _stress_sizes(given: OwnSurface, surface: Surface, statics: StaticsResult) -> Iterator[SizeField]:
-    """Lengths of edges by the stress at both sides of the sheet, of each case."""
+    """Yield lengths of edges by the stress at both sides of the sheet, for each case."""
     for case in statics.cases.values():
         for side in ("top", "bottom"):
             stress = case.answers.stress.tensor(side)

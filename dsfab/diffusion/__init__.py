@@ -1,4 +1,4 @@
-"""Stage 3, diffusion: where material wants to run."""
+"""Stage 3, diffusion: directions of the material from the stress."""
 
 from dsfab.diffusion.modes import CLEAR, Modes, diffusion_modes, family_modes, reference_axes
 from dsfab.diffusion.symmetry import Symmetry, found_symmetry, symmetry_group, symmetry_of

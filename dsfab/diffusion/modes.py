@@ -1,4 +1,4 @@
-"""Modes of a diffusion operator: smallest eigenpairs, with signs by axes that turn with the surface."""
+"""Modes of a diffusion operator: smallest eigenpairs, with signs by axes that rotate with the surface."""
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
@@ -17,19 +17,19 @@ from dsfab.surface.fields import voronoi_mass
 from dsfab.surface.mesh import Surface
 
 CLEAR = 1e-2
-"""A moment under this share of its natural size is taken for zero, and two inertias this close for equal."""
+"""Moments under this share of their natural size count as zero, and inertias this close as equal."""
 
 
 def reference_axes(surface: Surface, weights: Sequence[Floats] = (), vectors: Sequence[Floats] = ()) -> Floats:
-    """(3, 3) right-handed orthonormal axes, one a row, made of what turns with the surface.
+    """Return right-handed orthonormal axes (3, 3), by rows, that rotate with the surface.
 
-    weights : (n,) each, not negative: scalars on the vertices, such as the size of the load or what is supported.
+    weights : (n,) each, not negative: scalars on the vertices, such as the size of the load or the supports.
     vectors : (3,) each, such as the resultant of the loads.
 
-    In this order, each only for what the ones before leave open: the vectors; from the surface's centroid to that of
-    every weight; the skew of the area; principal axes of inertia of the area and of the weights, pointed to where the
-    third moment is positive. Only directions that all of these leave open (a dome under its own weight has a whole
-    plane of them, and any rotation of its pattern is as good) are settled by the coordinates x, y, z.
+    These directions decide in turn: the vectors; from the surface's centroid to that of every weight; the skew of the
+    area; principal axes of inertia of the area and of the weights, pointed to where the third moment is positive. The
+    coordinates x, y, z decide the rest: a dome under its own weight leaves a whole plane open, and any rotation of its
+    pattern is as good.
     """
     with one_blas_thread():
         return _axes(surface, weights, vectors)
@@ -51,7 +51,7 @@ def _axes(surface: Surface, weights: Sequence[Floats], vectors: Sequence[Floats]
 
 
 def _directions(x: Floats, measures: Sequence[Floats], vectors: Sequence[Floats]) -> Iterator[Floats]:
-    """Candidates, of length about 1 where they are clear and about 0 where they mean nothing."""
+    """Yield candidates, of length about 1 if they are clear and about 0 if they are meaningless."""
     for vector in vectors:
         length = float(np.linalg.norm(vector))
         if length > 0:
@@ -71,30 +71,29 @@ def _directions(x: Floats, measures: Sequence[Floats], vectors: Sequence[Floats]
 
 
 def _pointed(axis: Floats, third: float, largest: float) -> float:
-    """The sign of an axis: by its third moment, else by its clearest coordinate, for then both ways are alike."""
+    """Return the sign of an axis: by its third moment, else by its clearest coordinate, because both directions are
+    equal.
+    """
     if abs(third) > CLEAR * largest**1.5:
         return float(np.sign(third))
     return float(np.sign(axis[int(np.argmax(np.abs(axis) > 0.5))]))
 
 
 SAME = 1e-6
-"""Eigenvalues that differ by less than this share count as one, repeated."""
+"""Eigenvalues that differ by less than this share are repeated."""
 
 VISIBLE = 1e-2
-"""A reference field is used to fix a basis or a sign only if this share of it lies in the eigenspace."""
+"""Least share of a reference field in an eigenspace for it to fix a basis or a sign."""
 
 SPARE = 2
-"""Pairs computed beyond those asked for, so that a repeated eigenvalue at the end is mostly complete; where it is not,
-more are computed."""
-
-KRYLOV = 4
-"""Lanczos vectors for each pair: few restarts. Simple eigenvalues take 33 solves for five modes, pairs of them 52. They
-are solved to the last digit: copies of a repeated eigenvalue grow out of rounding, and stop growing where it stops."""
+"""Pairs computed beyond those requested, so that a repeated eigenvalue at the end is mostly complete; else more
+follow.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class Modes:
-    """Modes of one diffusion operator, the constant ones dropped.
+    """Modes of one diffusion operator, without the constant ones.
 
     lam : (k,) eigenvalues, per square metre, ascending.
     X   : (n, k) values at the vertices, dimensionless: X^T M X = (area / 4 pi) I.
@@ -108,9 +107,9 @@ class Modes:
         lock(self, "X", np.float64, (None, len(self.lam)))
 
     def mode(self, number: int) -> Floats:
-        """(n,) mode `number`; 1 is the first that is not constant, as in the paper's figures.
+        """Return mode `number` (n,); 1 is the first that is not constant, as in the paper's figures.
 
-        Raises PatternError when there are not that many.
+        Raises PatternError for a number beyond the computed modes.
         """
         if not 1 <= number <= len(self.lam):
             raise PatternError(f"mode {number} does not exist; modes 1 to {len(self.lam)} were computed")
@@ -118,13 +117,13 @@ class Modes:
 
 
 _ORDERS: WeakKeyDictionary[Surface, Ints] = WeakKeyDictionary()
-"""The order of elimination of each surface that lives: its operators have the same pattern."""
+"""Order of elimination of each surface: all its operators have the same pattern."""
 
 _PIECES: WeakKeyDictionary[Surface, int] = WeakKeyDictionary()
 
 
 def _constants(surface: Surface) -> int:
-    """How many modes are constant on each piece, one a piece; counted once for a surface that lives."""
+    """Return the number of constant modes, one for each piece of the surface; counted once."""
     if surface not in _PIECES:
         _PIECES[surface] = pieces(surface.F, surface.edges)[0]
     return _PIECES[surface]
@@ -133,16 +132,16 @@ def _constants(surface: Surface) -> int:
 def diffusion_modes(
     surface: Surface, L: csr_array, k: int = 5, axes: Floats | None = None, symmetry: Symmetry | None = None
 ) -> Modes:
-    """The k smallest modes of L x = lambda M x that are not constant (paper, section 3.4), M the Voronoi mass.
+    """Return the k smallest modes of L x = lambda M x that are not constant (paper, section 3.4), M the Voronoi mass.
 
-    Shift-invert Lanczos on M^-1/2 (L + s M) M^-1/2. The scale is as if the area were 4 pi, so that frequencies mean the
-    same at any size: on the unit sphere modes are M-normalised. Signs and the basis of a repeated eigenvalue do not
-    depend on the solver (`_canonical`), and turn with the surface if the axes do.
+    Shift-invert Lanczos on M^-1/2 (L + s M) M^-1/2. The scale is that of area 4 pi, so that frequencies mean the same
+    at any size: on the unit sphere modes are M-normalised. Signs and bases of repeated eigenvalues do not depend on the
+    solver (`_canonical`), and rotate with the surface if the axes do.
 
-    axes     : (3, 3) rows, what signs and bases look at; those of the surface alone (`reference_axes`) when left out.
-    symmetry : only modes that are the same at all of its images: more pairs are computed until there are k such.
+    axes     : (3, 3) rows, for signs and bases; by default those of the surface alone (`reference_axes`).
+    symmetry : only modes that are equal at all of its images: more pairs are computed until k such modes exist.
 
-    Raises PatternError when the mesh has too few vertices for k modes.
+    Raises PatternError if the mesh has too few vertices for k modes.
     """
     return family_modes(surface, [L], k, axes, symmetry)[0]
 
@@ -154,9 +153,10 @@ def family_modes(
     axes: Floats | None = None,
     symmetry: Symmetry | None = None,
 ) -> list[Modes]:
-    """The modes of several operators (n, n) on one surface, each as `diffusion_modes` says; axes (3, 3) as there.
+    """Return the modes of several operators (n, n) on one surface, each as by `diffusion_modes`, with the same axes
+    (3, 3).
 
-    Operators of one mesh have one pattern: it is analysed once, and each of them costs one factorisation of values.
+    Operators of one mesh have one pattern: one analysis serves all, and each costs one factorisation of values.
     """
     mass = voronoi_mass(surface)
     axes = reference_axes(surface) if axes is None else axes
@@ -172,7 +172,7 @@ def family_modes(
 
 
 def _modes(surface: Surface, L: csr_array, solve: Factor, k: int, axes: Floats, symmetry: Symmetry | None) -> Modes:
-    """The modes of L, by the factor of its scaled matrix."""
+    """Return the modes of L, by the factor of its scaled matrix."""
     mass, constants = voronoi_mass(surface), _constants(surface)
     wanted = k * (symmetry.order if symmetry else 1) + constants + SPARE
     while True:
@@ -193,12 +193,12 @@ def _modes(surface: Surface, L: csr_array, solve: Factor, k: int, axes: Floats, 
 
 
 def _root(surface: Surface, mass: Floats) -> Floats:
-    """(n,) root of the mass; on a vertex of no face the mass is 0, and it keeps a unit row of the scaled matrix."""
+    """Return the root of the mass (n,); a vertex of no face has mass 0, and keeps a unit row of the scaled matrix."""
     return np.sqrt(np.where(mass > 0, mass, surface.area))
 
 
 def _scaled(surface: Surface, L: csr_array, mass: Floats) -> csr_array:
-    """M^-1/2 (L + s M) M^-1/2, s = 1 / area; a vertex of no face is kept out of the way of the small eigenvalues."""
+    """Return M^-1/2 (L + s M) M^-1/2, s = 1 / area; a vertex of no face gets a large eigenvalue."""
     root = _root(surface, mass)
     unused = np.where(mass > 0, 0.0, L.diagonal().max() / root.min() ** 2)
     A = csr_array((L.data / np.repeat(root, np.diff(L.indptr)) / root[L.indices], L.indices, L.indptr), shape=L.shape)
@@ -206,8 +206,11 @@ def _scaled(surface: Surface, L: csr_array, mass: Floats) -> csr_array:
 
 
 def _factor(surface: Surface, A: csr_array) -> Factor:
-    """PARDISO where it is there: half of SuperLU's time with one unknown a point, and both are quicker at the thirty to
-    fifty single solves than the multifrontal factor. The order for SuperLU is found once for a surface that lives."""
+    """Factorise with PARDISO if installed: it takes half of SuperLU's time with one unknown per point.
+
+    Both are faster than the multifrontal factor at 30 to 50 single solves. SuperLU's order is computed once for a
+    surface.
+    """
     if solver_name() == "PARDISO":
         return factorise(A, surface.V)
     solve = SuperLU(A, surface.V, np.arange(surface.n), order=_ORDERS.get(surface), definite=True)
@@ -216,12 +219,16 @@ def _factor(surface: Surface, A: csr_array) -> Factor:
 
 
 def _lanczos(solve: Callable[[Floats], Floats], n: int, shift: float, count: int) -> tuple[Floats, Floats]:
-    """Smallest `count` eigenpairs of A (n, n), ascending: Lanczos on `solve`, b -> (A + shift)^-1 b."""
+    """Return the smallest `count` eigenpairs of A (n, n), ascending: Lanczos on `solve`, b -> (A + shift)^-1 b.
+
+    Four vectors for each pair give few restarts: 33 solves for five simple modes, 52 for pairs. Tolerance 0, because
+    copies of a repeated eigenvalue grow from rounding.
+    """
     inverse = LinearOperator((n, n), matvec=solve, dtype=np.float64)
     start = 1 + 0.5 * np.sin(np.arange(n))  # fixed: the same surface gives the same modes
     try:
         with one_blas_thread():
-            kept = min(n, max(20, KRYLOV * count))
+            kept = min(n, max(20, 4 * count))
             theta, Y = eigsh(inverse, count, which="LA", v0=start, tol=0, ncv=kept, maxiter=100 * count)
     except ArpackNoConvergence as error:
         raise PatternError("the modes did not converge; refine the mesh or lower diffusion.r") from error
@@ -230,12 +237,12 @@ def _lanczos(solve: Callable[[Floats], Floats], n: int, shift: float, count: int
 
 
 def _canonical(surface: Surface, lam: Floats, X: Floats, mass: Floats, axes: Floats) -> Floats:
-    """The same eigenspaces in a basis that does not depend on the solver.
+    """Return the same eigenspaces in a basis that does not depend on the solver.
 
-    Symmetric surfaces repeat eigenvalues, and any rotation within such a space is as good an answer. In each space the
-    reference fields (x, y, z along the axes, then their products) are projected one after the other and
-    orthonormalised: the first vector is the part of the space that looks most like x, and so on. A single mode only has
-    its sign fixed this way, by its own third moment where that is clear (it needs no axes), else by these fields.
+    Symmetric surfaces repeat eigenvalues, and any rotation within such a space solves the equations. In each space the
+    reference fields (x, y, z along the axes, then their products) are projected in turn and orthonormalised: the first
+    vector is the part of the space most like x, and so on. The sign of a single mode follows from its own third moment
+    if that is clear (it needs no axes), else from these fields.
     """
     fields = _reference_fields(surface, mass, axes)
     out = X.copy()
@@ -253,7 +260,7 @@ def _canonical(surface: Surface, lam: Floats, X: Floats, mass: Floats, axes: Flo
 
 
 def _reference_fields(surface: Surface, mass: Floats, axes: Floats) -> Floats:
-    """(n, 19) polynomials of the coordinates along the axes up to degree 3, centred and normalised in M."""
+    """Return polynomials (n, 19) of the coordinates along the axes up to degree 3, centred and normalised in M."""
     x = (surface.V - mass @ surface.V / mass.sum()) @ axes.T / surface.size
     x = np.ascontiguousarray(x.T)
     squares = [x[i] * x[j] for i in range(3) for j in range(i, 3)]
@@ -266,7 +273,9 @@ def _reference_fields(surface: Surface, mass: Floats, axes: Floats) -> Floats:
 
 
 def _aligned(space: Floats, fields: Floats, mass: Floats) -> Floats:
-    """An M-orthonormal basis of `space` (n, c): each vector is what the earlier ones leave of a reference field."""
+    """Return an M-orthonormal basis of `space` (n, c): each vector is a reference field minus its parts along
+    earlier ones.
+    """
     coordinates = space.T @ (mass[:, None] * fields)  # (c, fields)
     basis: list[Floats] = []
     for candidate in [*coordinates.T, *np.eye(space.shape[1])]:

@@ -29,31 +29,21 @@ from dsfab.surface import (
 )
 
 OFF = 0.25
-"""Images of vertices may be off the surface by this share of the mean edge."""
+"""Largest distance of images of vertices from the surface, as a share of the mean edge."""
 
 OFF_SUPPORT = 1.0
-"""Images of held vertices may be off the held ones by this share of the mean edge: a region is picked to one edge."""
+"""Largest distance of images of held vertices from held ones, in mean edges: a region is picked to one edge."""
 
 OFF_LOAD = (0.3, 0.02)
-"""How far loads may differ from their images: smoothed over a few edges, newtons over newtons; and in resultants."""
-
-SMOOTHING = 6
-"""Rounds of averaging over neighbours before loads are compared: a spread of about two edges."""
-
-INVARIANT = 0.5
-"""Singular values of the averaging over a group are 0 or 1, up to the mesh: in between lies the border."""
+"""Largest difference of loads from their images: smoothed over a few edges, newtons over newtons; and in resultants."""
 
 GLANCE = 100
-"""Points that are looked at before all of them are."""
-
-ON_VERTEX = 1e-3
-"""Barycentric coordinates closer than this to a vertex are on it: files round coordinates. A mesh that is symmetric but
-for that has fields that are the same at all images, to the last digit, so all that is decided by them is as well."""
+"""Size of the sample of points that is checked before all points."""
 
 
 @dataclass(frozen=True, eq=False)
 class Symmetry:
-    """A finite group of rotations and mirrors about a surface's centroid, and where they take its points.
+    """A finite group of rotations and mirrors about a surface's centroid, and the images of its points.
 
     R     : (g, 3, 3) orthogonal, the first the identity.
     maps  : g sparse (n, n); maps[i] @ x reads a field x at the images R[i] V of the vertices.
@@ -70,52 +60,52 @@ class Symmetry:
 
     @property
     def order(self) -> int:
-        """Elements of the group."""
+        """Number of elements of the group."""
         return len(self.R)
 
     def mean(self, x: Floats) -> Floats:
-        """The mean of a field (n, ...) over the group: the same at all images, up to interpolation."""
+        """Return the mean of a field (n, ...) over the group: equal at all images, up to interpolation."""
         return np.asarray(sum((T @ x for T in self.maps[1:]), x) / self.order)
 
     def most(self, x: Floats) -> Floats:
-        """(n,) the largest of a field's values (n,) at the images of each point."""
+        """Return the largest of a field's values (n,) at the images of each point."""
         return np.asarray(np.max([x, *(T @ x for T in self.maps[1:])], axis=0))
 
     def stress(self, sigma: Floats) -> Floats:
-        """The mean over the group of tensors (m, 3, 3) on the faces, each turned back: R^T sigma(R x) R."""
+        """Return the mean over the group of tensors (m, 3, 3) on the faces, each rotated back: R^T sigma(R x) R."""
         total = sum(R.T @ sigma[face] @ R for R, face in zip(self.R, self.faces, strict=True))
         return np.asarray(total / self.order)
 
     def asymmetry(self, surface: Surface, x: Floats) -> float:
-        """The largest difference of a field (n,) from its images, over its own size, RMS over the area."""
+        """Return the largest difference of a field (n,) from its images, over its own size, RMS over the area."""
         mass = surface.vertex_areas
         size = float(np.sqrt(mass @ x**2))
         return max(float(np.sqrt(mass @ (T @ x - x) ** 2)) for T in self.maps) / size
 
     def invariant(self, L: csr_array, X: Floats, mass: Floats) -> tuple[Floats, Floats]:
-        """Of the space of modes X (n, k) the part that is the same at all images: eigenvalues, and M-orthonormal modes.
+        """Return the modes of X (n, k) that are equal at all images: eigenvalues, and M-orthonormal modes.
 
-        The means of the modes over the group span it: their singular values are 1 or 0 on a symmetric mesh. In that
+        The means of the modes over the group span them: their singular values are 1 or 0 on a symmetric mesh. In that
         space L is diagonalised again (Rayleigh and Ritz).
         """
         Y = self.mean(X)
         share, C = np.linalg.eigh(Y.T @ (mass[:, None] * Y))
-        keep = share > INVARIANT**2
+        keep = share > 0.5**2  # squared singular values, near 0 or 1
         B = Y @ (C[:, keep] / np.sqrt(share[keep]))
         lam, Q = np.linalg.eigh(B.T @ (L @ B))
         return lam, B @ Q
 
 
 def symmetry_of(surface: Surface, words: Sequence[str], *loads: LoadCase) -> Symmetry:
-    """The group that the words generate: `x` mirrors x, `rot:6:z` turns by a sixth about z, through the centroid.
+    """Return the group that words generate: `x` mirrors x, `rot:6:z` rotates by a sixth about z, through the centroid.
 
-    Raises PatternError for other words, and when the surface, its supports or one of the loads have another symmetry.
+    Raises PatternError for other words, and if the surface, its supports or one of the loads have another symmetry.
     """
     return symmetry_under(surface, symmetry_group(words), loads, str(list(words)))
 
 
 def face_tree(surface: Surface) -> igl.AABB:
-    """The faces of a surface, sorted so that the nearest one to a point is found quickly."""
+    """Return the faces of a surface in a tree for fast searches of the nearest one."""
     tree = igl.AABB()
     tree.init(surface.V, surface.F)
     return tree
@@ -124,17 +114,17 @@ def face_tree(surface: Surface) -> igl.AABB:
 def symmetry_under(
     surface: Surface, R: Floats, loads: Sequence[LoadCase], words: str, tree: igl.AABB | None = None
 ) -> Symmetry:
-    """The group of rotations and mirrors R (g, 3, 3) about the centroid, the identity first.
+    """Return the symmetry of rotations and mirrors R (g, 3, 3) about the centroid, the identity first.
 
-    tree : `face_tree` of the surface, where it is at hand.
+    tree : `face_tree` of the surface, if it exists.
 
-    Raises PatternError where the surface, its supports or one of the loads do not have it; `words` name it there.
+    Raises PatternError, with `words` as their name, if the surface, its supports or one of the loads do not have it.
     """
     centre = centroid(surface)
     maps, faces, edge = [csr_array(eye_array(surface.n))], [np.arange(surface.m)], surface.mean_edge
     few = surface.V[:: max(surface.n // GLANCE, 1)]
     tree = tree or face_tree(surface)
-    for g in R[1:]:  # most that have none are seen at a glance
+    for g in R[1:]:  # a sample refuses most surfaces quickly
         off = far_off(surface, tree, (few - centre) @ g.T + centre)
         if off > OFF * edge:
             raise _refused(words, f"the surface is not: its image is up to {off:.3g} m off it")
@@ -157,7 +147,7 @@ def _refused(words: str, what: str) -> PatternError:
 
 
 def _generator(word: str) -> Floats:
-    """(3, 3) the mirror or the rotation that a word names."""
+    """Return the mirror or the rotation (3, 3) that a word names."""
     kind, *rest = word.split(":")
     if kind in ("x", "y", "z") and not rest:
         return np.diag([-1.0 if axis == kind else 1.0 for axis in "xyz"])
@@ -175,7 +165,10 @@ def _generator(word: str) -> Floats:
 
 
 def symmetry_group(words: Sequence[str]) -> Floats:
-    """(g, 3, 3) all products of what the words name, the identity first; raises PatternError for other words."""
+    """Return all products (g, 3, 3) of the named mirrors and rotations, the identity first.
+
+    Raises PatternError for other words.
+    """
     try:
         return generated_group([_generator(word) for word in words])
     except OverflowError:
@@ -183,17 +176,21 @@ def symmetry_group(words: Sequence[str]) -> Floats:
 
 
 def far_off(surface: Surface, tree: igl.AABB, points: Floats) -> float:
-    """The largest distance of points (p, 3) from the surface."""
+    """Return the largest distance of points (p, 3) from the surface."""
     squared = tree.squared_distance(surface.V, surface.F, np.ascontiguousarray(points))[0]
     return float(np.sqrt(squared.max()))
 
 
 def _point_map(surface: Surface, tree: igl.AABB, points: Floats) -> tuple[float, csr_array]:
-    """The largest distance of points (p, 3) from the surface, and (p, n) the interpolation at the nearest ones."""
+    """Return the largest distance of points (p, 3) from the surface, and the interpolation (p, n) at the nearest ones.
+
+    Coordinates within a thousandth of a vertex are on it, because files round them: then fields of a symmetric mesh are
+    equal at all images to the last digit, and so are all decisions by them.
+    """
     squared, face, near = tree.squared_distance(surface.V, surface.F, np.ascontiguousarray(points))
     corner = surface.F[face]
     weight = np.clip(weights_at(near, surface.V, corner), 0, 1)
-    weight[weight < ON_VERTEX] = 0
+    weight[weight < 1e-3] = 0
     weight /= weight.sum(axis=1, keepdims=True)
     rows = np.repeat(np.arange(len(points)), 3)
     T = csr_array((weight.ravel(), (rows, corner.ravel())), shape=(len(points), surface.n))
@@ -202,7 +199,7 @@ def _point_map(surface: Surface, tree: igl.AABB, points: Floats) -> tuple[float,
 
 
 def _check_supports(surface: Surface, found: Symmetry, words: str, load: LoadCase, centre: Floats) -> None:
-    """Held vertices fall on what is held, along the same directions."""
+    """Raise PatternError unless images of held vertices are held, along the same directions."""
     kinds, kind = np.unique(load.fixed, axis=0, return_inverse=True)
     for R in found.R[1:]:
         for i, holds in enumerate(kinds):
@@ -224,14 +221,16 @@ def _axes(holds: Bools) -> str:
 
 
 def _distance(points: Floats, surface: Surface, marked: Bools) -> float:
-    """The largest distance of points (p, 3) from the nearest of the marked vertices."""
+    """Return the largest distance of points (p, 3) from the nearest of the marked vertices."""
     if not marked.any():
         return float("inf")
     return float(nearest(points, surface.V, np.flatnonzero(marked)[:, None]).distance.max())
 
 
 def _check_loads(surface: Surface, found: Symmetry, words: str, force: Floats, centre: Floats) -> None:
-    """The force field is that of its images: smoothed over the mesh's own irregularity, and in its resultants."""
+    """Raise PatternError unless forces equal their images: smoothed because meshes are irregular, and in their
+    resultants.
+    """
     total = float(np.linalg.norm(force, axis=1).sum())
     arm = surface.V - centre
     for R, T in zip(found.R[1:], found.maps[1:], strict=True):
@@ -244,34 +243,32 @@ def _check_loads(surface: Surface, found: Symmetry, words: str, force: Floats, c
             raise _refused(words, f"the loads are not: {min(off / 2, 1):.0%} of them lie elsewhere")
 
 
-def _smoothed(surface: Surface, force: Floats) -> Floats:
-    """Forces (n, 3) handed to neighbours a few times; their sum stays."""
+def _smoothed(surface: Surface, force: Floats, rounds: int = 6) -> Floats:
+    """Return forces (n, 3) averaged over neighbours, by default over about two edges; their sum is unchanged."""
     ends, n = surface.edges.ends, surface.n
     share = 0.5 / np.maximum(np.bincount(ends.ravel(), minlength=n), 1)
     i, j = np.concatenate([ends, ends[:, ::-1]]).T
     half = csr_array((share[j], (i, j)), shape=(n, n))
-    for _ in range(SMOOTHING):
+    for _ in range(rounds):
         force = force / 2 + half @ force
     return np.asarray(force)
 
 
 TURNS = (12, 11, 10, 9, 8, 7, 6, 5, 4, 3, 2)
-"""Turns about an axis that are looked for, as parts of a whole one."""
+"""Rotations about an axis that the search tries, as parts of a full one."""
 ROUND = (7, 5)
-"""What is the same after these parts of a turn is taken to be round."""
-AROUND = 200
-"""Of a round surface that mirror is taken that maps vertices best on vertices: so many of the outermost, at least."""
+"""A surface that is symmetric under both of these parts of a rotation counts as round."""
 LENIENT = 1.5
-"""At a glance differences may be this much larger than in the end."""
+"""Factor on all tolerances in quick checks."""
 
 
 def found_symmetry(surface: Surface, axes: Floats, loads: Sequence[LoadCase]) -> Symmetry | None:
-    """The largest group that was found; None where there is no mirror and no turn.
+    """Return the largest symmetry group of a surface with its loads; None without any mirror or rotation.
 
-    axes : (3, 3) orthonormal rows that turn with the surface, its supports and its loads.
+    axes : (3, 3) orthonormal rows that rotate with the surface, its supports and its loads.
 
-    All candidates are looked at in a few points; what is left is looked at everywhere together, and one by one only
-    where that finds a fault.
+    A sample of points checks all candidates. The rest are checked everywhere together, and one by one only after a
+    fault.
     """
     glance = _Glance(surface, tuple(loads))
     generators = [R for R in _candidates(surface, axes, glance) if glance.holds(R)]
@@ -289,14 +286,14 @@ def found_symmetry(surface: Surface, axes: Floats, loads: Sequence[LoadCase]) ->
 
 @dataclass(frozen=True, eq=False)
 class _Glance:
-    """What tells quickly that a surface, its supports or its loads are not symmetric."""
+    """Quick checks that refuse most mirrors and rotations of a surface with its supports and loads."""
 
     surface: Surface
     loads: tuple[LoadCase, ...]
 
     @cached_property
     def centre(self) -> Floats:
-        """(3,) the centroid, metres."""
+        """Centroid (3,), metres."""
         return centroid(self.surface)
 
     @cached_property
@@ -309,19 +306,19 @@ class _Glance:
 
     @cached_property
     def _held(self) -> list[tuple[Floats, cKDTree]]:
-        """Of every load case a few of the held points, and all of them; about the centroid."""
+        """A sample of the held points, and all of them, for every load case; about the centroid."""
         held = [self.surface.V[load.held] - self.centre for load in self.loads]
         return [(x[:: max(len(x) // GLANCE, 1)], cKDTree(x)) for x in held if len(x)]
 
     @cached_property
     def _moments(self) -> list[tuple[Floats, Floats, float]]:
-        """Of every load case the resultant, the first moments (3, 3) and the sum of the forces, N and N m."""
+        """Resultant, first moments (3, 3) and sum of the forces of every load case, N and N m."""
         arm = self.surface.V - self.centre
         forces = [load.force for load in self.loads]
         return [(f.sum(axis=0), arm.T @ f, float(np.linalg.norm(f, axis=1).sum())) for f in forces]
 
     def holds(self, R: Floats) -> bool:
-        """Whether nothing speaks against R."""
+        """Return whether R passes all quick checks."""
         edge = self.surface.mean_edge
         for force, moment, total in self._moments:
             limit = LENIENT * OFF_LOAD[1] * total
@@ -334,12 +331,12 @@ class _Glance:
         return all(float(np.max(held.query(few @ R.T)[0])) < reach for few, held in self._held)
 
     def full(self, group: Floats) -> Symmetry:
-        """The group, looked at everywhere; raises PatternError where it is none."""
+        """Return the group after checks everywhere. Raises PatternError if the surface does not have it."""
         return symmetry_under(self.surface, group, self.loads, "found", self._tree)
 
 
 def _candidates(surface: Surface, axes: Floats, glance: _Glance) -> Iterator[Floats]:
-    """What a group may be generated by."""
+    """Yield possible generators of a group."""
     axis = round_axis(surface, axes)
     if axis is None:
         yield from (mirror(direction) for direction in axes)
@@ -356,27 +353,28 @@ def _candidates(surface: Surface, axes: Floats, glance: _Glance) -> Iterator[Flo
     yield mirror(axis)
 
 
-def _best_mirror(x: Floats, V: Floats, axis: Floats, surface: Surface) -> Floats:
-    """(3,) the normal of the mirror, through one of the farthest points or across it, that suits the mesh best.
+def _best_mirror(x: Floats, V: Floats, axis: Floats, surface: Surface, samples: int = 200) -> Floats:
+    """Return the normal (3,) of the mirror, through one of the farthest points or across it, that suits the mesh best.
 
-    The surface is round, its mesh is not: however it is numbered, of all mirrors the same is taken.
+    The surface is round, its mesh is not: this choice does not depend on the numbering. The best mirror maps vertices
+    best on vertices, by at least this number of outermost `samples`.
     """
     distance = np.linalg.norm(x, axis=1)
-    count = min(AROUND, len(x))
+    count = min(samples, len(x))
     outer = V[distance > np.partition(distance, -count)[-count] - FAR * surface.size]
     near, edge = cKDTree(outer), surface.mean_edge
 
-    normals = far_directions(x, surface.size)[:AROUND]
+    normals = far_directions(x, surface.size)[:samples]
     images = np.concatenate([outer @ mirror(normal).T for normal in normals])
     off = np.square(near.query(images)[0]).reshape(len(normals), -1).sum(axis=1) / edge**2
     on = sum((1 / (1 + np.square(n @ outer.T / edge))).sum(axis=1) for n in (normals, np.cross(axis, normals)))
-    # how far images are from vertices; of those that fit alike that is best with the most vertices on it
+    # rank by distance of images from vertices, then by the number of vertices on the mirror
     fits = zip(np.round(off, 6).tolist(), (-np.round(on, 6)).tolist(), range(len(normals)), strict=True)
     return np.asarray(normals[min(fits)[2]])
 
 
 def _turn(axis: Floats, parts: int) -> Floats:
-    """(3, 3) a rotation by a part of a whole turn [Rodrigues 1840]."""
+    """Return the rotation (3, 3) by a part of a full one [Rodrigues 1840]."""
     angle = 2 * np.pi / parts
     x, y, z = axis
     across = np.array([[0, -z, y], [z, 0, -x], [-y, x, 0]])

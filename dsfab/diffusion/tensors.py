@@ -11,18 +11,17 @@ from dsfab.core.arrays import Bools, Floats, lock
 from dsfab.surface import Surface
 from dsfab.surface.fields import assemble, hat_gradients, tangents
 
-UNSTRESSED = 1e-3
-"""A middle surface with less than this share of the stress of the sides leaves nothing to follow."""
-
 
 def layer_stress(surface: Surface, membrane: Floats, bending: Floats) -> Floats:
-    """(m, 3, 3) Pa, symmetric and tangent: along two axes of least shear the root mean square of the layers' stress.
+    """Return the root mean square of the layers' stress along two axes of least shear, (m, 3, 3) Pa, symmetric and
+    tangent.
 
     membrane : (m, 3, 3) stress of the middle surface, Pa, tangent to each face.
-    bending  : (m, 3, 3) what bending adds at the bottom, the side that normals point away from, Pa.
+    bending  : (m, 3, 3) stress that bending adds at the bottom, the side that normals point away from, Pa.
 
-    It turns with the surface, scales with the stress and changes sign with it. Normals that point the other way change
-    nothing, but its sign where only bending has one. Faces that do not bend keep their membrane stress to the bit.
+    It rotates with the surface, scales with the stress and changes sign with it. Reversed normals change nothing but
+    its sign, and that only if the middle surface is unstressed. Faces without bending keep their membrane stress to the
+    bit.
     """
     t = tangents(surface)
     flat, bent = (np.einsum("mai,mij,mbj->mab", t, sigma, t, optimize=True) for sigma in (membrane, bending))
@@ -40,19 +39,21 @@ def layer_stress(surface: Surface, membrane: Floats, bending: Floats) -> Floats:
 
 
 def only_bends(membrane: Floats, bending: Floats) -> bool:
-    """Whether the middle surface is next to free of stress, of arrays of stresses of any shape, Pa."""
-    return float(np.abs(membrane).max()) < UNSTRESSED * float(np.abs(bending).max())
+    """Return whether the middle surface has less than a thousandth of the stress of the sides; arrays of any shape,
+    Pa.
+    """
+    return float(np.abs(membrane).max()) < 1e-3 * float(np.abs(bending).max())
 
 
 def _deviator(planar: Floats) -> Floats:
-    """(m,) complex: half the difference of the normal stresses, and i times the shear stress."""
+    """Return half the difference of the normal stresses, and i times the shear stress, (m,) complex."""
     return np.asarray((planar[:, 0, 0] - planar[:, 1, 1]) / 2 + 1j * planar[:, 0, 1])
 
 
 Labelling = Literal["signed", "magnitude"]
 
 ISOTROPY = 0.02
-"""Faces whose two principal stresses differ by less than this share count as isotropic."""
+"""Least relative difference of two principal stresses for a direction; with less a face is isotropic."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -61,7 +62,7 @@ class DiffusionTensors:
 
     major     : (m, 3, 3) r along the primary direction: the major stripes run along it.
     minor     : (m, 3, 3) r along the secondary direction.
-    isotropic : (m,) faces where neither direction is preferred.
+    isotropic : (m,) faces without a preferred direction.
     principal : (m, 2) primary and secondary principal stress, Pa (times gamma).
     """
 
@@ -85,18 +86,18 @@ def diffusion_tensors(
     labelling: Labelling = "signed",
     isotropy: float = ISOTROPY,
 ) -> DiffusionTensors:
-    """Paper, section 3.3: keep the principal directions, replace the principal stresses by r and 1.
+    """Return tensors with the principal directions of the stress and eigenvalues r and 1 (paper, section 3.3).
 
     sigma     : (m, 3, 3) stress, Pa, tangent to the faces.
     r         : anisotropy, >= 1; 1 gives the Laplacian.
     gamma     : the paper's force magnitude: scales the stress before it is classified (statics are linear).
     labelling : `signed`, primary = algebraically larger (tension); `magnitude`, primary = larger absolute value (the
-                paper). On a sphere pressed at its pole meridian compression equals hoop tension in magnitude nearly
-                everywhere, so there `magnitude` leaves the labels to rounding and the structure falls apart. Of a
+                paper). On a sphere pressed at its pole, meridian compression and hoop tension have almost equal
+                magnitudes, so that rounding decides the labels of `magnitude`, and the structure falls apart. Of a
                 `combined_stress`, which is nowhere negative, both choose the larger value.
     isotropy  : tolerance of the classification, against a reference stress (RMS of the principal stresses over the
-                area, without gamma): `signed` gamma (s1 - s2) <= isotropy ref; `magnitude`
-                (gamma |s1| + eps) / (gamma |s2| + eps) <= 1 + isotropy with eps = isotropy ref.
+                area, without gamma): `signed` gamma (s1 - s2) <= isotropy ref; `magnitude` (gamma |s1| + eps) / (gamma
+                |s2| + eps) <= 1 + isotropy with eps = isotropy ref.
     """
     stress, direction = principal_stresses(surface, sigma)
     if labelling == "magnitude":
@@ -113,16 +114,15 @@ def diffusion_tensors(
 
 
 def combined_stress(surface: Surface, stresses: Sequence[Floats], weights: Sequence[float]) -> Floats:
-    """Several load cases as one tensor (m, 3, 3), Pa: the sum of weight |sigma|, |sigma| = sum |s_i| e_i e_i^T.
+    """Combine load cases to one tensor (m, 3, 3), Pa: the sum of weight |sigma|, |sigma| = sum |s_i| e_i e_i^T.
 
     stresses : (m, 3, 3) each, Pa, tangent to the faces.     weights : one for each, 0 or more.
 
-    A direction counts by how much any case stresses it, in tension or compression: cases of opposite sign (wind from
-    two sides) add up where a sum of the stresses would cancel. Cases are not normalised: of two loads the larger one
-    stresses more and counts more, as it does for a structure that must carry both; weights say otherwise. Both
-    principal values are 0 or more, so that `signed` and `magnitude` order them alike. What sizes cannot tell is a
-    direction where tension and compression are equal (pure shear): there |sigma| prefers none, and faces around it
-    change their label. A single case is therefore better followed by its own stress.
+    A direction counts by its stress in any case, tension or compression: cases of opposite sign (wind from two sides)
+    add up, whereas a sum of the stresses would cancel. Cases are not normalised, so that a larger load counts more
+    unless weights differ. Both principal values are 0 or more, so that `signed` and `magnitude` order them alike. In
+    pure shear tension and compression are equal: |sigma| prefers no direction, and faces around it change their label.
+    A single case is therefore better followed by its own stress.
     """
     total = np.zeros((surface.m, 3, 3))
     for sigma, weight in zip(stresses, weights, strict=True):
@@ -132,7 +132,9 @@ def combined_stress(surface: Surface, stresses: Sequence[Floats], weights: Seque
 
 
 def principal_stresses(surface: Surface, sigma: Floats) -> tuple[Floats, Floats]:
-    """(m, 2) principal stresses in each face's plane, the larger first, and directions (m, 2, 3): Mohr's circle."""
+    """Return principal stresses (m, 2) in each face's plane, the larger first, and directions (m, 2, 3): Mohr's
+    circle.
+    """
     t = tangents(surface)
     planar = np.einsum("mai,mij,mbj->mab", t, sigma, t, optimize=True)
     xx, yy, xy = planar[:, 0, 0], planar[:, 1, 1], planar[:, 0, 1]
@@ -152,7 +154,7 @@ def _isotropic(stress: Floats, labelling: Labelling, tolerance: float, reference
 
 
 def diffusion_operator(surface: Surface, D: Floats) -> csr_array:
-    """Weak form of -div(D grad), paper eq. 5, on linear hats with one tensor per face [Andreux et al. 2014].
+    """Return the weak form of -div(D grad), paper eq. 5, on linear hats with a tensor per face [Andreux et al. 2014].
 
     D : (m, 3, 3) symmetric, positive on each face's plane, dimensionless; it acts on gradients.
     Returns L : (n, n) symmetric positive semidefinite, rows sum to zero; for D = I the cotangent Laplacian.

@@ -1,4 +1,4 @@
-"""From a solid to a file: millimetres, the unit written into it, read back by another reader before it has its name."""
+"""Write solids and sheets to files in millimetres; a second reader checks each file before it takes its name."""
 
 from dsfab.export.cad.rhino import mesh_arrays, mesh_json, polyline_json
 from dsfab.export.cad.rhino import ready as require_rhino

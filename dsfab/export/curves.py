@@ -13,34 +13,29 @@ from dsfab.core.errors import ExportError
 from dsfab.core.limits import READ_BACK
 from dsfab.export.part import Part
 from dsfab.export.readback import ReadBack, differs
-from dsfab.export.splines import LeastSquares, Spline, hats_within
+from dsfab.export.splines import SAMPLES_PER_SPAN, LeastSquares, Spline, hats_within
 from dsfab.surface import polyline_length
-
-SAMPLES_PER_SPAN = 6
-"""Fewest samples of the polyline for each span of a spline; with fewer, splines swing between them."""
 
 KNOT_DIGITS = 4
 """Decimals of knots, which are millimetres along the polyline."""
 
-DENSER = 4
-"""Times as many points as samples are asked how far the spline is off."""
 
 AT_ONCE = 5_000
-"""Samples of the lines that go together: their hats and points stay in a processor's own memory."""
+"""Samples of one batch of lines; the processor's cache holds their hats and points."""
 
 THIRDS = np.arange(4) / 3
 POWERS = np.linalg.inv(THIRDS[:, None] ** np.arange(4))
-"""Of a cubic's values at thirds of a span: the factors of 1, x, x^2 and x^3, x from 0 to 1."""
+"""Matrix from a cubic's values at thirds of a span to its factors of 1, x, x^2 and x^3, x from 0 to 1."""
 
 Refined = tuple[Floats, Floats, int, float]
-"""Knots, poles, degree, and the largest distance."""
+"""Knots, poles, degree, and the largest distance from the polyline."""
 
 
 @dataclass(frozen=True, eq=False)
 class SampledLine:
-    """A polyline (k, d), the lengths along it (k,), its rounded whole length, and how many samples are taken of it.
+    """A polyline (k, d) with the lengths along it (k,), its total length rounded to 1e-4 mm, and a number of samples.
 
-    smooth : it is closed, and its spline leaves as it arrives.
+    smooth : the line is closed, and its spline has the same tangent at both ends.
     """
 
     line: Floats
@@ -51,38 +46,39 @@ class SampledLine:
 
     @classmethod
     def of(cls, line: Floats, smooth: bool) -> Self:
-        """With as many samples as the first try takes."""
+        """Return the polyline (k, d) with the number of samples for the first attempt."""
         length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
         total = float(np.round(length[-1], KNOT_DIGITS))
         return cls(line, length, total, max(8 * len(line), 16 * SAMPLES_PER_SPAN), smooth)
 
     @property
     def bow(self) -> float:
-        """The farthest that it is off the line between its ends, at the same share of the length."""
+        """Largest distance from the chord between the ends, at equal shares of the length."""
         share, first, last = self.length / self.length[-1], self.line[0], self.line[-1]
         return float(np.linalg.norm(self.line - first - share[:, None] * (last - first), axis=1).max())
 
     @cached_property
     def at(self) -> Floats:
-        """(count + 1,) lengths at which its samples are."""
+        """(k + 1,) lengths of the k + 1 samples along the line."""
         return np.asarray(np.arange(self.count + 1) / self.count * self.total)
 
     @cached_property
     def samples(self) -> Floats:
-        """(count + 1, d) points of it."""
+        """(k + 1, d) points of the samples."""
         return np.stack(self._on(np.arange(self.count + 1) / self.count), axis=1)
 
     @cached_property
     def asked(self) -> tuple[Floats, list[Floats]]:
-        """(q,) ascending lengths at which the spline is asked, many and those of the vertices; and d times (q,), the
-        polyline's points there."""
-        finer = DENSER * self.count
+        """(q,) ascending lengths at which the spline is compared with the line, and d arrays (q,) of the line's
+        coordinates.
+        """
+        finer = 4 * self.count
         share = np.union1d(np.arange(finer + 1) / finer, self.length / self.length[-1])
         return share * self.total, self._on(share)
 
     @property
     def breaks(self) -> Floats:
-        """Where spans begin and end at first."""
+        """(s,) ends of the first spans: one span, or two for a smooth line."""
         return np.array([0.0, self.total / 2, self.total] if self.smooth else [0.0, self.total])
 
     def _on(self, share: Floats) -> list[Floats]:
@@ -90,8 +86,10 @@ class SampledLine:
 
 
 def refined(runs: Sequence[SampledLine], tolerance: float) -> list[Refined | None]:
-    """For each line the spline from its samples, its spans halved until it is near enough; None if that takes more
-    samples."""
+    """Fit a spline to each line: halve its spans until the spline is within the tolerance.
+
+    A result is None if the tolerance needs more samples than the line has.
+    """
     found: list[Refined | None] = [None] * len(runs)
     for batch in _batches(runs):
         breaks = {k: runs[k].breaks for k in batch}
@@ -112,7 +110,6 @@ def refined(runs: Sequence[SampledLine], tolerance: float) -> list[Refined | Non
 
 
 def _batches(runs: Sequence[SampledLine]) -> Iterator[list[int]]:
-    """Numbers of lines that go together."""
     batch, size = list[int](), 0
     for k, run in enumerate(runs):
         if batch and (size + run.count > AT_ONCE or run.line.shape[1] != runs[batch[0]].line.shape[1]):
@@ -125,7 +122,7 @@ def _batches(runs: Sequence[SampledLine]) -> Iterator[list[int]]:
 
 
 class _Rows:
-    """Lines one after another: their splines have these breaks."""
+    """Cubic splines along several lines, with given span ends, solved in one system."""
 
     def __init__(self, runs: list[SampledLine], breaks: list[Floats]) -> None:
         self.runs, self.breaks = runs, breaks
@@ -138,7 +135,6 @@ class _Rows:
         self.ends = list(zip(self.first_pole[:-1].tolist(), self.first_pole[1:].tolist(), strict=True))
 
     def _spans(self, at: Sequence[Floats]) -> Ints:
-        """How many of ascending lengths along each line are in each span, line after line."""
         found = list[Ints]()
         for x, own in zip(at, self.breaks, strict=True):
             many = x.searchsorted(own[1:])
@@ -148,7 +144,9 @@ class _Rows:
         return np.concatenate(found)
 
     def _hats(self, x: Floats, many: Ints) -> tuple[Floats, Ints]:
-        """(4, k) the hats at lengths x (k,), so many to each span, and the first of these among all poles (k,)."""
+        """(4, k) hats at lengths x (k,), `many` of them in each span, and (k,) the first of each four among all
+        poles.
+        """
         spans = np.array([len(at) - 1 for at in self.breaks])
         row, own = np.repeat(np.arange(len(spans)), spans), np.arange(spans.sum())
         own -= np.repeat(np.cumsum(spans) - spans, spans)
@@ -156,9 +154,9 @@ class _Rows:
         return values, np.repeat(own + self.first_pole[row], many)
 
     def poles(self) -> Floats:
-        """(n, d) of the cubic splines nearest to the samples, whose ends are the first and the last of these.
+        """(n, d) poles of the least-squares cubic splines, which begin and end at the first and last samples.
 
-        Smooth ones: the derivatives at both ends are one unknown vector d: pole 1 is pole 0 + a d, the last but one is
+        Smooth lines share one unknown tangent d at both ends: pole 1 is pole 0 + a d, the last but one is
         the last - b d, with a and b a third of the first and the last span.
         """
         at = [run.at for run in self.runs]
@@ -177,8 +175,9 @@ class _Rows:
         return self._smoothed(system, poles, points, tangent) if tangent.any() else poles
 
     def _smoothed(self, system: LeastSquares, poles: Floats, points: Floats, tangent: Floats) -> Floats:
-        """d joins the first poles with the last ones, outside of the band: it is taken out of the others, and solved
-        for."""
+        """Add the shared tangent d of each smooth line. It couples the first and last poles outside of the band, so it
+        is eliminated from the system and solved alone.
+        """
         free = tangent - system.solved(system.sums(system.at_samples(tangent)))
         along, off = system.at_samples(free), points - system.at_samples(poles)
         poles, end = poles.copy(), np.cumsum([run.count + 1 for run in self.runs])
@@ -189,7 +188,7 @@ class _Rows:
         return poles
 
     def off(self, poles: Floats) -> list[Floats]:
-        """For each line and each of its spans how far it is off, at most."""
+        """Largest distances of the spans of each line, poles (n, d)."""
         begin, wide = (
             np.concatenate([at[:-1] for at in self.breaks]),
             np.concatenate([at[1:] - at[:-1] for at in self.breaks]),
@@ -211,37 +210,35 @@ class _Rows:
 
 
 SHARP = np.deg2rad(30.0)
-"""An outline that turns by more than this at a vertex has a corner there."""
+"""An outline has a corner where it turns by more than this (radians)."""
 
-MOST_SAMPLES = 50_000
-"""Samples of one polyline; a tolerance that would need more is not met by a spline."""
 
 SPANS = 4
-"""Spans of an edge of a plane face. The plain rule for volumes, which most programs take, has a few points on each
-edge, however many spans that has: openings with edges of 6 to 40 spans made a plate's volume .1 to .5 % wrong. With at
-most 4 it is right to 6e-5."""
+"""Most spans of one edge of a plane face. CAD programs integrate volumes with a few points on each edge, however many
+spans it has. Openings with edges of 6 to 40 spans changed a plate's volume by 0.1 to 0.5 %; 4 spans keep it to 6e-5.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class Curve(Spline):
     """A line or a cubic in the plane or in space; knots and poles in millimetres.
 
-    deviation : largest distance between points of the curve and of the polyline at the same share of the length.
+    deviation : largest distance between points of the curve and of the polyline at equal shares of the length.
     """
 
     deviation: float
 
     @property
     def straight(self) -> bool:
-        """Whether it is a line."""
+        """True for a line."""
         return self.degree == 1
 
 
 def curves_through(loop: Floats, corner: Bools, tolerance: float) -> list[Curve] | None:
-    """The closed polyline `loop` (k, 2) as a chain of at least two curves, or None where a spline misses the tolerance.
+    """Fit a chain of at least two curves to the closed polyline `loop` (k, 2); None if a spline misses the tolerance.
 
-    corner : (k,) vertices where one curve ends and the next begins; sharp turns are added to them. A loop with one
-             corner or none has a curve that is cut in two, smoothly: it closes where the loop starts.
+    corner : (k,) vertices between two curves; sharp turns are added. A loop with at most one corner has one smooth
+             curve, which is split in two.
     """
     at = np.flatnonzero(corner | (np.abs(turning(loop)) > SHARP))
     if len(at) > 1:
@@ -255,7 +252,7 @@ def curves_through(loop: Floats, corner: Bools, tolerance: float) -> list[Curve]
 
 
 def turning(loop: Floats) -> Floats:
-    """(k,) angle by which a closed polyline (k, 2) turns at its vertices, counter-clockwise positive."""
+    """(k,) turning angles (radians) at the vertices of a closed polyline (k, 2); counter-clockwise is positive."""
     before, after = loop - np.roll(loop, 1, axis=0), np.roll(loop, -1, axis=0) - loop
     across = before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0]
     return np.asarray(np.arctan2(across, np.einsum("ki,ki->k", before, after)))
@@ -263,24 +260,26 @@ def turning(loop: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Polyline:
-    """What a curve goes along: points (k, 2) or (k, 3), and the most samples that it may take.
+    """Input of a curve fit: points (k, 2) or (k, 3), and the largest number of samples of the fit.
 
-    smooth : it is closed, and its curve leaves as it arrives.
+    smooth : the line is closed, and its curve has the same tangent at both ends.
     """
 
     points: Floats
     smooth: bool = False
-    most: int = MOST_SAMPLES
+    most: int = 50_000
 
 
 def fitted(line: Floats, tolerance: float, smooth: bool = False) -> Curve | None:
-    """One curve along the polyline (k, 2) or (k, 3), or None where that would take too many samples."""
+    """Fit one curve to the polyline (k, 2) or (k, 3); None if that needs too many samples."""
     return all_fitted([Polyline(line, smooth)], tolerance)[0]
 
 
 def all_fitted(lines: Sequence[Polyline], tolerance: float) -> list[Curve | None]:
-    """One curve along each polyline, or None where that would take more samples than it may. Thousands of lines at
-    once take a sixth of the time that they take one by one."""
+    """Fit one curve to each polyline; None if that needs more samples than the line allows.
+
+    One call with thousands of lines takes a sixth of the time of single calls.
+    """
     found: list[Curve | None] = [None] * len(lines)
     open_runs = dict[int, SampledLine]()
     for k, line in enumerate(lines):
@@ -305,12 +304,12 @@ def all_fitted(lines: Sequence[Polyline], tolerance: float) -> list[Curve | None
 
 
 def halves(curve: Curve) -> list[Curve]:
-    """A spline cut near the middle of its parameters: the same points, in two curves."""
+    """Split a spline near the middle of its parameters into two curves with the same points."""
     return _cut(curve, float(np.round((curve.knots[0] + curve.knots[-1]) / 2, KNOT_DIGITS)))
 
 
 def of_few_spans(curve: Curve) -> list[Curve]:
-    """A curve cut at its knots into curves of at most `SPANS` spans: the same points."""
+    """Split a curve at its knots into curves of at most `SPANS` spans with the same points."""
     breaks, found = np.unique(curve.knots), [curve]
     count = -(-(len(breaks) - 1) // SPANS)
     for at in np.round(np.arange(1, count) * (len(breaks) - 1) / count).astype(int):
@@ -319,7 +318,6 @@ def of_few_spans(curve: Curve) -> list[Curve]:
 
 
 def _cut(curve: Curve, at: float) -> list[Curve]:
-    """What is before a parameter, and what is after it."""
     from scipy.interpolate import BSpline
 
     spline = BSpline(curve.knots, curve.poles, curve.degree)
@@ -337,40 +335,37 @@ def _cut(curve: Curve, at: float) -> list[Curve]:
 
 
 CLOSEST = 1e-3
-"""Millimetres: curves are not asked to be nearer than this when the lines are exact."""
+"""Least tolerance of curves along exact lines (mm)."""
 
 SAMPLES_PER_POINT, FEWEST_SAMPLES = 32, 400
 """A spline that would take more samples than this has more poles than the polyline has points, and takes long."""
 
-PER_SPAN = 16
-"""Points of a span when a curve is measured: its length is then right to 1e-4 where it turns by less than a radian."""
-
 
 REMEMBERED = 4096
-"""Lines whose curves are remembered: the next format of the same design holds the same ones."""
+"""Largest number of lines in the cache of curves: the next format of the same design needs the same curves."""
 
 
 def within(part: Part) -> float:
-    """Millimetres that the curves of a part may be off its lines."""
+    """Tolerance of the curves along a part's lines (mm)."""
     return max(part.details.tolerance, CLOSEST)
 
 
 def chains(part: Part) -> list[list[Curve]]:
-    """The curves along each line of a part."""
+    """Return the curves along each line of a part."""
     return all_curves_along([line.points for line in part.details.lines], within(part))
 
 
 def curves_along(points: Floats, tolerance: float) -> list[Curve]:
-    """A polyline (k, 3) as curves within `tolerance`, millimetres, that begin and end at its sharp turns.
+    """Fit curves to a polyline (k, 3) within `tolerance` (mm); they begin and end at its sharp turns.
 
-    A closed line without corners is one curve, which leaves as it arrives. Where no spline follows so closely, the
-    polyline's own segments.
+    A closed line without corners becomes one smooth curve. The result has the polyline's own segments where no spline
+    meets the tolerance.
     """
     return all_curves_along([points], tolerance)[0]
 
 
 def all_curves_along(lines: Sequence[Floats], tolerance: float) -> list[list[Curve]]:
-    """`curves_along` for each polyline; those that are not remembered are made together."""
+    """Apply `curves_along` to each polyline (k, 3); one fit covers all lines that the cache does not have."""
     lines = [np.ascontiguousarray(points, dtype=np.float64) for points in lines]
     keys = [(points.tobytes(), points.shape, tolerance) for points in lines]
     found = {key: _remembered[key] for key in keys if key in _remembered}
@@ -388,7 +383,7 @@ def all_curves_along(lines: Sequence[Floats], tolerance: float) -> list[list[Cur
 
 Key = tuple[bytes, tuple[int, ...], float]
 _remembered = dict[Key, tuple[Curve, ...]]()
-"""The curves of a line within a tolerance, those asked for last at its end."""
+"""Curves by line and tolerance; the latest are at the end."""
 
 
 def _remember(found: Mapping[Key, tuple[Curve, ...]]) -> None:
@@ -400,7 +395,6 @@ def _remember(found: Mapping[Key, tuple[Curve, ...]]) -> None:
 
 
 def _runs(points: Floats) -> Iterator[Polyline]:
-    """The parts of a polyline between its sharp turns."""
     closed = len(points) > 2 and bool((points[0] == points[-1]).all())
     at = np.flatnonzero(_sharp(points, closed))
     smooth = closed and not len(at)
@@ -412,7 +406,6 @@ def _runs(points: Floats) -> Iterator[Polyline]:
 
 
 def _sharp(points: Floats, closed: bool) -> Bools:
-    """(k,) vertices of a polyline in space where it turns by more than SHARP; of a closed one perhaps the first too."""
     along = np.diff(points, axis=0)
     along = along / np.maximum(np.linalg.norm(along, axis=1, keepdims=True), 1e-300)
     before = along[-1:] if closed else along[:1]
@@ -427,7 +420,7 @@ def _segments(points: Floats) -> list[Curve]:
 
 
 def joined(chain: list[Curve]) -> list[Curve | Floats]:
-    """Curves in their order: splines as they are, and neighbouring straight ones as the points (k, 3) of a polyline."""
+    """Merge neighbouring straight curves of a chain into polylines (k, 3); splines stay as they are."""
     found = list[Curve | Floats]()
     for straight, group in groupby(chain, key=lambda curve: curve.straight):
         run = list(group)
@@ -435,18 +428,22 @@ def joined(chain: list[Curve]) -> list[Curve | Floats]:
     return found
 
 
-def sampled(knots: Floats) -> Floats:
-    """(k,) ascending parameters from end to end of a curve, PER_SPAN to a span between its knots (p,)."""
+def sampled(knots: Floats, per_span: int = 16) -> Floats:
+    """(k,) ascending parameters along a curve with knots (p,), `per_span` in each span.
+
+    Lengths along 16 points are right to 1e-4 where a span turns by less than a radian.
+    """
     breaks = np.unique(knots)
-    inner = breaks[:-1, None] + np.diff(breaks)[:, None] * (np.arange(PER_SPAN) / PER_SPAN)
+    inner = breaks[:-1, None] + np.diff(breaks)[:, None] * (np.arange(per_span) / per_span)
     return np.append(inner.ravel(), breaks[-1])
 
 
 def check_curves(part: Part, found: Mapping[str, Sequence[Floats]]) -> ReadBack:
-    """What was found; raises ExportError unless the lines of a part, and no other, were found as curves.
+    """Check the curves that a reader found in a file against the lines of a part.
 
-    found : for each id, the curves that make up the line, as points (k, 3) along them, millimetres. Together they must
-            be as long as the lines, to the tolerance at their bends, and each line must lie where it belongs.
+    found : by line id, points (k, 3) along each curve of the line (mm).
+    The length of all curves must agree within the tolerance of bends, and each line must have its place.
+    Raises ExportError for a difference.
     """
     lines = {line.id: line.points for line in part.details.lines}
     if found.keys() != lines.keys():
@@ -463,8 +460,7 @@ def check_curves(part: Part, found: Mapping[str, Sequence[Floats]]) -> ReadBack:
 
 
 def check_length(part: Part, found: float) -> float:
-    """The share that `found` is off; raises ExportError unless it is the length of all lines, mm, to the tolerance at
-    their bends."""
+    """Return the relative error of a length (mm); raises ExportError unless it is that of all lines."""
     expected = sum(polyline_length(line.points) for line in part.details.lines)
     if not abs(found - expected) <= 5 * READ_BACK * expected:
         raise ExportError(

@@ -1,4 +1,4 @@
-"""The formats, one line each, and `write`: the one way a solid or a sheet becomes a file."""
+"""The formats, one entry each, and `write`, which turns a solid or a sheet into a file."""
 
 import difflib
 import time
@@ -30,8 +30,11 @@ Takes = Literal["mesh", "lines", "both", "fields", "members", "bodies", "forces"
 
 @dataclass(frozen=True)
 class Format:
-    """prepare: the part as the file will hold it. encode: its bytes. check: what is read back; ExportError if that is
-    something else."""
+    """A format of files.
+
+    prepare : returns the part with the format's rounding.    encode : returns the bytes.
+    check   : reads the file back; raises ExportError if the content differs.
+    """
 
     prepare: Callable[[Part], Part]
     encode: Callable[[Part], Iterator[bytes]]
@@ -39,24 +42,29 @@ class Format:
     sheets: bool
     """Whether the format can hold an open sheet."""
     attempts: Callable[[Part], Iterable[Part | ExportError]] = lambda part: (part,)
-    """The part in the ways to write it, the best first: the next is tried when one is refused. Or a refusal, of a way
-    that need not be tried."""
+    """Alternatives of the part, the best first; `write` takes the first that passes the check. An ExportError in place
+    of a part is an alternative that is refused without a trial.
+    """
     told: Callable[[Part, Sequence[ExportError]], str] = lambda part, refused: ""
-    """A line about the way taken, given why those before it were refused."""
+    """Line about the alternative that `write` took, from the refusals before it."""
     refusal: Callable[[Sequence[ExportError]], ExportError] = lambda refused: refused[-1]
-    """What to raise when all ways were refused."""
+    """The error to raise if `write` refused all alternatives."""
     takes: Takes = "mesh"
-    """What it is for: a mesh; lines on a sheet; a solid and lines; fields on a sheet; its members; these as
-    bodies; its forces; its beam model; what its members bear; or how much of what they can."""
+    """Content: a mesh; lines on a sheet; a solid and lines; fields; members; members as bodies; section forces; the
+    beam model; member forces; or their utilisation.
+    """
     curves: bool = False
-    """Whether it draws lines as smooth curves, and so wants them exact."""
+    """Whether the format needs exact lines because it holds smooth curves."""
     ready: Callable[[], None] = lambda: None
-    """Raises ExportError where a library is missing that the format needs."""
+    """Raises ExportError if a library of the format is not installed."""
 
 
 @dataclass(frozen=True)
 class Written:
-    """A file that was written and read back. size : bytes. seconds : for both, on the clock. found : by its reader."""
+    """A file that was written and read back.
+
+    size : bytes.    seconds : wall time of both steps.    found : content by the second reader.
+    """
 
     path: Path
     size: int
@@ -65,7 +73,7 @@ class Written:
 
     @property
     def told(self) -> str:
-        """'step: 2.23 MB, 1,408 faces, volume error 3e-04, 16 s'."""
+        """Summary: 'step: 2.23 MB, 1,408 faces, volume error 3e-04, 16 s'."""
         seconds = f"{self.seconds:.2g}" if self.seconds < 100 else f"{self.seconds:.0f}"
         return f"{suffix_of(self.path)[1:]}: {self.size / 1e6:.3g} MB, {self.found.told}, {seconds} s"
 
@@ -159,7 +167,7 @@ FORMATS: dict[str, Format] = {
     ),
     saf.SUFFIX: Format(saf.prepare, saf.encode, saf.check, sheets=True, told=saf.told, takes="frame", ready=saf.ready),
 }
-"""The suffixes that `write` knows."""
+"""Formats by suffix."""
 
 
 def write(
@@ -172,21 +180,19 @@ def write(
     note: Callable[[str], None] | None = None,
     report: Callable[[Written], None] | None = None,
 ) -> Path:
-    """Write a solid, or a sheet, in the format that the suffix of `path` names, and read it back; returns the path.
+    """Write a solid or a sheet in the format of the suffix of `path`, read it back, and return the path.
 
-    thing   : metres. Files are in millimetres (.glb in metres, its standard says so) and tell the unit if they can.
-    name    : what the part is called inside the file; the file's own name without suffix if not given.
-    step    : how a STEP file is made, or the word for its route alone.
+    thing   : metres. Files are in millimetres (.glb in metres, as its standard demands) and name the unit if they can.
+    name    : name of the part in the file; by default the file's name without suffix.
+    step    : options of STEP files, or the word for the route alone.
     details : lines, fields and facts, for the formats that hold them.
-    note    : called with a line that says how the STEP file was made, and why not otherwise.
-    report  : called with what was written: size, seconds, triangles or faces, and how far the volume is off.
+    note    : called with a line on the route of a STEP file and the reasons against better routes.
+    report  : called with size, seconds, triangles or faces, and the error of the volume.
 
-    The same thing gives the same bytes. Another reader than the writer must find the same triangles, closed, and the
-    same volume (area of a sheet) to 0.1 %; only then does the file take its name, in one step. After a failure there is
-    no new file, and an older one of that name is as it was.
-    Raises ExportError: unknown suffix, a library that is not installed, a sheet where the format needs a solid, lines
-    where there are none, a shape that the format cannot hold, too many faces for STEP, no permission or space,
-    and a file that reads back different.
+    Equal input gives equal bytes. A second reader must find the same closed triangles and the same volume (area of a
+    sheet) to 0.1 %; then the file takes its name in one step. A failure leaves an older file as it was.
+    Raises ExportError: unknown suffix, a missing library, a sheet where the format needs a solid, no lines, a shape
+    that the format cannot hold, too many faces for STEP, no permission or space, and a file that reads back different.
     """
     begin, path = time.perf_counter(), Path(path)
     form = format_of(path)
@@ -215,7 +221,7 @@ def step_estimates(
     step: StepOptions | Route = "auto",
     details: Details | None = None,
 ) -> tuple[Estimate, ...]:
-    """What each way of writing a solid as STEP would cost; the keywords are those of `write`. Nothing is written."""
+    """Estimate the cost of each route to a STEP file of a solid; keywords as in `write`. No file is written."""
     part = part_of(thing, name)
     if not part.is_solid:
         raise ExportError(f"STEP holds closed solids and {name!r} is an open sheet; thicken it first")
@@ -223,7 +229,6 @@ def step_estimates(
 
 
 def _with_options(part: Part, step: StepOptions | str, details: Details | None) -> Part:
-    """The part with what was asked for; lengths become millimetres."""
     ask = StepOptions(step) if isinstance(step, str) else step
     if ask.route not in strategies.ROUTES:
         raise ExportError(f"step = {ask.route!r} names no way to write STEP; use one of {', '.join(strategies.ROUTES)}")
@@ -241,8 +246,6 @@ def _with_options(part: Part, step: StepOptions | str, details: Details | None) 
 
 
 def _put(form: Format, part: Part, temporary: Path) -> tuple[Part, list[ExportError], ReadBack]:
-    """Write the first way that reads back as it should; returns it, why the ways before it were refused, and what was
-    read."""
     refused = list[ExportError]()
     for attempt in form.attempts(part):
         if isinstance(attempt, ExportError):
@@ -260,14 +263,14 @@ def _put(form: Format, part: Part, temporary: Path) -> tuple[Part, list[ExportEr
 
 
 def suffix_of(path: Path) -> str:
-    """The suffix in small letters, of two words where that names a format: `.lines.step`, and `members.json` alone."""
+    """Return the suffix in lower case; two words if they name a format: `.lines.step`, and `members.json` alone."""
     double = "".join(path.suffixes[-2:]).lower()
     whole = f".{path.name}".lower() if path.suffix else ""
     return next((name for name in (whole, double) if name in FORMATS), path.suffix.lower())
 
 
 def format_of(path: Path) -> Format:
-    """The format that a suffix names, in capitals or not; raises ExportError with the nearest one that exists."""
+    """Return the format of a suffix in any case; raises ExportError that names the most similar suffix."""
     suffix = suffix_of(path)
     if suffix in FORMATS:
         return FORMATS[suffix]

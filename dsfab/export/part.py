@@ -24,11 +24,11 @@ NO_PAIRS.setflags(write=False)
 class DividedSheet(NamedTuple):
     """A sheet divided into charts.
 
-    V, F      : (n', 3) and (m', 3), metres; pieces keep to themselves, no vertex is a pinch.
+    V, F      : (n', 3) and (m', 3), metres; pieces share no vertices.
     D         : (n', 3) half-thickness vectors, metres.
-    chart     : (m',) the chart of each face.
-    half_edge : (k,) the boundary's half-edges, 3 face + corner.
-    family    : (k,) what each of them is an edge of; -1 for the boundary of the uncut surface.
+    chart     : (m',) chart of each face.
+    half_edge : (k,) half-edges of the boundary, 3 face + corner.
+    family    : (k,) field whose edge each of them is; -1 for the boundary of the uncut surface.
     """
 
     V: Floats
@@ -40,12 +40,12 @@ class DividedSheet(NamedTuple):
 
 
 class StripedSheet(NamedTuple):
-    """A sheet divided along all edges of its stripes, those below other stripes too.
+    """A sheet divided along all edges of its stripes, those below other stripes included.
 
     F       : (m, 3) cells, oriented as the uncut surface.
     weights : (n', n) barycentric weights of its vertices on those of the uncut surface.
-    label   : (m,) equal for cells that lie in the same stripes.    loose : (m,) cells that lie in none.
-    seam    : (k, 2) half-edges at one place, in one direction, where a surface with one side only was cut open.
+    label   : (m,) equal for cells of the same stripes.    loose : (m,) cells outside of all stripes.
+    seam    : (k, 2) pairs of half-edges at one place and in one direction, where a one-sided surface was cut open.
     """
 
     F: Ints
@@ -57,15 +57,15 @@ class StripedSheet(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Curved:
-    """A sheet cut from a surface.
+    """The surface of a cut sheet, with functions that divide the sheet.
 
     V, F  : (n, 3) and (m, 3) of the uncut, oriented surface, metres.
     D     : (n, 3) half-thickness vectors on it, metres.
-    shift : by how many D the middle of the sheet lies off the surface: 0, 1 or -1.
-    divided : the sheet, divided along the upper envelope of fields (n, c) on the uncut surface: chart k is where
-              field k is largest.
-    striped : the sheet by its stripes; None where these are not known.
-    twins : (k, 2) vertices at one place, with opposite D, where a surface with one side only was cut open.
+    shift : offset of the sheet's middle from the surface in units of D: 0, 1 or -1.
+    divided : divides the sheet along the upper envelope of fields (n, c) on the uncut surface: chart k is where field k
+              is largest.
+    striped : divides the sheet along its stripes; None if these are unknown.
+    twins : (k, 2) pairs of vertices at one place with opposite D, where a one-sided surface was cut open.
     """
 
     V: Floats
@@ -85,12 +85,12 @@ class Curved:
 
 @dataclass(frozen=True, eq=False)
 class MemberShape:
-    """A closed mesh and the lines of a member, or of one of the parts that it is built of, in metres or millimetres.
+    """A closed mesh and the lines of a member, or of a part of it, in metres or millimetres.
 
-    id    : the member's name.    layer : its family, or what it is: "major", "minor", "rim", "keep", "fill".
+    id    : name of the member.    layer : family or kind: "major", "minor", "rim", "keep", "fill".
     V, F  : (n, 3), (m, 3) the body; triangles counter-clockwise seen from outside.
-    axis  : (k, 3) along its middle; (0, 3) where it has none.
-    edges : (k, 3) closed lines around it on the middle surface, each.
+    axis  : (k, 3) points along its middle; (0, 3) if it has no axis.
+    edges : closed outlines (k, 3) on the middle surface.
     plate : whether it is a plate; else it is long and narrow.
     """
 
@@ -108,34 +108,31 @@ class MemberShape:
         lock(self, "axis", np.float64, (None, 3))
 
     def scaled(self, factor: float) -> "MemberShape":
-        """The same in another unit of length."""
+        """Return the shape in another unit of length."""
         edges = tuple(factor * line for line in self.edges)
         return replace(self, V=factor * self.V, axis=factor * self.axis, edges=edges)
 
 
 STEP_FACES = 30_000
-"""Faces that a STEP file may have unless asked otherwise; `dsfab.export.cad.step.file` has the measurements behind
-it."""
+"""Default limit of the faces of a STEP file; `dsfab.export.cad.step.file` has the measurements."""
 
 Route = Literal["auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated"]
-"""The ways to make a STEP file; compact is another word for smooth."""
+"""Routes to a STEP file; compact is another word for smooth."""
 
 
 @dataclass(frozen=True, eq=False)
 class Details:
-    """What some formats hold besides a mesh; each takes what it can.
+    """Content of a file besides its mesh; each format takes the parts that it can hold.
 
     lines     : edges and centre lines, metres.
-    tolerance : metres that what a file holds may be off the true lines: that `lines` are, or that curves through exact
-                `lines` may be.
-    values    : by name with its SI unit, values at the vertices (n, ...) or in the faces (m, ...) of the mesh.
+    tolerance : largest error of the content (m): of `lines` themselves, or of curves through exact `lines`.
+    values    : by name with SI unit, values at the vertices (n, ...) or in the faces (m, ...) of the mesh.
     facts     : short lines for a title block, or about `values`.
-    measures  : thickness (m), density (kg/m3), young (Pa) and poisson of the material, those that are known.
-    records   : notes, members and nodes, see `dsfab.design.output.records`, in millimetres; or section forces or
-                beams, see `dsfab.design.output.records` and `beam_records`, in SI units; of solids `material`, its
-                name.
+    measures  : thickness (m), density (kg/m3), young (Pa) and poisson of the material, where known.
+    records   : notes, members and nodes in millimetres, or section forces or beams in SI units, see
+                `dsfab.design.output.records`; for solids `material`, its name.
     shapes    : members as bodies, metres.
-    origin    : metres; where the file's origin lies on its site, in the coordinates of a survey (east, north, up).
+    origin    : origin of the file on its site (m), in the coordinates of a survey (east, north, up).
     """
 
     lines: tuple[StructureLine, ...] = ()
@@ -148,7 +145,7 @@ class Details:
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
 
     def scaled(self, factor: float) -> "Details":
-        """The same with `lines`, `shapes` and `tolerance` in another unit of length."""
+        """Return the details with `lines`, `shapes` and `tolerance` in another unit of length."""
         lines = tuple(replace(x, points=factor * x.points, length=factor * x.length) for x in self.lines)
         shapes = tuple(shape.scaled(factor) for shape in self.shapes)
         return replace(self, lines=lines, shapes=shapes, tolerance=factor * self.tolerance)
@@ -156,19 +153,18 @@ class Details:
 
 @dataclass(frozen=True, eq=False)
 class StepOptions:
-    """How a STEP file is made.
+    """Options of a STEP file.
 
-    route     : planar, for flat or folded sheets: lines and splines along the outline; members, for curved ones:
-                four-sided patches that no edge trims, which CAD programs cut and measure as they should; smooth or
-                compact: few skins and ruled walls, the smallest file, which they often fail to cut; faceted: planar
-                faces only; auto takes the first that the solid allows and that stands the check. tessellated: its
-                triangles, for viewers; auto never takes it.
+    route     : planar, for flat or folded sheets: lines and splines along the outline; members, for curved sheets:
+                untrimmed four-sided patches, which CAD programs cut and measure well; smooth or compact: few skins and
+                ruled walls, the smallest file, which CAD programs often fail to cut; faceted: planar faces only; auto:
+                the first that suits the solid and passes the check; tessellated: triangles for viewers, never by auto.
     faces     : largest number of planar faces, counted after coplanar triangles were joined.
-    tolerance : metres that curves may be off the outline, a fortieth of the thickness if 0; and that a faceted solid
-                may be simplified by, which it is not if 0 unless nothing else is accepted.
+    tolerance : largest error of curves along the outline (m), 0: a fortieth of the thickness. A faceted solid is
+                simplified by it; 0: only if no other route is accepted.
     megabytes : largest size of the file in 1e6 bytes; 0 is no limit.
-    corners   : (k, 3) points of a flat sheet's outline, metres, that stay corners even where it turns by little.
-    curved    : makes what smooth STEP needs of the sheet, see `dsfab.export.part`.
+    corners   : (k, 3) points of a flat sheet's outline (m) that stay corners even where it turns by little.
+    curved    : returns the curved sheet for smooth STEP.
     """
 
     route: str = "auto"
@@ -185,22 +181,20 @@ class Part:
 
     V          : (n, 3) vertices, millimetres.
     F          : (m, 3) faces; of a solid, counter-clockwise seen from outside.
-    name       : what a format with names calls it.
+    name       : its name in the file.
     is_solid   : closed, with a volume; otherwise a sheet.
     step_faces : largest number of faces of a STEP file.
-    step       : `auto`, `quick`, `planar`, `members`, `smooth`, `faceted` or `tessellated` (see
-    `dsfab.export.cad.step.file`).
-    tolerance  : millimetres that the curves of a planar STEP file may be off the outline; 0 asks for the default.
+    step       : route of a STEP file, see `StepOptions`.
+    tolerance  : largest error of the curves of a planar STEP file (mm); 0 is the default.
     corners    : (k, 3) points of the outline that those curves must not round, millimetres.
-    details    : lines, fields and facts; its lengths in millimetres too.
+    details    : lines, fields and facts; lengths in millimetres.
     step_mb    : largest size of a STEP file, 1e6 bytes; 0 is no limit.
-    note       : what was done to the mesh on its way here.
-    simpler    : whether that left it with fewer triangles than its solid has.
-    curved     : makes what smooth STEP needs of the sheet; None where only the solid is known.
-    cut        : whether OCCT tries one cut of a smooth file, if that is not too much work.
-    hurry      : where nobody asked for smooth STEP by name, it is given up early, after so many layouts, and not tried
-                 where it has more than so many times the walls that are soon made, nor by members where these have too
-                 many faces; 0 where somebody did.
+    note       : changes of the mesh before it came here.
+    simpler    : whether these left fewer triangles than the solid has.
+    curved     : returns the sheet for smooth STEP; None if only the solid is known.
+    cut        : whether OCCT tries one cut of a smooth file, if that costs little.
+    hurry      : effort limit for smooth STEP that the user did not name: number of layouts, multiple of the walls that
+                 take little time, and limit of faces by members; 0 if the user named the route.
     """
 
     V: Floats
@@ -226,7 +220,7 @@ class Part:
 
     @cached_property
     def box(self) -> Floats:
-        """(2, 3) lowest and highest corner of what the faces use, millimetres."""
+        """(2, 3) lowest and highest corner of the faces, millimetres."""
         return box(self.V, self.F)
 
     @cached_property
@@ -241,10 +235,10 @@ class Part:
 
 
 def part_of(thing: Solid | Surface, name: str, step_faces: int = STEP_FACES) -> Part:
-    """The solid or sheet in millimetres.
+    """Return a solid or sheet as a part in millimetres.
 
     Raises ExportError for a solid that is open or has no volume, and for a mesh without faces or with numbers that are
-    not finite: no format can hold them.
+    not finite, because no format can hold them.
     """
     part = Part(thing.V * MM_PER_M, thing.F, name, isinstance(thing, Solid), step_faces)
     if not len(part.F):
@@ -262,11 +256,10 @@ def part_of(thing: Solid | Surface, name: str, step_faces: int = STEP_FACES) -> 
 
 
 def without_collapsed(part: Part, V: Floats, holding: str) -> Part:
-    """The part on the rounded vertices V (n, 3): edges that lost their length are contracted, with their triangles.
+    """Return the part on rounded vertices V (n, 3); edges without length are contracted together with their triangles.
 
-    Reading programs merge equal points themselves and are left with triangles that have collapsed; some call that a
-    defect and STEP cannot hold it. `holding` says what rounds, for the message.
-    Raises ExportError when the contraction opens the solid, moves its volume by over 0.1 %, or leaves nothing.
+    Readers merge equal points and keep collapsed triangles; STEP cannot hold these. `holding` names the rounding in the
+    message. Raises ExportError if the contraction opens the solid, changes its volume by over 0.1 %, or leaves no face.
     """
     a, b = half_edges(part.F)
     lost = np.flatnonzero((V[a] == V[b]).all(axis=1))
@@ -290,17 +283,19 @@ def without_collapsed(part: Part, V: Floats, holding: str) -> Part:
 
 
 def in_single_precision(part: Part) -> Part:
-    """The part as formats, or readers, with 32-bit numbers hold it; raises ExportError like `without_collapsed`."""
+    """Round the part to 32-bit numbers; raises ExportError like `without_collapsed`."""
     return without_collapsed(part, part.V.astype(np.float32).astype(np.float64), "numbers of single precision")
 
 
 def open_edges(F: Ints) -> int:
-    """Number of edges of F (m, 3) that are not run through equally often both ways; 0 for a closed, oriented mesh."""
+    """Return the number of edges of F (m, 3) whose two directions do not occur equally often; 0 for a closed,
+    oriented mesh.
+    """
     a, b = half_edges(F)
     keys = np.minimum(a, b) * (int(F.max()) + 1) + np.maximum(a, b)
     there, back = (np.sort(keys[way]) for way in (a < b, a > b))
     if np.array_equal(there, back) and len(there) + len(back) == len(keys):
-        return 0  # the usual answer, in a tenth of the time
+        return 0  # this quick test takes a tenth of the time, and nearly all meshes pass it
     keys, edge = np.unique(keys, return_inverse=True)
     balance = np.bincount(edge, np.where(a < b, 1.0, -1.0), len(keys))
     return int(np.count_nonzero(balance))

@@ -13,10 +13,13 @@ from dsfab.core.limits import READ_BACK
 from dsfab.export.part import MemberShape, Part, in_single_precision, open_edges
 from dsfab.surface import box, polyline_length, signed_volume, total_area
 
+NUMBERS_READ_BACK = 1e-9
+"""Numbers of 10 digits or more that are read back may differ by this share of the largest one."""
+
 
 @dataclass(frozen=True)
 class ReadBack:
-    """What a reader found in a file: how many of `what`, and by what share the measure is off, NaN if nothing was.
+    """Content of a file by its reader: a count of `what`, and the relative error of a measure (NaN without one).
 
     measure : volume of a solid, area of a sheet, length of lines.
     """
@@ -28,20 +31,20 @@ class ReadBack:
 
     @property
     def told(self) -> str:
-        """'1,408 faces, volume error 3e-06'."""
+        """Summary: '1,408 faces, volume error 3e-06'."""
         error = "" if np.isnan(self.off) else f", {self.measure} error {abs(self.off):.0e}".replace("0e+00", "0")
         return f"{self.count:,} {self.what}{error}"
 
 
 _ODD = np.array([0x9E3779B97F4A7C15, 0xC2B2AE3D27D4EB4F, 0x165667B19E3779F9], dtype=np.uint64)
-"""Odd numbers without a pattern, one per coordinate: products keep what differs."""
+"""Odd numbers without a pattern, one per coordinate, so that products of different bits differ."""
 
 
 def read_with_igl(path: Path) -> tuple[Floats, Ints]:
-    """Vertices (n, 3) and faces (m, 3) of an STL or PLY file as they are in it, nothing merged or dropped.
+    """Read vertices (n, 3) and faces (m, 3) of an STL or PLY file unchanged.
 
-    Importing trimesh, which finds the same, takes half a second. It reads what lies where libigl may not look: names of
-    files beyond ASCII are not the same to all systems. Raises ExportError for a file that is no such mesh.
+    libigl saves the half second of importing trimesh. trimesh reads paths beyond ASCII, because libigl cannot open
+    them on every system. Raises ExportError for a file that is no such mesh.
     """
     if not str(path).isascii():
         return read_with_trimesh(path)
@@ -57,7 +60,7 @@ def read_with_igl(path: Path) -> tuple[Floats, Ints]:
 
 
 def read_with_trimesh(path: Path) -> tuple[Floats, Ints]:
-    """Vertices (n, 3) and faces (m, 3) as they are in the file, nothing merged or dropped.
+    """Read vertices (n, 3) and faces (m, 3) of a file unchanged.
 
     Raises ExportError for a file that is no such mesh.
     """
@@ -65,14 +68,16 @@ def read_with_trimesh(path: Path) -> tuple[Floats, Ints]:
 
     try:
         mesh = trimesh.load_mesh(path, process=False)
-    except (ValueError, LookupError, TypeError) as error:  # of a file that ends too early
+    except (ValueError, LookupError, TypeError) as error:  # the file ends too early
         raise ExportError(f"{path.name} does not read back: {error}; free some space or write another format") from None
     return np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64)
 
 
 def check_mesh(part: Part, V: Floats, F: Ints) -> ReadBack:
-    """What was found; raises ExportError unless V (n, 3), millimetres, and F (m, 3) have the part's triangles, box
-    and volume and is closed."""
+    """Check a mesh V (n, 3), in millimetres, F (m, 3) against the part: triangles, box, volume; a solid must be closed.
+
+    Raises ExportError for a difference.
+    """
     if len(F) != len(part.F):
         raise differs(part, "triangles", len(part.F), len(F))
     used, kept = (int(np.count_nonzero(np.bincount(faces.ravel()))) for faces in (F, part.F))
@@ -91,8 +96,7 @@ def check_mesh(part: Part, V: Floats, F: Ints) -> ReadBack:
 
 
 def check_measure(part: Part, found: float) -> float:
-    """The share that `found` is off; raises ExportError unless it is the volume (mm3) of a solid or the area (mm2) of a
-    sheet, to 0.1 %."""
+    """Return the relative error of a volume (mm3) or area (mm2); raises ExportError if it is over 0.1 %."""
     what, unit, expected = ("volume", "mm3", part.volume) if part.is_solid else ("area", "mm2", part.area)
     if not abs(found - expected) <= READ_BACK * abs(expected):
         raise ExportError(
@@ -103,7 +107,7 @@ def check_measure(part: Part, found: float) -> float:
 
 
 def check_lines(part: Part, found: Sequence[Floats]) -> ReadBack:
-    """What was found; raises ExportError unless as many polylines (k, 3) were found, as long together to 0.1 %."""
+    """Check polylines (k, 3) against the part's lines: equal number, equal total length to 0.1 %; else ExportError."""
     lines = part.details.lines
     if len(found) != len(lines):
         raise differs(part, "lines", len(lines), len(found))
@@ -117,28 +121,28 @@ def check_lines(part: Part, found: Sequence[Floats]) -> ReadBack:
 
 
 def with_lines(part: Part, format_name: str) -> Part:
-    """The part itself; raises ExportError if it has no lines, and so nothing for such a file."""
+    """Return the part itself; raises ExportError if it has no lines for the file."""
     if not part.details.lines:
         raise ExportError(f"a {format_name} file holds lines and {part.name!r} comes with none; give write() details")
     return part
 
 
 def differs(part: Part, what: str, expected: int, found: int) -> ExportError:
-    """The error for a count that came back different."""
+    """Return the error for a count that reads back different."""
     return ExportError(f"{part.name!r} reads back with {found} {what} instead of {expected}; write another format")
 
 
 def merged_mesh(V: Floats, F: Ints) -> tuple[Floats, Ints]:
-    """The mesh V (n, 3), F (m, 3) with vertices at exactly equal positions made one."""
+    """Merge vertices of V (n, 3), F (m, 3) at exactly equal positions."""
     points, of = distinct(V)
     return points, of[F]
 
 
 def distinct(rows: Floats) -> tuple[Floats, Ints]:
-    """The different ones among rows of three numbers (k, 3), and the one of each (k,).
+    """Return the different rows among rows of three numbers (k, 3), and the number of each row's twin there (k,).
 
-    They are told apart by a number made of their bits, a sixth of the time of comparing rows. Two that get the same
-    number by chance would show, and are then compared as rows.
+    A hash of the bits identifies a row, in a sixth of the time of comparing rows. After a collision of hashes the rows
+    themselves are compared.
     """
     rows = rows + 0.0  # no -0
     bits = np.ascontiguousarray(rows).view(np.uint64)
@@ -151,19 +155,19 @@ def distinct(rows: Floats) -> tuple[Floats, Ints]:
 
 
 COLOURS = {"major": (31, 78, 156), "minor": (179, 38, 30), "keep": (46, 125, 50), "rim": (0, 121, 134)}
-"""Of layers; others are grey."""
+"""Colours of layers, red, green and blue of 255."""
 GREY = (120, 120, 120)
 
 
 def with_shapes(part: Part) -> Part:
-    """The part as it is; raises ExportError if it comes without members."""
+    """Return the part itself; raises ExportError if it has no members."""
     if not part.details.shapes:
         raise ExportError(f"{part.name!r} has no members to write; only a design knows them: use design.write(...)")
     return part
 
 
 def with_single_shapes(part: Part) -> Part:
-    """The part with its members in single precision."""
+    """Return the part with its members in single precision."""
     return replace(with_shapes(part), details=replace(part.details, shapes=tuple(map(_single, part.details.shapes))))
 
 
@@ -173,12 +177,12 @@ def _single(shape: MemberShape) -> MemberShape:
 
 
 def member_entries(part: Part) -> dict[str, Mapping[str, Any]]:
-    """What is known of each member, by its name (see `dsfab.design.output.records`), millimetres."""
+    """Return the records of members by name, see `dsfab.design.output.records`, in millimetres."""
     return {entry["id"]: entry for entry in part.details.records["members"]}
 
 
 def member_facts(entry: Mapping[str, Any]) -> dict[str, str]:
-    """What an object of a drawing program may say of itself."""
+    """Return the facts of a member for an object of a drawing program."""
     facts = {key: str(entry[key]) for key in ("kind", "family", "stripe") if entry[key] != ""}
     facts |= {"length_mm": f"{entry['length']:.1f}", "width_mm": f"{entry['width']['median']:.1f}"}
     if entry["ends"]:
@@ -187,13 +191,15 @@ def member_facts(entry: Mapping[str, Any]) -> dict[str, str]:
 
 
 def layer_colour(layer: str) -> tuple[int, int, int]:
-    """Red, green, blue of 255."""
+    """Return red, green and blue of 255."""
     return COLOURS.get(layer, GREY)
 
 
 def check_shapes(part: Part, found: Mapping[str, tuple[Floats, Ints]]) -> ReadBack:
-    """What was found; raises ExportError unless these are the part's members by name, each V (n, 3), millimetres, and
-    F (m, 3) closed, of as many triangles, at its place, with its volume to 0.1 %."""
+    """Check meshes by name against the part's members, V (n, 3), in millimetres, F (m, 3).
+
+    Each must be closed and have its triangles, its place and its volume to 0.1 %; else ExportError.
+    """
     shapes = part.details.shapes
     if [shape.id for shape in shapes] != list(found):
         raise differs(part, "members", len(shapes), len(found))

@@ -26,11 +26,11 @@ class Spline:
         """(k, d) points at parameters x (k,)."""
         from scipy.interpolate import BSpline
 
-        return np.asarray(BSpline.construct_fast(self.knots, self.poles, self.degree)(x))  # a third of the time
+        return np.asarray(BSpline.construct_fast(self.knots, self.poles, self.degree)(x))  # three times as fast
 
 
 def straight(a: Floats, b: Floats) -> Spline:
-    """The segment from a (d,) to b (d,)."""
+    """Return the line from a (d,) to b (d,)."""
     return Spline(np.array([0.0, 0, 1, 1]), np.stack([a, b]), 1)
 
 
@@ -42,13 +42,13 @@ def bernstein(x: Floats) -> Floats:
 
 
 def basis(x: Floats, knots: Floats) -> tuple[Ints, Floats]:
-    """The first of the four cubic hats that are not zero at each x (k,), and the four values (k, 4)."""
+    """Return the first of the four nonzero cubic hats at each x (k,), and their values (k, 4)."""
     first, values, _ = hats(x, knots)
     return first, values
 
 
 def hats(x: Floats, knots: Floats) -> tuple[Ints, Floats, Floats]:
-    """The first of the four cubic hats that are not zero at each x (k,), their values and slopes (k, 4)."""
+    """Return the first of the four nonzero cubic hats at each x (k,), their values and slopes (k, 4)."""
     x = np.clip(x, knots[3], knots[-4])
     span = np.clip(np.searchsorted(knots, x, side="right") - 1, 3, len(knots) - 5)
     values, shares = hats_within(x, knots, span)
@@ -59,9 +59,9 @@ def hats(x: Floats, knots: Floats) -> tuple[Ints, Floats, Floats]:
 
 
 def hats_within(x: Floats, knots: Floats, span: Ints) -> tuple[Floats, Floats]:
-    """(4, k) the cubic hats at x (k,) from knots[span] to the next, and (3, k) the shares they have [de Boor 1978].
+    """(4, k) values of the cubic hats at x (k,) in spans from knots[span], and their (3, k) shares [de Boor 1978].
 
-    Of each degree, hat r is a share of hat r and a share of hat r - 1 of the degree below.
+    Hat r of a degree is a share of hat r and a share of hat r - 1 of the degree below.
     """
     past = x - knots[span - np.arange(3)[:, None]]
     ahead = knots[span + np.arange(1, 4)[:, None]] - x
@@ -77,15 +77,13 @@ def hats_within(x: Floats, knots: Floats, span: Ints) -> tuple[Floats, Floats]:
 
 @dataclass(frozen=True, eq=False)
 class LeastSquares:
-    """The normal equations of the cubics nearest to samples, one curve after another, some of whose poles are held.
+    """Normal equations of least-squares cubics along several curves, with fixed poles.
 
-    Plain sums and LAPACK's own calls: thousands of short lines have a few hundred samples each, of which sparse
-    matrices and their checks took three times as long.
+    Plain sums and direct LAPACK calls take a third of the time of sparse matrices for thousands of short lines.
 
-    values : (4, k) of the hats of its curve that are not zero at each sample.
-    first  : (k,) the first of these hats among all.
-    factor : (4, n) the banded Cholesky factor of their products; that of held poles is the identity.
-    held   : the poles that do not move.
+    values : (4, k) nonzero hats at each sample.    first : (k,) number of the first of these hats.
+    factor : (4, n) banded Cholesky factor of the products of hats; rows of fixed poles are the identity.
+    held   : numbers of the fixed poles.
     """
 
     values: Floats
@@ -95,7 +93,7 @@ class LeastSquares:
 
     @classmethod
     def of(cls, values: Floats, first: Ints, begin: Ints, n: int, held: Ints) -> Self:
-        """values (4, k) of the hats that are not zero at each sample, `first` (k,) the first of these hats among all n.
+        """Factor the equations of hats `values` (4, k), the first of each four at `first` (k,) among n hats.
 
         begin : (r,) the first pole of each curve.
         """
@@ -105,25 +103,25 @@ class LeastSquares:
         return cls(values, first, factor, held)
 
     def solved(self, right: Floats) -> Floats:
-        """(n, d) the solution for a right-hand side (n, d); 0 for held poles."""
+        """(n, d) solution for a right-hand side (n, d); 0 at fixed poles."""
         right = np.array(right)
         right[self.held] = 0.0
         found, _ = dpbtrs(self.factor, right, lower=1)
         return np.asarray(found)
 
     def at_samples(self, poles: Floats, some: Ints | slice = slice(None)) -> Floats:
-        """(k, d) what the hats make of poles (n, d) at the samples, or at some of them."""
+        """(k, d) values of the splines with poles (n, d) at the samples, or at a subset of them."""
         first, values = self.first[some], self.values[:, some]
         return np.asarray(sum(values[i][:, None] * poles[first + i] for i in range(4)))
 
     def sums(self, Q: Floats) -> Floats:
-        """(n, d) for each hat the sum of Q (k, d) over all samples, as much as each has of the hat."""
+        """(n, d) sum over all samples of Q (k, d) times each hat."""
         around, shares = (self.first[:, None] + np.arange(4)).ravel(), self.values.T
         columns = [np.bincount(around, (shares * q[:, None]).ravel(), self.factor.shape[1]) for q in Q.T]
         return np.stack(columns, axis=1)
 
     def poles(self, Q: Floats, start: Floats) -> Floats:
-        """(n, d) nearest to samples Q (k, d); start (n, d) has the held poles, and 0 elsewhere."""
+        """(n, d) poles nearest to samples Q (k, d); start (n, d) holds the fixed poles, and 0 elsewhere."""
         near = np.zeros(len(start), dtype=bool)
         for i in range(4):
             near[np.maximum(self.held - i, 0)] = True
@@ -133,7 +131,7 @@ class LeastSquares:
 
 
 def _band(values: Floats, first: Ints, begin: Ints, held: Ints, n: int) -> Floats:
-    """(4, n) the banded normal equations; those of held poles say that they do not move."""
+    """(4, n) banded normal equations; rows of fixed poles are the identity."""
     band = np.zeros((4, n))
     for i in range(4):
         for j in range(i, 4):
@@ -149,10 +147,10 @@ def _band(values: Floats, first: Ints, begin: Ints, held: Ints, n: int) -> Float
 
 @dataclass(frozen=True, eq=False)
 class SplineRows:
-    """The samples of some curves.
+    """Samples of several curves, one after the other.
 
-    number : (r,) of the curves; count, first, last (r,) : how many samples each has, and where these are.
-    row    : (k,) the row of each sample.    x, Q, parts : see `fits.splines_through`.    tolerance : (r,).
+    number : (r,) of the curves; count, first, last (r,) : number of samples of each, and their range.
+    row    : (k,) row of each sample.    x, Q, parts : see `splines_through`.    tolerance : (r,).
     """
 
     number: Ints
@@ -167,35 +165,35 @@ class SplineRows:
 
     @classmethod
     def of(cls, number: Ints, count: Ints, x: Floats, Q: Floats, tolerance: Floats, parts: int) -> "SplineRows":
-        """Rows one behind the other: count (r,) points each, of x (k,) and Q (k, d), within a tolerance (r,)."""
+        """Return rows of count (r,) points each, from x (k,) and Q (k, d), with tolerances (r,)."""
         end, row = np.cumsum(count), np.repeat(np.arange(len(count)), count)
         return cls(number, count, end - count, end - 1, row, x, Q, tolerance, parts)
 
     def some(self, chosen: Bools) -> "SplineRows":
-        """Some of the rows (r,)."""
+        """Return the chosen rows (r,)."""
         mine = chosen[self.row]
         number, count, tolerance = self.number[chosen], self.count[chosen], self.tolerance[chosen]
         return SplineRows.of(number, count, self.x[mine], self.Q[mine], tolerance, self.parts)
 
     @property
     def line(self) -> Floats:
-        """(k, d) on the segments between the ends."""
+        """(k, d) points on the chords between the ends."""
         start, end = self.Q[self.first], self.Q[self.last]
         return start[self.row] + self.x[:, None] * (end - start)[self.row]
 
     def away(self, at: Floats) -> Floats:
-        """(k,) the largest distance of each sample's points from those at (k, d)."""
+        """(k,) largest distance of each sample's points from points (k, d)."""
         off = (at - self.Q).reshape(len(at), self.parts, -1)
         return np.asarray(np.sqrt(np.einsum("kpi,kpi->pk", off, off).max(axis=0)))
 
     def most(self, away: Floats) -> Floats:
-        """(r,) the largest of each row."""
+        """(r,) largest value of each row of values (k,)."""
         return np.asarray(np.maximum.reduceat(away, self.first))
 
 
 @dataclass(frozen=True, eq=False)
 class RowSpans:
-    """The spans of some rows: where they begin and end, their rows (s,), and the span of each sample (k,)."""
+    """Spans of rows: their ends `low` and `high` (s,), their rows (s,), and the span of each sample (k,)."""
 
     low: Floats
     high: Floats
@@ -204,19 +202,19 @@ class RowSpans:
 
     @property
     def count(self) -> Ints:
-        """(r,) of each row."""
+        """(r,) number of spans of each row."""
         return np.bincount(self.row)
 
     @property
     def knots(self) -> Floats:
-        """(s + 7 r,) the knots of one row after another: 0 and 1 count four times."""
+        """(s + 7 r,) knots, row after row: 0 and 1 count four times."""
         knots, end = np.zeros(len(self.row) + 7 * len(self.count)), np.cumsum(self.count + 7)
         knots[np.arange(len(self.row)) + 7 * self.row + 3] = self.low
         knots[(end[:, None] - np.arange(1, 5)).ravel()] = 1.0
         return knots
 
     def halved(self, bad: Bools, going: Bools, rows: SplineRows) -> "RowSpans":
-        """The spans of those rows (r,) that are going on; the bad ones (s,) in two."""
+        """Return the spans of unfinished rows (r,), with the bad spans (s,) halved."""
         stays = going[self.row]
         low, high, row, two = self.low[stays], self.high[stays], (np.cumsum(going) - 1)[self.row[stays]], bad[stays]
         of = (np.cumsum(stays) - 1)[self.of[going[rows.row]]]
@@ -230,11 +228,9 @@ class RowSpans:
 SAMPLES_PER_SPAN = 6
 """Fewest samples for each span of a curve; with fewer, curves swing between them."""
 
-ROUNDS = 14
-"""How often the spans of a curve are halved: a span is at least 2^-14 of it."""
 
 AT_ONCE = 20_000
-"""Samples that are fitted at once, about: what is made of them stays in the processor's cache."""
+"""Samples of one batch of curves; the processor's cache holds their arrays."""
 
 Fitted = tuple[Spline, float]
 """A curve, and its largest distance from its samples."""
@@ -243,11 +239,11 @@ Fitted = tuple[Spline, float]
 def splines_through(
     samples: Sequence[tuple[Floats, Floats]], tolerances: Sequence[float], parts: int = 1
 ) -> list[Fitted]:
-    """Lines, parabolas or cubics, of few halved spans, within tolerances of points Q (k, d) at x (k,) in [0, 1].
+    """Fit lines, parabolas or cubics of few halved spans to points Q (k, d) at x (k,) in [0, 1], within tolerances.
 
-    x rises from 0 to 1; d is the same for all. The ends of a curve are its first and its last point. parts : the d
-    coordinates are those of so many points, whose distances count one by one. Returns the largest distance found, too;
-    over the tolerance where samples are too few to go on.
+    x rises from 0 to 1; d is equal for all. A curve begins and ends at its first and last points. parts : number of
+    points that the d coordinates hold, whose distances count separately. The result includes the largest distance,
+    which exceeds the tolerance if the samples are too few for more spans.
     """
     found = dict[int, Fitted]()
     for some in _batches([len(x) for x, _ in samples]):
@@ -263,7 +259,6 @@ def splines_through(
 
 
 def _batches(counts: list[int]) -> Iterator[range]:
-    """Consecutive curves that have about `AT_ONCE` samples together."""
     start = total = 0
     for c, count in enumerate(counts):
         total += count
@@ -273,7 +268,7 @@ def _batches(counts: list[int]) -> Iterator[range]:
 
 
 def _lines(rows: SplineRows, found: dict[int, Fitted]) -> SplineRows:
-    """Add the curves that may be lines; the others."""
+    """Store the curves that lines can replace; return the remaining rows."""
     off = rows.most(rows.away(rows.line))
     good = off <= 0.5 * rows.tolerance
     for r in np.flatnonzero(good):
@@ -282,7 +277,7 @@ def _lines(rows: SplineRows, found: dict[int, Fitted]) -> SplineRows:
 
 
 def _parabolas(rows: SplineRows, found: dict[int, Fitted]) -> SplineRows:
-    """Add the curves that may be parabolas; the others."""
+    """Store the curves that parabolas can replace; return the remaining rows."""
     line, bow = rows.line, 2 * rows.x * (1 - rows.x)
     bend = np.add.reduceat(bow[:, None] * (rows.Q - line), rows.first) / np.add.reduceat(bow * bow, rows.first)[:, None]
     off = rows.most(rows.away(line + bow[:, None] * bend[rows.row]))
@@ -296,14 +291,15 @@ def _parabolas(rows: SplineRows, found: dict[int, Fitted]) -> SplineRows:
 
 
 def _cubics(rows: SplineRows, found: dict[int, Fitted]) -> None:
-    """Add cubics; the spans that are off are halved until none is, or has too few samples."""
+    """Store cubics; halve inaccurate spans until none is left or their samples are too few."""
     spans = RowSpans(np.zeros(len(rows.number)), np.ones(len(rows.number)), np.arange(len(rows.number)), rows.row)
-    for turn in range(ROUNDS):
+    rounds = 14  # a span is at least 2^-14 of its curve
+    for turn in range(rounds):
         poles, away = _least_squares(rows, spans)
         off, many = rows.most(away), np.bincount(spans.of, minlength=len(spans.row))
         worst, used = np.zeros(len(many)), many > 0
         worst[used] = np.maximum.reduceat(away, (np.cumsum(many) - many)[used])
-        bad = (worst > rows.tolerance[spans.row]) & (many >= 2 * SAMPLES_PER_SPAN) & (turn < ROUNDS - 1)
+        bad = (worst > rows.tolerance[spans.row]) & (many >= 2 * SAMPLES_PER_SPAN) & (turn < rounds - 1)
         going = np.zeros(len(off), dtype=bool)
         going[spans.row[bad]] = True
         knots, end = spans.knots, np.cumsum(spans.count)
@@ -317,7 +313,7 @@ def _cubics(rows: SplineRows, found: dict[int, Fitted]) -> None:
 
 
 def _least_squares(rows: SplineRows, spans: RowSpans) -> tuple[Floats, Floats]:
-    """Poles (s + 3 r, d) of the cubics nearest to the samples with their ends fixed, and how far each sample is off."""
+    """Return poles (s + 3 r, d) of the nearest cubics with fixed ends, and the distance of each sample."""
     values, _ = hats_within(rows.x, spans.knots, spans.of + 7 * rows.row + 3)
     first, size = spans.of + 3 * rows.row, spans.count + 3
     begin, n = np.cumsum(size) - size, int(size.sum())

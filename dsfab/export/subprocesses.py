@@ -1,7 +1,7 @@
-"""Programs of ours in a process of their own: OCCT and gmsh may crash there, or not end, without harm to this one.
+"""Run programs in processes of their own, because OCCT and gmsh may crash or not end.
 
-What they may take is seconds of the processor, where the system counts them (Linux): a busy machine then gives the same
-answer as a quiet one. The clock ends only what waits for ever.
+Their limit is processor time where the system counts it (Linux), so that a busy machine gives the same result as an
+idle one. The clock ends only a program that waits for ever.
 """
 
 import json
@@ -20,32 +20,20 @@ try:
 except ImportError:  # Windows: the clock alone is left
     resource = None  # type: ignore[assignment]
 
-LEAST = 1.0
-"""Seconds that a program is given when other work took longer than it may."""
-
-BUSY = 10.0
-"""Seconds on the clock for each of the processor's that a program may take, where these are counted."""
-
-POLL = 0.02
-"""Seconds on the clock between looks for what a program writes."""
-
-GRACE = 5
-"""Seconds of the processor between the signal that ends a program and the one that nothing survives."""
-
 
 class ProgramError(RuntimeError):
-    """A program that ended badly or said nothing; its text is the last line of its complaint."""
+    """A program that failed or printed no output; the text is the last line of its error output."""
 
 
 class _Work:
-    """Something to do once, while a program is waited for."""
+    """Work to do once while a program runs."""
 
     def __init__(self, work: Callable[[], None]) -> None:
         self._work, self._done = work, False
         self._error: Exception | None = None
 
     def do(self) -> None:
-        """Now, if it is not done; what it raises is kept, for whoever waits here did not ask for it."""
+        """Run the work unless it is done; keep its exception, because the caller did not request the work."""
         if not self._done:
             self._done = True
             try:
@@ -54,7 +42,7 @@ class _Work:
                 self._error = error
 
     def end(self) -> None:
-        """It is done after this; raises what it raised."""
+        """Run the work unless it is done, then raise its exception."""
         self.do()
         if self._error:
             raise self._error
@@ -65,7 +53,7 @@ _WAITING: ContextVar[_Work | None] = ContextVar("_WAITING", default=None)
 
 @contextmanager
 def meanwhile(work: Callable[[], None]) -> Iterator[None]:
-    """`work` is done in here, once: as soon as a program is waited for, or at the end. Not after an error in here."""
+    """Run `work` once inside this context: as soon as a program runs, or at the end; not after an exception."""
     waiting = _Work(work)
     token = _WAITING.set(waiting)
     try:
@@ -76,9 +64,9 @@ def meanwhile(work: Callable[[], None]) -> Iterator[None]:
 
 
 def run_program(program: str, *arguments: str, seconds: float) -> str:
-    """What the Python file `program` prints.
+    """Return the output of the Python file `program`.
 
-    Raises subprocess.TimeoutExpired after `seconds` of the processor, and ProgramError when it does not end with 0.
+    Raises subprocess.TimeoutExpired after `seconds` of processor time, and ProgramError for an exit code other than 0.
     """
     with _started(program, *arguments, stdin=None) as run:
         try:
@@ -88,14 +76,16 @@ def run_program(program: str, *arguments: str, seconds: float) -> str:
 
 
 def last_line(program: str, *arguments: str, seconds: float) -> str:
-    """The last line that the Python file `program` prints; raises as `run_program`, and ProgramError for silence."""
+    """Return the last line of output of the Python file `program`; raises as `run_program`, and ProgramError
+    without output.
+    """
     return _last(run_program(program, *arguments, seconds=seconds))
 
 
 class Ahead:
-    """A program that is started before anybody knows what to ask it, so that it imports what it needs meanwhile.
+    """A program that starts before its arguments are known, so that it imports its libraries in the meantime.
 
-    It takes its arguments as one line of JSON, a list of strings. Leaving the `with` ends it, asked or not.
+    It takes its arguments as one line of JSON, a list of strings. Leaving the `with` ends it.
     """
 
     def __init__(self, program: str) -> None:
@@ -106,38 +96,38 @@ class Ahead:
 
     def __exit__(self, kind: type[BaseException] | None, error: BaseException | None, at: TracebackType | None) -> None:
         self._run.kill()
-        with self._run:  # its pipes are closed
+        with self._run:  # closes the pipes
             pass
 
     def ask(self, *arguments: str) -> None:
-        """Give it its arguments, once; `answer` is what it says to them."""
+        """Send the arguments, once; `answer` returns the output."""
         if self._run.stdin:
-            with suppress(BrokenPipeError):  # it has ended: its complaint says more
+            with suppress(BrokenPipeError):  # the program has ended, and its error output says more
                 self._run.stdin.write(json.dumps(arguments) + "\n")
                 self._run.stdin.flush()
 
     def answer(self, seconds: float) -> str:
-        """The last line that it prints, once it was asked; raises as `last_line`."""
+        """Return the last line of output after the arguments were sent; raises as `last_line`."""
         return _last(_answer(self._run, seconds))
 
     def answer_and(self, there: Callable[[], bool], work: Callable[[], None], seconds: float) -> str:
-        """`answer`; and as soon as something that it writes before is `there`, `work` is done, while it goes on."""
+        """Return `answer`; run `work` as soon as `is_ready()` is true, while the program goes on."""
         with ThreadPoolExecutor(1) as reading:
             said = reading.submit(_answer, self._run, seconds)
             try:
                 if waiting := _WAITING.get():
                     waiting.do()
                 while not (there() or said.done()):
-                    wait([said], POLL)
+                    wait([said], 0.02)
                 if there():
                     work()
-            except BaseException:  # or it would be waited for
+            except BaseException:  # else the pool would wait for the program
                 self._run.kill()
                 raise
             return _last(said.result())
 
     def last_line(self, *arguments: str, seconds: float) -> str:
-        """The last line that it prints when it is asked, once; raises as `last_line`."""
+        """Send the arguments and return the last line of output; raises as `last_line`."""
         self.ask(*arguments)
         return self.answer(seconds)
 
@@ -148,25 +138,25 @@ def _started(program: str, *arguments: str, stdin: int | None) -> "subprocess.Po
 
 
 def _limited(run: "subprocess.Popen[str]", seconds: float) -> float:
-    """End it after `seconds` of the processor from its start on; how long it may take on the clock."""
+    """End the program after `seconds` of processor time; return the limit on the clock."""
     if not hasattr(resource, "prlimit"):
         return seconds
     most = max(1, round(seconds))
-    with suppress(OSError):  # it has ended, or the system does not allow it
-        resource.prlimit(run.pid, resource.RLIMIT_CORE, (0, 0))  # the signal would leave its memory in a file
+    with suppress(OSError):  # the program has ended, or the system forbids the limit
+        resource.prlimit(run.pid, resource.RLIMIT_CORE, (0, 0))  # the signal would write a core dump
         _, hard = resource.prlimit(run.pid, resource.RLIMIT_CPU)
-        last = most + GRACE if hard == resource.RLIM_INFINITY else min(most + GRACE, hard)
+        grace = 5  # seconds of the processor between the signal that a program can handle and the final one
+        last = most + grace if hard == resource.RLIM_INFINITY else min(most + grace, hard)
         resource.prlimit(run.pid, resource.RLIMIT_CPU, (min(most, last), last))
-    return BUSY * seconds
+    return 10.0 * seconds  # a busy machine needs more time on the clock
 
 
 def _answer(run: "subprocess.Popen[str]", seconds: float) -> str:
-    """What it prints until it ends; other work is done first, if there is any."""
     begin, clock = time.monotonic(), _limited(run, seconds)
     if waiting := _WAITING.get():
         waiting.do()
     left = clock - (time.monotonic() - begin)
-    out, complaint = run.communicate(timeout=left if left > 0 else LEAST)
+    out, complaint = run.communicate(timeout=left if left > 0 else 1.0)
     if run.returncode == -getattr(signal, "SIGXCPU", 0):
         raise subprocess.TimeoutExpired(run.args, seconds)
     if run.returncode:
@@ -177,5 +167,5 @@ def _answer(run: "subprocess.Popen[str]", seconds: float) -> str:
 def _last(out: str) -> str:
     lines = out.splitlines()
     if not lines:
-        raise ProgramError("it said nothing")
+        raise ProgramError("it printed nothing")
     return lines[-1]

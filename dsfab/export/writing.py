@@ -1,4 +1,4 @@
-"""Writing of numbers as text, and of files and folders atomically: all of the new content, or the old content."""
+"""Write numbers as text, and files and folders atomically: all of the new content, or the old content."""
 
 import ctypes
 import errno
@@ -20,22 +20,20 @@ from typing import Any
 from dsfab.core.errors import ExportError
 
 TRAILING_ZEROS = re.compile(r"(\.\d*?)0+(?=[,)])")
-"""At the end of decimals: a quarter of a STEP file."""
-
-_ROWS = 10_000
-"""Rows per piece of text: enough to be quick, few enough to need no memory."""
+"""Zeros at the end of decimals; they would fill a quarter of a STEP file."""
 
 
 def rows(template: str, *columns: Any) -> Iterator[str]:
-    """`template % row` for every row of the columns (equally long sequences), in pieces of many rows."""
-    for start in range(0, len(columns[0]), _ROWS):
-        sliced = [column[start : start + _ROWS] for column in columns]
-        pieces = [piece.tolist() if hasattr(piece, "tolist") else piece for piece in sliced]  # all at once is gigabytes
+    """Format `template % row` for every row of the columns (sequences of equal length), in pieces of many rows."""
+    size = 10_000
+    for start in range(0, len(columns[0]), size):
+        sliced = [column[start : start + size] for column in columns]
+        pieces = [piece.tolist() if hasattr(piece, "tolist") else piece for piece in sliced]  # bounds memory
         yield (template * len(pieces[0])) % tuple(chain.from_iterable(zip(*pieces, strict=True)))
 
 
 def listed_rows(template: str, *columns: Any) -> Iterator[str]:
-    """As `rows`, for a list of numbers inside brackets: without the comma at its end, and no zeros after decimals."""
+    """Format rows as `rows` does, without the last comma and without zeros at the end of decimals."""
     before = ""
     for text in rows(template, *columns):
         if before:
@@ -45,7 +43,7 @@ def listed_rows(template: str, *columns: Any) -> Iterator[str]:
 
 
 def one_line(name: str) -> str:
-    """A name without line breaks and other control characters."""
+    """Return a name without line breaks and other control characters."""
     return "".join(c if c.isprintable() else " " for c in name).strip() or "part"
 
 
@@ -56,25 +54,25 @@ _STATE, _TICK = 0, 19
 
 
 def partial_name(suffix: str = "") -> str:
-    """A new name for a file or a folder that this process is going to make whole."""
+    """Return a new name for an unfinished file or folder of this process."""
     return f"{PARTIAL}-{_owner()}-{secrets.token_hex(6)}{suffix}"
 
 
 def temporary_folder(word: str) -> "tempfile.TemporaryDirectory[str]":
-    """A folder of this process among the system's temporary files; those of dead ones with that word are removed."""
+    """Return a temporary folder of this process; remove those of ended processes with the same word."""
     for path in abandoned_in(Path(tempfile.gettempdir()), word):
         remove(path)
     return tempfile.TemporaryDirectory(prefix=f"{word}-{_owner()}-", ignore_cleanup_errors=True)
 
 
 def abandoned(name: str, word: str = PARTIAL) -> bool:
-    """Whether a name is of ours, and its process has ended on this machine; of other machines nobody here knows."""
+    """Return True if an ended process on this machine left a file of this name."""
     found = _WHOSE.fullmatch(name.removeprefix(word)) if name.startswith(word) else None
     return found is not None and found[1] == _host() and not _alive(int(found[2]), int(found[3]))
 
 
 def abandoned_in(folder: Path, word: str = PARTIAL) -> list[Path]:
-    """What dead processes left in a folder, if there is one."""
+    """Return the paths that ended processes left in a folder."""
     try:
         return sorted(path for path in folder.iterdir() if abandoned(path.name, word))
     except OSError:
@@ -82,7 +80,7 @@ def abandoned_in(folder: Path, word: str = PARTIAL) -> list[Path]:
 
 
 def remove(path: Path) -> None:
-    """Remove a file or a folder, as far as it can be."""
+    """Remove a file or a folder as far as possible."""
     if path.is_dir() and not path.is_symlink():
         shutil.rmtree(path, ignore_errors=True)
     else:
@@ -92,21 +90,20 @@ def remove(path: Path) -> None:
 
 @cache
 def remove_abandoned_files(folder: Path) -> None:
-    """Remove files that dead processes left in a folder: once for each folder, for it may hold thousands."""
+    """Remove files that ended processes left in a folder; once per folder, because it may hold thousands."""
     for path in abandoned_in(folder):
         if path.is_file():
             remove(path)
 
 
 def _owner() -> str:
-    """This process."""
     pid = os.getpid()
     return f"{_host()}-{pid}-{_start_tick(pid) or 0}"
 
 
 @cache
 def _host() -> str:
-    """Eight letters for this machine and its numbering of processes."""
+    """Return eight letters for this machine and its numbering of processes."""
     try:
         space = os.readlink("/proc/self/ns/pid")
     except OSError:
@@ -115,7 +112,7 @@ def _host() -> str:
 
 
 def _alive(pid: int, began: int) -> bool:
-    """Whether that process is there; where the system does not say, it counts as alive."""
+    """Return True if the process exists, or if the system cannot tell."""
     if os.name == "nt":  # a signal would end it there
         return True
     try:
@@ -129,7 +126,7 @@ def _alive(pid: int, began: int) -> bool:
 
 
 def _start_tick(pid: int) -> int | None:
-    """The tick in which a process began, 0 for one that has ended and waits for its parent; None if nobody says."""
+    """Return the start tick of a process; 0 if it has ended and waits for its parent, None if unknown."""
     try:
         words = Path(f"/proc/{pid}/stat").read_text(encoding="ascii", errors="replace").rpartition(")")[2].split()
         return 0 if words[_STATE] in "ZX" else int(words[_TICK])
@@ -153,9 +150,9 @@ _ADVICE = {
 
 @contextmanager
 def replacing(path: Path) -> Iterator[Path]:
-    """A temporary name in the folder of `path`, with its suffix; what is written there replaces `path` at the end.
+    """Yield a temporary name in the folder of `path` with its suffix; its file replaces `path` at the end.
 
-    On any failure, an interrupt included, the temporary file is removed and an older `path` stays as it was.
+    A failure or an interrupt removes the temporary file and leaves an older `path` as it was.
     Raises ExportError in place of OSError.
     """
     target = Path(os.path.realpath(path))  # a link stays a link: the file it points to is replaced
@@ -168,14 +165,14 @@ def replacing(path: Path) -> Iterator[Path]:
     except OSError as error:
         raise _refusal(path, error) from error
     finally:
-        with suppress(OSError):  # nothing was written, or nothing can be done
+        with suppress(OSError):  # the file does not exist, or the system refuses
             temporary.unlink()
 
 
 def require_writable_file(path: Path) -> None:
-    """Raise ExportError where a file cannot be written, before minutes of work; nothing is changed by asking.
+    """Raise ExportError before minutes of work if a file cannot be written; a trial changes no file.
 
-    Of a folder that is still to be made, the nearest one above it that is there is asked.
+    For a folder that does not exist yet, the trial uses the nearest existing folder above it.
     """
     target = Path(os.path.realpath(path))
     there = next(folder for folder in target.parents if os.path.lexists(folder))
@@ -191,7 +188,7 @@ def _refusal(path: Path, error: OSError) -> ExportError:
 
 
 def _ask(target: Path, temporary: Path) -> None:
-    """Raise OSError where no file can be made, or none of that name: before the work, not after it."""
+    """Raise OSError if no file, or none of that name, can be created."""
     if target.is_dir():
         raise IsADirectoryError(errno.EISDIR, os.strerror(errno.EISDIR))
     with open(temporary, "xb"):
@@ -200,7 +197,7 @@ def _ask(target: Path, temporary: Path) -> None:
 
 
 def write_chunks(path: Path, chunks: Iterable[bytes]) -> None:
-    """Write a new file from pieces of bytes, down to the disk, so that a full disk is noticed here."""
+    """Write a new file from pieces of bytes and flush it to the disk, so that a full disk raises here."""
     with open(path, "xb") as file:
         for chunk in chunks:
             file.write(chunk)
@@ -209,7 +206,7 @@ def write_chunks(path: Path, chunks: Iterable[bytes]) -> None:
 
 
 DESIGN = "design.json"
-"""The file that holds the manifest of a design's folder, under `MANIFEST`; it comes last, and is not in it."""
+"""File with the manifest of a design's folder, under `MANIFEST`. It is written last, and does not list itself."""
 
 MANIFEST = "manifest"
 JOURNAL = ".journal.json"
@@ -219,15 +216,15 @@ _HERE, _EXCHANGE = -100, 2
 
 
 Outdated = Callable[[Path, Path], set[str]]
-"""(an old folder, what comes in its place) -> names of files of the old one that go with it."""
+"""Function of the old folder and its replacement that returns names of old files to remove."""
 
 
 @contextmanager
 def whole_or_nothing(folder: Path, outdated: Outdated | None = None) -> Iterator[Path]:
-    """A folder to write in whose files become those of `folder` at the end; if anything fails, that is as it was.
+    """Yield a folder whose files move into `folder` at the end; after a failure `folder` is as it was.
 
-    outdated : which files of before go; left out, those that the manifest of a design names, where a new one comes.
-    Raises ExportError where it cannot be written.
+    outdated : selects old files to remove; by default those of the old manifest, if a new one comes.
+    Raises ExportError if the folder cannot be written.
     """
     target = Path(os.path.realpath(folder))  # a link stays a link
     missing = [parent for parent in (target, *target.parents) if not parent.exists()]
@@ -239,7 +236,7 @@ def whole_or_nothing(folder: Path, outdated: Outdated | None = None) -> Iterator
     try:
         try:
             yield partial
-        except ExportError as error:  # name the place that the user gave
+        except ExportError as error:  # the message must name the user's folder
             raise ExportError(str(error).replace(str(partial), str(folder))) from None
         _put_in_place(partial, target, outdated or _outdated)
         missing = []
@@ -248,7 +245,7 @@ def whole_or_nothing(folder: Path, outdated: Outdated | None = None) -> Iterator
             f"writing to {folder} failed: {error.strerror}; free some space or choose another with -o"
         ) from None
     finally:
-        if not (partial / JOURNAL).is_file():  # what is half in place, the next run completes
+        if not (partial / JOURNAL).is_file():  # with a journal, the next run completes the move
             remove(partial)
         for parent in missing:
             if parent.is_dir() and not any(parent.iterdir()):
@@ -256,23 +253,23 @@ def whole_or_nothing(folder: Path, outdated: Outdated | None = None) -> Iterator
 
 
 class _TriedError(Exception):
-    """Leaves a folder as it was."""
+    """Ends a trial and leaves the folder as it was."""
 
 
 def require_writable(folder: Path) -> None:
-    """Raise ExportError where a folder cannot be written, before minutes of work; it stays as it is."""
+    """Raise ExportError before minutes of work if a folder cannot be written; the folder stays as it is."""
     with suppress(_TriedError), whole_or_nothing(folder):
         raise _TriedError
 
 
 def manifest(folder: Path) -> dict[str, dict[str, int | str]]:
-    """Bytes and SHA-256 of every file of a folder by name, but for the one that holds the manifest."""
+    """Return bytes and SHA-256 of every file of a folder by name, without the manifest itself."""
     files = sorted(path for path in folder.iterdir() if path.is_file() and path.name != DESIGN)
     return {path.name: {"bytes": path.stat().st_size, "sha256": _sha256(path)} for path in files}
 
 
 def complete(folder: Path) -> None:
-    """Finish what dead processes had begun to put into a folder, and remove what they left in it and beside it."""
+    """Finish moves into a folder that ended processes began, and remove their remains in it and beside it."""
     for partial in abandoned_in(folder):
         if (partial / JOURNAL).is_file():
             _follow_journal(partial, folder)
@@ -281,7 +278,7 @@ def complete(folder: Path) -> None:
 
 
 def _partial_of(target: Path) -> Path:
-    """A new folder to write in: beside the target where the two can change places, else inside."""
+    """Create a folder to write in: beside the target if the two can be exchanged, else inside."""
     target.parent.mkdir(parents=True, exist_ok=True)
     if target.exists():
         if not target.is_dir():
@@ -295,14 +292,13 @@ def _partial_of(target: Path) -> Path:
 
 
 def _put_in_place(partial: Path, target: Path, outdated: Outdated) -> None:
-    """Make what was written the content of the target."""
     if partial.parent != target:
         try:
             if not target.exists():
                 os.rename(partial, target)
                 return
         except OSError:
-            if not target.exists():  # else somebody made it in this moment
+            if not target.exists():  # else another process has just created it
                 raise
         if _exchangeable(target) and _swap(partial, target, outdated(target, partial)):
             return
@@ -319,10 +315,10 @@ def _put_in_place(partial: Path, target: Path, outdated: Outdated) -> None:
 
 
 def _follow_journal(partial: Path, target: Path) -> None:
-    """Do what of a journal is still to do, from the beginning or from anywhere."""
+    """Do the remaining moves and removals of a journal."""
     journal = json.loads((partial / JOURNAL).read_bytes())
     for name in journal["move"]:
-        with suppress(FileNotFoundError):  # it was moved before
+        with suppress(FileNotFoundError):  # an earlier run moved it
             os.replace(partial / name, target / name)
     for name in journal["remove"]:
         (target / name).unlink(missing_ok=True)
@@ -330,7 +326,9 @@ def _follow_journal(partial: Path, target: Path) -> None:
 
 
 def _exchangeable(target: Path) -> bool:
-    """Whether a folder may become another one: nobody stands in it, and it holds files of ours or the user's alone."""
+    """Return True if two folders may be exchanged: the target is not the working folder and holds the user's files
+    only.
+    """
     if not hasattr(os, "geteuid") or os.path.ismount(target) or target.stat().st_uid != os.geteuid():
         return False
     with suppress(OSError):
@@ -341,7 +339,7 @@ def _exchangeable(target: Path) -> bool:
 
 
 def _swap(partial: Path, target: Path, outdated: set[str]) -> bool:
-    """Whether the two have changed places, in one step; the user's own files are then in both."""
+    """Exchange the folders in one step and return True, or return False; the user's own files are then in both."""
     fresh = {path.name for path in partial.iterdir()}
     known = {path.name for path in target.iterdir()}
     own = known - fresh - outdated
@@ -354,7 +352,6 @@ def _swap(partial: Path, target: Path, outdated: set[str]) -> bool:
 
 
 def _link(target: Path, partial: Path, own: set[str]) -> bool:
-    """Whether the user's files are in both folders now; there are disks that know no links."""
     try:
         for name in own:
             os.link(target / name, partial / name)
@@ -365,7 +362,7 @@ def _link(target: Path, partial: Path, own: set[str]) -> bool:
 
 
 def _rescue(old: Path, target: Path, own: set[str], known: set[str]) -> None:
-    """Take over what the user saved in the moment of the exchange."""
+    """Take over files that the user saved during the exchange."""
     for path in old.iterdir():
         there = target / path.name
         replaced = path.name in own and there.exists() and not path.samefile(there)
@@ -374,7 +371,6 @@ def _rescue(old: Path, target: Path, own: set[str], known: set[str]) -> None:
 
 
 def _exchange(one: Path, other: Path) -> bool:
-    """Let two folders change places; whether the system and the disk can."""
     try:
         call = ctypes.CDLL(None, use_errno=True).renameat2
     except (AttributeError, OSError, TypeError):
@@ -384,7 +380,7 @@ def _exchange(one: Path, other: Path) -> bool:
 
 
 def _outdated(target: Path, partial: Path) -> set[str]:
-    """Files of the target that its manifest names, as they were then, and that a new design does not have."""
+    """Unchanged files of the target's manifest that a new design does not have."""
     if not (partial / DESIGN).is_file():
         return set()
     fresh, before = {path.name for path in partial.iterdir()}, _manifest_of(target)
@@ -392,7 +388,6 @@ def _outdated(target: Path, partial: Path) -> set[str]:
 
 
 def _manifest_of(folder: Path) -> Mapping[str, Mapping[str, int | str]]:
-    """What the manifest of a folder names, or nothing; names that lead elsewhere are none."""
     try:
         told = json.loads((folder / DESIGN).read_text(encoding="utf-8"))
         return {name: dict(known) for name, known in told[MANIFEST].items() if name == Path(name).name}
@@ -401,7 +396,6 @@ def _manifest_of(folder: Path) -> Mapping[str, Mapping[str, int | str]]:
 
 
 def _unchanged(path: Path, known: Mapping[str, int | str]) -> bool:
-    """Whether a file is as a manifest says."""
     try:
         return path.stat().st_size == known.get("bytes") and _sha256(path) == known.get("sha256")
     except OSError:

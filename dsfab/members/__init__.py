@@ -1,12 +1,9 @@
-"""The members of a design: named parts of its finished sheet with axes, and the nodes at which they meet.
+"""The members of a design: parts of its sheet with names and axes, and the nodes at which they meet.
 
-bands                      what the fields of a pattern draw; that none hides another is
-`dsfab.slicing.measures.overlay`'s work
-middle_lines, components   the middle line and the cells of each member    loose    what lies in no stripe
-axis, widths               a smooth curve with its curvatures, and how far the member reaches to both sides of it
-following                  strips that run into a rim and follow it end there
-overlaps, nodes            where members cross, and what they end at       order, naming   names that a person reads
-graph, assembly            all of it together: `Design.members`    regions   the cells by the stripes they lie in
+axes         middle lines of stripes, smooth axes with curvatures, widths to both sides
+components   bands of the pattern, with the cells and the middle line of each member
+loose_cells  cells outside of all stripes; strips that follow a rim end where they enter it
+graph        overlaps and nodes; `MemberGraph`        assembly   order and names; `member_graph`
 """
 
 from dsfab.members.assembly import member_graph, spherical_normals

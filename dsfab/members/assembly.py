@@ -16,18 +16,19 @@ from dsfab.slicing import Overlay, Sheet, overlaid
 from dsfab.surface import Surface
 
 TIE = 1e-3
-"""Places that differ by less than this share of the structure's size are the same place along it."""
+"""Positions along the structure are equal if they differ by less than this share of its size."""
 ROUND, HOLLOW = 0.5, 0.4
-"""Members stand around something if their places spread in a second direction by more than this share of the first,
-and none is nearer to the middle than this share of the farthest."""
+"""Members form a ring if their centroids spread in a second direction by more than ROUND times the first, and none is
+nearer to the middle than HOLLOW times the farthest.
+"""
 
 
 def along_structure(places: Floats, lengths: Floats, size: float) -> Ints:
-    """(k,) the order in which to name members at places (k, 3) with lengths (k,), metres, on a structure of a size.
+    """(k,) order for naming members with centroids (k, 3) and lengths (k,), metres, on a structure of a size.
 
-    Around the structure, counter-clockwise seen from above and from the x axis on, where they stand in a ring, as
-    meridians do; else along the direction in which they spread most, which points to growing x, y or z. Of those that
-    are at the same place along it the shorter one is first, then the one at the smaller x, y, z.
+    A ring is ordered counter-clockwise from the x axis, seen from above. Other members follow the direction of their
+    largest spread, which points to growing x, y or z. At equal positions the shorter member is first, then the one
+    with the smaller x, y, z.
     """
     if len(places) < 2:
         return np.arange(len(places))
@@ -57,7 +58,7 @@ def _pointing(axes: Floats) -> Floats:
 
 
 def _steps(values: Floats, gap: float) -> Ints:
-    """(k,) numbers of values (k,) that grow where there is a gap between one and the next larger one."""
+    """(k,) ranks of values (k,), equal for neighbours without a gap between them."""
     order = np.argsort(values, kind="stable")
     found = np.empty(len(values), dtype=np.int64)
     found[order] = np.concatenate([[0], np.cumsum(np.diff(values[order]) > gap)])
@@ -65,13 +66,14 @@ def _steps(values: Floats, gap: float) -> Ints:
 
 
 KINDS = ("rim", "band", "ring", "disc", "plate", "fill")
-"""Members besides strips, in the order in which they are listed."""
+"""Kinds of members besides strips, in the order of the list."""
 
 
 def named(surface: Surface, found: Sequence[Component]) -> list[tuple[str, int, Component]]:
-    """Names, parts and components in the order of their names: "A01", "A02a", "A02b", ..., "B01", ..., "rim 1".
+    """Return names, part numbers and components in the order of their names: "A01", "A02a", "A02b", ..., "B01", "rim
+    1".
 
-    surface : whose cells components have.
+    surface : its cells are those of the components.
     """
     listed = list[tuple[str, int, Component]]()
     for letter, some in _kinds(found):
@@ -88,14 +90,12 @@ def named(surface: Surface, found: Sequence[Component]) -> list[tuple[str, int, 
 
 
 def _kinds(found: Sequence[Component]) -> list[tuple[str, list[Component]]]:
-    """What is named alike: the families by their letters, then the other kinds."""
     strips = [one for one in found if one.kind == "strip"]
     families = [(letter, [one for one in strips if one.family == name]) for name, letter in FAMILIES.items()]
     return families + [(kind, [one for one in found if one.kind == kind]) for kind in KINDS]
 
 
 def _groups(some: list[Component]) -> list[list[Component]]:
-    """The parts of one stripe together."""
     groups: dict[int, list[Component]] = {}
     for number, one in enumerate(some):
         groups.setdefault(one.group if one.group >= 0 else -1 - number, []).append(one)
@@ -103,13 +103,11 @@ def _groups(some: list[Component]) -> list[list[Component]]:
 
 
 def _place(surface: Surface, group: list[Component]) -> Floats:
-    """(3,) the centroid of components, metres."""
     cells = np.concatenate([one.cells for one in group])
     return np.asarray(surface.areas[cells] @ surface.centroids[cells] / surface.areas[cells].sum())
 
 
 def _letters(part: int) -> str:
-    """a, b, ..., z, aa, ab, ..."""
     text = ""
     while part:
         part, digit = divmod(part - 1, len(ascii_lowercase))
@@ -117,12 +115,8 @@ def _letters(part: int) -> str:
     return text
 
 
-STUB = 2.0
-"""A strip is a stub if it is shorter than so many times its width."""
-
-
 def member_graph(surface: Surface, sheet: Sheet, pattern: PatternResult) -> MemberGraph:
-    """The members of a kept sheet that was cut from `surface` along a pattern, and their nodes."""
+    """Return the members of a sheet that was cut from `surface` along a pattern, and their nodes."""
     bands = pattern_bands(surface, sheet, pattern)
     overlay = overlaid(sheet, surface, [band.drawn for band in bands])
     normals = overlay.sheet.carry(spherical_normals(surface))
@@ -138,10 +132,10 @@ def member_graph(surface: Surface, sheet: Sheet, pattern: PatternResult) -> Memb
 
 
 def spherical_normals(surface: Surface) -> Floats:
-    """(n, 3) unit normals at the vertices, exact where these lie on a sphere [Max 1999].
+    """(n, 3) unit normals at the vertices, exact on a sphere [Max 1999].
 
-    Each face counts by the cross product of its two edges there over their squared lengths; area-weighted normals are
-    off in the first order of the edges where these differ, and twists of members along with them.
+    Each face counts by the cross product of its two edges over their squared lengths. Area-weighted normals have an
+    error of first order where edges differ in length, and so have the twists of members.
     """
     total = np.zeros((surface.n, 3))
     for corner in range(3):
@@ -153,12 +147,11 @@ def spherical_normals(surface: Surface) -> Floats:
 
 
 def _member(overlay: Overlay, name: str, part: int, one: Component, edge: float) -> Member:
-    """A component by its name, with its axis; `edge` of the uncut mesh, metres."""
     surface = overlay.sheet.surface
     area, axis, reach = float(surface.areas[one.cells].sum()), None, np.zeros((0, 2))
     kind = one.kind
     if one.line:
         axis = fitted_axis(one.line, one.width(surface.areas), edge)
         reach = sides(surface, one.cells[one.core], axis)
-        kind = "stub" if kind == "strip" and axis.length < STUB * one.width(surface.areas) else kind
+        kind = "stub" if kind == "strip" and axis.length < 2 * one.width(surface.areas) else kind
     return Member(name, cast(Kind, kind), one.family, one.stripe, part, one.cells, area, axis, reach, ())

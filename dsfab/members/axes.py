@@ -15,19 +15,19 @@ from dsfab.slicing import Overlay
 from dsfab.surface import Surface, chains
 
 TURN = np.radians(60)
-"""A line that turns by more than this in the surface, within `WINDOW` widths, makes two members."""
+"""A line that turns in the surface by more than this within `WINDOW` widths is divided into two members."""
 WINDOW, STEPS = 1.5, 4
-"""Widths over which a turn is measured, and points along them."""
+"""Widths over which turns are measured, and points along them."""
 SPECK = 1.0
-"""Lines that are shorter than so many widths are left out beside a longer one of the same stripe."""
+"""Lines that are shorter than this many widths are dropped beside a longer line of the same stripe."""
 
 
 @dataclass(frozen=True, eq=False)
 class MiddleLine:
     """A polyline on a surface.
 
-    points : (k, 3) metres; the last is the first again where it is closed.    normals : (k, 3) unit normals there.
-    cells  : (k - 1,) the cell in which each of its segments lies.
+    points : (k, 3) metres; a closed line repeats its first point.    normals : (k, 3) unit normals there.
+    cells  : (k - 1,) cell of each segment.
     """
 
     points: Floats
@@ -41,45 +41,46 @@ class MiddleLine:
 
     @cached_property
     def s(self) -> Floats:
-        """(k,) metres along it."""
+        """(k,) arc lengths of the points, metres."""
         return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self.points, axis=0), axis=1))])
 
     @property
     def length(self) -> float:
-        """Metres."""
+        """Length, metres."""
         return float(self.s[-1])
 
     @cached_property
     def closed(self) -> bool:
-        """Whether it ends where it begins."""
+        """True for a closed line."""
         return len(self.points) > 3 and bool((self.points[0] == self.points[-1]).all())
 
     def place(self, point: Floats) -> float:
-        """Metres along it to where it is nearest to a point (3,)."""
+        """Return the arc length (m) of the point on the line that is nearest to a point (3,)."""
         a, b = self.points[:-1], self.points[1:]
         t = along_segments(point, a, b)
         near = int(np.linalg.norm(a + t[:, None] * (b - a) - point, axis=1).argmin())
         return float(self.s[near] + t[near] * (self.s[near + 1] - self.s[near]))
 
     def opened(self, at: int) -> "MiddleLine":
-        """The same closed line, beginning and ending at another of its points."""
+        """Return the closed line with another of its points as begin and end."""
         around = np.concatenate([np.arange(at, len(self.points)), np.arange(1, at + 1)])
         return MiddleLine(self.points[around], self.normals[around], np.roll(self.cells, -at))
 
     def between(self, first: int, last: int) -> "MiddleLine":
-        """From one of its points to another one."""
+        """Return the part of the line from one of its points to another."""
         return MiddleLine(self.points[first : last + 1], self.normals[first : last + 1], self.cells[first:last])
 
     def turned(self) -> "MiddleLine":
-        """The other way round."""
+        """Return the line in the opposite direction."""
         return MiddleLine(self.points[::-1], self.normals[::-1], self.cells[::-1])
 
 
 def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> dict[int, list[MiddleLine]]:
-    """The lines of field k where an offset (m, 3) at the corners of cells is 0, by stripe, the longest first.
+    """Return the lines along which an offset (m, 3) of field k at the corners of cells is 0, by stripe, the longest
+    first.
 
     normals : (n, 3) unit normals at the vertices of the overlay.
-    An offset is nowhere 0 and its signs at an edge are those that the cell beyond sees, or all are turned over.
+    An offset is never exactly 0. Its signs at an edge agree in both cells, or all are opposite.
     """
     surface, part = overlay.sheet.surface, overlay.part[:, k]
     sign = np.sign(offset)
@@ -107,8 +108,9 @@ def middle_lines(overlay: Overlay, k: int, offset: Floats, normals: Floats) -> d
 
 
 def _shares(surface: Surface, cells: Ints, side: Ints, offset: Floats) -> Floats:
-    """(c, 2) where offsets (c, 3) are 0 on sides (c, 2) of cells (c,): 0 at the vertex with the lower number, 1 at the
-    other."""
+    """(c, 2) positions of the zeros of offsets (c, 3) on sides (c, 2): 0 at the vertex with the lower number, 1 at
+    the other.
+    """
     row = np.arange(len(cells))[:, None]
     a, b = np.abs(offset[row, side]), np.abs(offset[row, (side + 1) % 3])
     first = surface.F[cells[:, None], side] < surface.F[cells[:, None], (side + 1) % 3]
@@ -117,15 +119,15 @@ def _shares(surface: Surface, cells: Ints, side: Ints, offset: Floats) -> Floats
 
 
 def without_specks(lines: list[MiddleLine], width: float) -> list[MiddleLine]:
-    """Lines, the longest first, without the short ones beside it."""
+    """Return the lines, the longest first, without short ones."""
     return [line for k, line in enumerate(lines) if k == 0 or line.length > SPECK * width]
 
 
 def straight_parts(line: MiddleLine, width: float, edge: float) -> list[MiddleLine]:
-    """The parts of a line between the places where it turns back in the surface.
+    """Divide a line where it turns back in the surface.
 
-    At an end a part shorter than the width is none: around a kept support's end the middle runs square to the rim.
-    width : of the member, and edge : of the mesh, metres: turns are measured over 1.5 times the one, or the other.
+    Turns are measured over 1.5 times the member's `width` or one `edge` of the mesh (m). Short parts at the ends are
+    dropped, because around the end of a kept support the line runs square to the rim.
     """
     window = max(WINDOW * width, edge)
     count = max(2 * STEPS, int(np.ceil(line.length * STEPS / window)))
@@ -149,7 +151,6 @@ def straight_parts(line: MiddleLine, width: float, edge: float) -> list[MiddleLi
 
 
 def _without_hooks(parts: list[MiddleLine], width: float) -> list[MiddleLine]:
-    """Parts of a line without those at its ends that are shorter than it is wide; the longest one stays."""
     longest = max(range(len(parts)), key=lambda k: parts[k].length)
     first, last = 0, len(parts)
     while first < longest and parts[first].length < SPECK * width:
@@ -160,7 +161,7 @@ def _without_hooks(parts: list[MiddleLine], width: float) -> list[MiddleLine]:
 
 
 def _turns(line: MiddleLine, x: Floats) -> Floats:
-    """(k,) by how much a line turns in the surface, radians, within half a window of places x (k,) along it."""
+    """(k,) angles (radians) by which a line turns in the surface within half a window of arc lengths x (k,)."""
     points, normals = (
         np.stack([np.interp(x, line.s, column) for column in y.T], axis=1) for y in (line.points, line.normals)
     )
@@ -173,8 +174,9 @@ def _turns(line: MiddleLine, x: Floats) -> Floats:
 
 
 def _turning(step: Floats, normals: Floats, closed: bool) -> Floats:
-    """Angles, radians, between the steps (k - 1, 3) of a line in the planes across the normals (k, 3) at its points:
-    (k - 2,) at the inner ones, or of a closed line (k - 1,) at the first and those."""
+    """Angles (radians) between the steps (k - 1, 3) of a line in the planes across its normals (k, 3): (k - 2,) at the
+    inner points, or (k - 1,) for a closed line.
+    """
     before, after = (np.roll(step, 1, axis=0), step) if closed else (step[:-1], step[1:])
     N = normals[:-1] if closed else normals[1:-1]
     before, after = (y - np.einsum("ki,ki->k", y, N)[:, None] * N for y in (before, after))
@@ -184,7 +186,7 @@ def _turning(step: Floats, normals: Floats, closed: bool) -> Floats:
 
 
 def _corner(line: MiddleLine, begin: float, end: float) -> int:
-    """The inner point of a line, between two places along it, before and after which it turns equally much."""
+    """The inner point in a range of arc lengths before and after which the line turns equally."""
     inner = np.flatnonzero((line.s[1:-1] >= begin) & (line.s[1:-1] <= end)) + 1
     if len(inner) < 2:
         return int(np.clip(np.searchsorted(line.s, (begin + end) / 2), 1, len(line.points) - 2))
@@ -194,7 +196,6 @@ def _corner(line: MiddleLine, begin: float, end: float) -> int:
 
 
 def _bend(turn: Floats) -> tuple[int, int]:
-    """The first and last of the points about the sharpest one (k,) at which a line turns too much."""
     first = last = int(turn.argmax())
     while first > 0 and turn[first - 1] > TURN:
         first -= 1
@@ -204,20 +205,7 @@ def _bend(turn: Floats) -> tuple[int, int]:
 
 
 KNOTS, COARSE = 4.0, 2.0
-"""Knots are so many widths of the member apart, or so many edges of the mesh if these are longer."""
-PER_KNOT = 8
-"""Stations from knot to knot."""
-SAMPLES = 4
-"""Points of the line that are fitted, for each station."""
-LEAST = 16
-"""Stations of a short axis."""
-PENALTY = 1e-3
-"""Weight of third differences of the coefficients, over that of the points."""
-CLOSE = 0.05
-"""Where the spline is farther from the line on the mesh than this share of an edge, it gets twice as many knots, and
-again, until they are an edge apart. On meshes that are finer than the member is wide the share is less by that ratio: a
-mesh is off its smooth surface by the square of its edges."""
-DEGREE = 3
+"""Distance of knots in widths of the member, or in edges of the mesh if these are longer."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -225,10 +213,10 @@ class MemberAxis:
     """Stations along a curve on a surface; all lengths in metres, all curvatures per metre.
 
     s : (k,) arc length from 0.    P : (k, 3) points.    T : (k, 3) unit tangents.    N : (k, 3) unit normals.
-    kg : (k,) bends in the surface, to the left if positive: T' . B with B = N x T.
-    kn : (k,) bends with the surface, towards N if positive: T' . N.    tg : (k,) twists with it: -N' . B.
-    closed  : whether the last station is the first one again.
-    traced  : (k,) length of the line on the mesh up to there.    strayed : the farthest that the two are apart.
+    kg : (k,) geodesic curvature, positive to the left: T' . B with B = N x T.
+    kn : (k,) normal curvature, positive towards N: T' . N.    tg : (k,) geodesic torsion: -N' . B.
+    closed  : True if the last station equals the first.
+    traced  : (k,) length of the line on the mesh up to there.    strayed : largest distance between axis and line.
     """
 
     s: Floats
@@ -250,7 +238,7 @@ class MemberAxis:
 
     @property
     def length(self) -> float:
-        """Metres."""
+        """Length, metres."""
         return float(self.s[-1])
 
     @cached_property
@@ -259,19 +247,20 @@ class MemberAxis:
         return locked(np.cross(self.N, self.T), np.float64, (None, 3))
 
     def at(self, s: Floats) -> tuple[Floats, Floats, Floats]:
-        """Points, tangents and normals (q, 3) each at arc lengths (q,), between the stations."""
+        """Return points, tangents and normals (q, 3) each at arc lengths (q,), interpolated between the stations."""
         P, T, N = (np.stack([np.interp(s, self.s, x) for x in y.T], axis=-1) for y in (self.P, self.T, self.N))
         return P, unit_vectors(T), unit_vectors(N)
 
     def station(self, traced: float) -> float:
-        """Arc length where the line on the mesh is so long."""
+        """Return the arc length of the axis at an arc length of the line on the mesh."""
         return float(np.interp(traced, self.traced, self.s))
 
 
 def fitted_axis(line: MiddleLine, width: float, edge: float) -> MemberAxis:
-    """The axis along a line (k, 3) of a member with a width, metres, on a mesh with an edge, metres."""
+    """Fit an axis to the middle line of a member of a width (m), on a mesh with a mean edge (m)."""
     step = max(KNOTS * width, COARSE * edge)
-    axis, close = _fitted(line, step), CLOSE * edge * edge / max(edge, width)
+    # on meshes finer than the member is wide the tolerance shrinks, as the mesh's own error does with edge^2
+    axis, close = _fitted(line, step), 0.05 * edge * edge / max(edge, width)
     while axis.strayed > close and step >= 2 * edge:
         step /= 2
         axis = _fitted(line, step)
@@ -281,8 +270,8 @@ def fitted_axis(line: MiddleLine, width: float, edge: float) -> MemberAxis:
 def _fitted(line: MiddleLine, step: float) -> MemberAxis:
     L = line.length
     spans = max(4 if line.closed else 1, round(L / step))
-    count = max(LEAST, PER_KNOT * spans)
-    sampled = np.linspace(0, L, SAMPLES * count + 1)
+    count = max(16, 8 * spans)
+    sampled = np.linspace(0, L, 4 * count + 1)
     given = np.concatenate([line.points, line.normals], axis=1)
     given = np.stack([np.interp(sampled, line.s, column) for column in given.T], axis=1)
     both = _spline(sampled, given, L / spans, spans, line.closed)
@@ -301,25 +290,22 @@ def _fitted(line: MiddleLine, step: float) -> MemberAxis:
 
 
 def _spline(x: Floats, y: Floats, step: float, spans: int, closed: bool) -> BSpline:
-    """The penalised spline through values y (q, d) at x (q,), 0 to spans x step, with knots a step apart."""
-    t = step * np.arange(-DEGREE, spans + DEGREE + 1)
-    design = csr_array(BSpline.design_matrix(np.clip(x, 0, step * spans), t, DEGREE))
+    """Penalised spline through values y (q, d) at x (q,), 0 to spans x step, with knots a step apart."""
+    degree, penalty = 3, 1e-3  # of third differences of the coefficients
+    t = step * np.arange(-degree, spans + degree + 1)
+    design = csr_array(BSpline.design_matrix(np.clip(x, 0, step * spans), t, degree))
     count = design.shape[1]
-    free = spans if closed else count  # of a closed one the last three coefficients are the first three again
+    free = spans if closed else count  # a closed spline repeats three coefficients
     fold = csr_array((np.ones(count), (np.arange(count), np.arange(count) % free)), shape=(count, free))
     design = csr_array(design @ fold)
     bend = diags_array([-1.0, 3.0, -3.0, 1.0], offsets=[0, 1, 2, 3], shape=(count - 3, count)) @ fold
-    weight = PENALTY * len(x) / count
+    weight = penalty * len(x) / count
     c = splu(csc_array(design.T @ design + weight * (bend.T @ bend))).solve(np.asarray(design.T @ y))
-    return BSpline(t, np.asarray(fold @ c), DEGREE)
-
-
-ALONG = 0.5
-"""Edges of the outline that run along the axis, by this cosine at least, are its sides; others end it."""
+    return BSpline(t, np.asarray(fold @ c), degree)
 
 
 def sides(surface: Surface, cells: Ints, axis: MemberAxis) -> Floats:
-    """(k, 2) metres from the stations of an axis to the outline of cells (c,), to the left and to the right of it."""
+    """(k, 2) distances (m) from the stations of an axis to the outline of cells (c,), to the left and to the right."""
     a, b = _outline(surface, cells)
     middle, way = (a + b) / 2, b - a
     near = np.asarray(cKDTree(axis.P).query(middle)[1])
@@ -327,7 +313,7 @@ def sides(surface: Surface, cells: Ints, axis: MemberAxis) -> Floats:
     left = np.einsum("ei,ei->e", middle - axis.P[near], axis.B[near]) >= 0
     found = np.zeros((len(axis.s), 2))
     for column, side in enumerate((left, ~left)):
-        here = np.flatnonzero(side & (cosine > ALONG))
+        here = np.flatnonzero(side & (cosine > 0.5))  # other edges end the member
         if len(here):
             off = np.concatenate([a[here], b[here]]) - np.tile(axis.P[near[here]], (2, 1))
             T, B = (np.tile(x[near[here]], (2, 1)) for x in (axis.T, axis.B))
@@ -339,7 +325,6 @@ def sides(surface: Surface, cells: Ints, axis: MemberAxis) -> Floats:
 
 
 def _outline(surface: Surface, cells: Ints) -> tuple[Floats, Floats]:
-    """(e, 3) both ends of the edges around cells (c,)."""
     edge, count = np.unique(surface.edges.of[cells], return_counts=True)
     ends = surface.edges.ends[edge[count == 1]]
     return surface.V[ends[:, 0]], surface.V[ends[:, 1]]

@@ -14,17 +14,15 @@ from dsfab.slicing import DrawnBand, Overlay, Sheet, divided_at_vertices, overla
 from dsfab.surface import CornerField, DividedField, Surface, connected
 
 Kind = Literal["strip", "stub", "rim", "band", "ring", "disc", "plate", "fill"]
-"""What members are, see `dsfab.members.graph.Member`; what is kept is a "keep" before its shape is known."""
+"""Kinds of members, see `dsfab.members.graph.Member`; kept material is a "keep" before its shape is known."""
 FAMILIES = {"major": "A", "minor": "B"}
 """Letters of the families of stripes."""
-FULL = 0.5
-"""Half-width in periods at which stripes touch: then there is one sheet, without members."""
 NOWHERE = 10.0
-"""Where the middle line of a region is that has none: farther away than any of its values."""
+"""Offset of the middle line of a region without a middle line: larger than any of its values."""
 
 
 class NamedBand(NamedTuple):
-    """A band, and what its parts are: "strip" of a family, or "rim", "band", "keep" or "plate"."""
+    """A band, and the kind of its parts: "strip" of a family, or "rim", "band", "keep" or "plate"."""
 
     kind: str
     family: str
@@ -32,7 +30,7 @@ class NamedBand(NamedTuple):
 
 
 def pattern_bands(surface: Surface, sheet: Sheet, pattern: PatternResult) -> list[NamedBand]:
-    """One for each field that the sheet was cut by, from `surface`, in their order."""
+    """Return a band for each field by which the sheet was cut from `surface`, in their order."""
     found = []
     for k, (name, field, levels) in enumerate(zip(pattern.names, pattern.fields, pattern.levels, strict=True)):
         if name in FAMILIES:
@@ -46,7 +44,7 @@ def pattern_bands(surface: Surface, sheet: Sheet, pattern: PatternResult) -> lis
 
 
 def _striped(sheet: Sheet, pattern: PatternResult, k: int) -> DrawnBand:
-    """The stripes of a family: between whole numbers of a phase, as wide as they were drawn."""
+    """The stripes of a family between integer values of a phase, with the width of the pattern."""
     name, field, levels = pattern.names[k], pattern.fields[k], pattern.levels[k]
     if isinstance(field, CornerField):
         return DrawnBand(name, field, levels)
@@ -54,7 +52,7 @@ def _striped(sheet: Sheet, pattern: PatternResult, k: int) -> DrawnBand:
     if field.ndim == 2:
         return DrawnBand(name, sheet.carry(field), levels)
     which, d = list(FAMILIES).index(name), pattern.half_widths[k]
-    if (d >= FULL).all():
+    if (d >= 0.5).all():  # stripes touch: the sheet has no members
         return DrawnBand(name, np.tile([1.0, -1.0], (sheet.surface.n, 1)), np.zeros(1), NOWHERE)
     z = pattern.frequency[which] * field + pattern.phase[which]
     whole = np.arange(np.floor(z.min()) - 1, np.ceil(z.max()) + 2)
@@ -62,10 +60,11 @@ def _striped(sheet: Sheet, pattern: PatternResult, k: int) -> DrawnBand:
 
 
 def _kept(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
-    """What is kept besides the stripes, by values at the vertices of the sheet, and whether that is what is within
-    "reach" of something (n,), a "plate" (n,), or a "band" along an outline (n, 2)."""
+    """The band of kept material from values at the vertices, and its shape: within "reach" of a place (n,), a "plate"
+    (n,), or a "band" along an outline (n, 2).
+    """
     zero = np.zeros(1)
-    if x.ndim == 2:  # over 0 in the region, and minus the width at its outline
+    if x.ndim == 2:  # column 0 is positive in the region, column 1 is minus the width at its outline
         width = -float(x[:, 1].min())
         inward = np.where(x[:, 0] >= 0, -x[:, 1], x[:, 1] + 2 * width)
         return "band", DrawnBand(name, np.stack([inward, inward - width], axis=1), zero, hides=True)
@@ -77,10 +76,9 @@ def _kept(name: str, x: Floats, level: float) -> tuple[str, DrawnBand]:
 
 
 DISC = 0.4
-"""What is kept and has more than this share of the area of a circle with the same outline is a disc."""
+"""Kept material with more than this share of the area of a circle of equal outline is a disc."""
 HIDDEN, COVERED = 0.05, 0.3
-"""A strip, and what is kept, that made less than this share of its cells material is below others all along: it is no
-member."""
+"""A strip (HIDDEN) or kept material (COVERED) that is on top in less than this share of its cells is no member."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,10 +86,10 @@ class Component:
     """The cells of a member before it has a name.
 
     kind   : "strip", "rim", "band", "ring", "disc", "plate" or "fill".    family : of the pattern, or "".
-    stripe : the number of its stripe, as most of it sees it; 0 where there is none.
-    cells  : (c,) of the overlay, ascending.    core : (c,) those that make its width: fillets do not.
-    line : along its middle, or None.         field : of the pattern; -1 for none.
-    group  : the connected stripe that it is a part of, a number of the overlay; -1 for none.
+    stripe : number of its stripe for most of its cells; 0 without a stripe.
+    cells  : (c,) of the overlay, ascending.    core : (c,) cells that define its width; fillets do not.
+    line   : along its middle, or None.         field : of the pattern; -1 for none.
+    group  : connected stripe that it is a part of, a number of the overlay; -1 for none.
     """
 
     kind: str
@@ -104,12 +102,14 @@ class Component:
     group: int = -1
 
     def width(self, areas: Floats) -> float:
-        """Mean width, metres, of areas (m,) of all cells; the side of a square where there is no line."""
+        """Return the mean width (m) from the areas (m,) of all cells; without a line the side of a square of equal
+        area.
+        """
         area = float(areas[self.cells[self.core]].sum())
         return area / self.line.length if self.line else float(np.sqrt(area))
 
     def along(self, more: Ints, core: bool) -> "Component":
-        """With more cells (k,)."""
+        """Return the component with extra cells (k,)."""
         cells = np.concatenate([self.cells, more])
         order = np.argsort(cells, kind="stable")
         marks = np.concatenate([self.core, np.full(len(more), core)])
@@ -117,7 +117,7 @@ class Component:
 
 
 def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: float) -> list[Component]:
-    """Those of all stripes; cells of crossings are in two or more, those of slivers may be in none.
+    """Return the components of all stripes; cells at crossings are in several, cells of slivers may be in none.
 
     normals : (n, 3) unit normals at the vertices of the overlay.    edge : of the uncut mesh, metres.
     """
@@ -138,9 +138,8 @@ def components(overlay: Overlay, bands: list[NamedBand], normals: Floats, edge: 
 
 
 def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLine]]:
-    """The middle lines of the stripes of a field.
-
-    Where the middle runs beside the sheet, as of half a stripe along its edge, it is a line at the mean offset.
+    """The middle lines of the stripes of a field. Where the middle is outside of the sheet, as for half a stripe along
+    its edge, the line runs at the mean offset.
     """
     offset = overlay.offset[:, :, k]
     lines = middle_lines(overlay, k, offset, normals)
@@ -160,10 +159,10 @@ def _lines(overlay: Overlay, k: int, normals: Floats) -> dict[int, list[MiddleLi
 
 
 def _is_sliver(overlay: Overlay, k: int, cells: Ints, lines: list[MiddleLine]) -> bool:
-    """Whether connected cells (c,) of field k lie beside its middle and are shorter than its band would be wide there.
+    """Detect connected cells (c,) beside the middle of their band that are shorter than the band's width.
 
-    Where a wall was moved, by snapping or rounding, bits between it and the exact one hang on their stripe by a vertex.
-    They are millimetres long: an axis along one would tell the curvature of nothing.
+    Snapping and rounding of walls leave such pieces of millimetres at a vertex of their stripe; an axis along them is
+    meaningless.
     """
     offset, surface = overlay.offset[cells, :, k], overlay.sheet.surface
     if not lines or ((offset.min(axis=1) < 0) & (offset.max(axis=1) > 0)).any():
@@ -174,7 +173,6 @@ def _is_sliver(overlay: Overlay, k: int, cells: Ints, lines: list[MiddleLine]) -
 
 
 def _kind(kind: str, roundness: float, lines: list[MiddleLine]) -> str:
-    """Of what is kept around points and curves, and where."""
     if kind != "keep":
         return kind
     if roundness > DISC:
@@ -183,7 +181,7 @@ def _kind(kind: str, roundness: float, lines: list[MiddleLine]) -> str:
 
 
 def roundness(overlay: Overlay) -> Floats:
-    """(count,) 4 pi area / outline^2 of each stripe: 1 for a disc."""
+    """(k,) 4 pi area / outline^2 of each stripe: 1 for a disc."""
     surface, found = overlay.sheet.surface, np.zeros(len(overlay.of))
     size = surface.edge_lengths
     f, g = overlay.linked.T
@@ -205,7 +203,6 @@ def roundness(overlay: Overlay) -> Floats:
 
 
 def _parts(overlay: Overlay, whole: Component, lines: list[MiddleLine], edge: float) -> list[Component]:
-    """A stripe as one component for each line that it has, and for each part of it that does not turn back."""
     if not lines:
         kind = "plate" if whole.kind in ("strip", "disc") else whole.kind
         return [replace(whole, kind=kind)]
@@ -223,7 +220,7 @@ def _parts(overlay: Overlay, whole: Component, lines: list[MiddleLine], edge: fl
 
 
 def nearest_line(overlay: Overlay, cells: Ints, lines: list[MiddleLine]) -> Ints:
-    """(c,) the line that is nearest to each of connected cells (c,), from cell to cell."""
+    """(c,) number of the line that is nearest to each of connected cells (c,), along paths from cell to cell."""
     if len(lines) == 1:
         return np.zeros(len(cells), dtype=np.int64)
     place = np.full(overlay.sheet.surface.m, -1)
@@ -243,7 +240,7 @@ def nearest_line(overlay: Overlay, cells: Ints, lines: list[MiddleLine]) -> Ints
 
 
 def _visible(overlay: Overlay, found: list[Component]) -> list[Component]:
-    """Without those that lie below others all along: a rim where what is kept around supports is on top of it."""
+    """Drop components below others all along, as a rim below the material that is kept around supports."""
     made, areas = overlay.sheet.family, overlay.sheet.surface.areas
     shares = [areas[one.cells[made[one.cells] == one.field]].sum() / areas[one.cells].sum() for one in found]
     least = [HIDDEN if one.kind == "strip" else COVERED for one in found]
@@ -251,8 +248,11 @@ def _visible(overlay: Overlay, found: list[Component]) -> list[Component]:
 
 
 class StripedCells(NamedTuple):
-    """sheet : m cells, divided along hidden edges too.   label : (m,) equal for cells that lie in the same stripes.
-    loose : (m,) cells that lie in none."""
+    """Cells labelled by their stripes.
+
+    sheet : m cells, divided along hidden edges too.   label : (m,) equal for cells of the same stripes.
+    loose : (m,) cells outside of all stripes.
+    """
 
     sheet: Sheet
     label: Ints
@@ -260,9 +260,9 @@ class StripedCells(NamedTuple):
 
 
 def striped_cells(surface: Surface, sheet: Sheet, pattern: PatternResult) -> StripedCells:
-    """The cells of a kept sheet that was cut from `surface` along a pattern, by the stripes that they lie in.
+    """Return the cells of a sheet that was cut from `surface` along a pattern, labelled by their stripes.
 
-    A disc that is kept around a point is one region: stripes that end below it would cut it to pieces.
+    A disc around a point is one region, because stripes that end below it would cut it to pieces.
     """
     bands = pattern_bands(surface, sheet, pattern)
     overlay = overlaid(sheet, surface, [band.drawn for band in bands])
@@ -276,8 +276,9 @@ def striped_cells(surface: Surface, sheet: Sheet, pattern: PatternResult) -> Str
 
 
 def _without_slivers(sheet: Sheet, label: Ints, loose: Bools) -> StripedCells:
-    """Loose cells that hang together and have neighbours of one label only take it: slivers at the edge of a stripe,
-    where its walls were made fair."""
+    """Give connected loose cells the label of their neighbours if these have a single one; fairing of walls leaves
+    them.
+    """
     f, g = sheet.surface.edges.pairs.T // 3
     both = loose[f] & loose[g]
     count, part = connected(len(label), f[both], g[both])

@@ -17,13 +17,15 @@ if TYPE_CHECKING:
 
 
 EXACT = 2.0**-30
-"""Offsets that are less, in periods or metres, count as this much, with the sign at the first end of the edge: so that
-a crossing on an edge is in one of the two cells beside it."""
+"""Smaller offsets (periods or metres) count as this much, with the sign at the edge's first end, so that a crossing on
+an edge is in exactly one of its two cells.
+"""
 
 
 class SharedPatch(NamedTuple):
-    """Cells (c,) that two members a, b share and that hang together; points (k, 3) at which their middles cross there,
-    metres, and the cell of each (k,)."""
+    """Connected cells (c,) that members a, b share; points (k, 3) at which their middle lines cross there, metres, and
+    the cell of each (k,).
+    """
 
     a: int
     b: int
@@ -60,9 +62,9 @@ class _Shared:
 
 
 def overlaps(overlay: Overlay, member: Ints) -> list[SharedPatch]:
-    """Every patch that two members share.
+    """Return every patch of cells that two members share.
 
-    member : (m, f) the member that each cell of the overlay is a part of for each field, -1 for none.
+    member : (m, f) member of each cell for each field, -1 for none.
     """
     found = []
     count = member.shape[1]
@@ -90,7 +92,7 @@ def _patches(overlay: Overlay, shared: _Shared) -> list[SharedPatch]:
 
 
 def _crossings(overlay: Overlay, shared: _Shared) -> tuple[Ints, Floats]:
-    """Of the shared cells those in which both middles cross (q,), and where, (q, 3)."""
+    """The shared cells in which both middle lines cross (q,), and the points (q, 3)."""
     surface, cells = overlay.sheet.surface, shared.cells
     one, two = (overlay.offset[cells, :, field] for field in (shared.one, shared.two))
     crossed = np.sign(one) * np.roll(np.sign(one), -1, axis=1) < 0
@@ -109,8 +111,9 @@ def _crossings(overlay: Overlay, shared: _Shared) -> tuple[Ints, Floats]:
 
 
 def _places_on_sides(offset: Floats, F: Ints, side: Ints) -> tuple[Ints, Ints, Floats]:
-    """(q, 2) corners at the ends of two sides (q, 2) of cells F (q, 3), the vertex with the lower number first, and
-    (q, 2) the share of the way between them at which offsets (q, 3) are 0. Both cells at an edge find the same."""
+    """(q, 2) corners at the ends of two sides (q, 2) of cells F (q, 3), the lower vertex number first, and (q, 2)
+    shares between them at which offsets (q, 3) are 0; equal from both cells at an edge.
+    """
     row = np.arange(len(F))[:, None]
     p, q = side, (side + 1) % 3
     turn = F[row, p] > F[row, q]
@@ -121,25 +124,22 @@ def _places_on_sides(offset: Floats, F: Ints, side: Ints) -> tuple[Ints, Ints, F
 
 NodeKind = Literal["crossing", "branch", "end", "grazing"]
 
-STUBS = 0.01
-"""A larger share of the sheet in stubs is told."""
-
 
 @dataclass(frozen=True, eq=False)
 class Member:
-    """A part of a sheet that a person can name.
+    """A named part of a sheet.
 
     id     : "A07", "B12b", "rim 1": letters for the families, numbers along the structure, small letters for parts of
              one stripe that turns back or branches.
-    kind   : strip, or stub if it is under twice as long as it is wide; rim and band along edges; ring and disc around
-             what is kept; plate and fill without an axis.
+    kind   : strip, or stub if it is less than twice as long as wide; rim and band along edges; ring and disc around
+             kept places; plate and fill without an axis.
     family : of the pattern: "major", "minor", "keep", "rim"; or "" for a fill.
-    stripe : its number in the phase of the family, as most of it sees it.    part : 1, 2, ... of one stripe.
+    stripe : number in the phase of the family, for most of its cells.    part : 1, 2, ... of one stripe.
     cells  : (c,) of the graph's sheet, those below other members included.
     area   : of these, square metres.
     axis   : along its middle, or None.
-    sides  : (k, 2) metres that it reaches to the left and to the right of each station of the axis; (0, 2) without.
-    ends   : what is at its beginning and at its end: the name of a node, "edge" of the surface, "free"; none if closed.
+    sides  : (k, 2) widths (m) to the left and right of each station of the axis; (0, 2) without an axis.
+    ends   : name of a node, "edge" of the surface, or "free", at its begin and end; empty if closed.
     """
 
     id: str
@@ -159,29 +159,29 @@ class Member:
 
     @property
     def length(self) -> float:
-        """Along its axis, metres; 0 without."""
+        """Length of its axis, metres; 0 without."""
         return self.axis.length if self.axis else 0.0
 
     @property
     def width(self) -> Floats:
-        """(k,) at the stations of its axis, metres."""
+        """(k,) widths at the stations of its axis, metres."""
         return np.asarray(self.sides.sum(axis=1))
 
     @property
     def mean_width(self) -> float:
-        """Median over its axis, metres; the side of a square of the same area without one."""
+        """Median width along its axis, metres; without an axis the side of a square of equal area."""
         return float(np.median(self.width)) if self.axis else float(np.sqrt(self.area))
 
 
 @dataclass(frozen=True, eq=False)
 class Node:
-    """Where two members are on each other.
+    """The overlap of two members.
 
-    kind    : crossing, where both go on; branch, where one of them ends; end, where both do; grazing, where they share
-              material but their middles do not meet.
+    kind    : crossing, both continue; branch, one ends; end, both end; grazing, they share material but their middles
+              do not meet.
     members : their names.    at : (2,) arc length along the axis of each, metres; NaN without an axis.
-    angle   : between them, degrees, 0 to 90; NaN where one has no axis.
-    point   : (3,) metres, and normal : (3,) of the surface there.    area : that both share, square metres.
+    angle   : between them, degrees, 0 to 90; NaN if a member has no axis.
+    point   : (3,) metres, and normal : (3,) of the surface there.    area : of the overlap, square metres.
     """
 
     id: str
@@ -200,11 +200,11 @@ class Node:
 
 @dataclass(frozen=True, eq=False)
 class MemberGraph:
-    """All members and nodes of a design.
+    """Members and nodes of a design.
 
-    sheet  : the kept sheet, its cells divided along the edges of members that lie below others as well. Every cell is
-             in one member at least.
-    source : (m,) the cell of the design's sheet that each cell is a part of.
+    sheet  : the kept sheet, its cells divided along the edges of hidden members too. Every cell is in at least one
+             member.
+    source : (m,) cell of the design's sheet that contains each cell.
     """
 
     sheet: Sheet
@@ -217,12 +217,12 @@ class MemberGraph:
 
     @cached_property
     def by_id(self) -> dict[str, Member]:
-        """The members by their names."""
+        """Members by name."""
         return {member.id: member for member in self.members}
 
     @cached_property
     def along(self) -> dict[str, tuple[Node, ...]]:
-        """By the names of members, the nodes on each along its axis; those that graze it are left out."""
+        """Nodes of each member along its axis, by the member's name, without grazing ones."""
         found: dict[str, list[tuple[float, Node]]] = {member.id: [] for member in self.members}
         for node in self.nodes:
             if node.kind != "grazing":
@@ -232,15 +232,18 @@ class MemberGraph:
 
     @cached_property
     def owner(self) -> Ints:
-        """(m,) the number of the member that each cell of the sheet is counted with: the widest of those that it is in,
-        of as wide ones the first. So all together have the area of the sheet."""
+        """(m,) number of the member that each cell is counted with: the widest of its members, then the first. The
+        areas of all members add up to that of the sheet.
+        """
         found = np.full(self.sheet.surface.m, -1)
         for k in sorted(range(len(self.members)), key=lambda k: (self.members[k].mean_width, -k)):
             found[self.members[k].cells] = k
         return found
 
     def bays(self, name: str) -> Floats:
-        """(b,) arc lengths from node to node along a member, metres; of a closed one the last goes on to the first."""
+        """Return arc lengths (b,) from node to node along a member (m); the last bay of a closed member ends at its
+        first node.
+        """
         axis, nodes = self.by_id[name].axis, self.along[name]
         if axis is None or not nodes:
             return np.empty(0)
@@ -248,23 +251,24 @@ class MemberGraph:
         return np.diff(s, append=s[0] + axis.length) if axis.closed else np.diff(s)
 
     def to_compas(self) -> "compas.datastructures.Graph":
-        """Nodes with x, y, z, metres, and an edge for each bay with its `member` and its `length` along the axis.
+        """Return nodes with x, y, z, metres, and an edge for each bay with its `member` and its `length` along the
+        axis.
 
-        Raises SurfaceError where compas is not installed.
+        Raises SurfaceError if compas is not installed.
         """
         return _compas_graph(self)
 
     @cached_property
     def stub_share(self) -> float:
-        """Share of the sheet's area in members that are under twice as long as they are wide."""
+        """Share of the sheet's area in stubs."""
         return sum(member.area for member in self._of_kind("stub")) / self.sheet.surface.area
 
     @property
     def notes(self) -> tuple[str, ...]:
-        """Sentences on what a person should know before building these members."""
+        """Sentences on stubs and grazing members, to read before building."""
         found = []
         stubs, grazing = self._of_kind("stub"), [node for node in self.nodes if node.kind == "grazing"]
-        if self.stub_share > STUBS:
+        if self.stub_share > 0.01:
             found.append(
                 f"{len(stubs)} stubs, under twice as long as they are wide, hold {self.stub_share:.1%} of the sheet"
             )
@@ -277,10 +281,7 @@ class MemberGraph:
 
 
 def _compas_graph(graph: MemberGraph) -> "compas.datastructures.Graph":
-    """The nodes at which members meet, and their bays as edges; see `MemberGraph.to_compas`.
-
-    Where two bays join the same two nodes, the edge is of the shorter: a graph has one edge between two nodes.
-    """
+    """A graph has one edge between two nodes: that of the shortest bay."""
     require_compas()
     from compas.datastructures import Graph
 
@@ -300,14 +301,12 @@ def _compas_graph(graph: MemberGraph) -> "compas.datastructures.Graph":
 
 
 ENDS = 1.0
-"""A member ends at a node if what goes on beyond it is shorter than this share of the other one's width."""
-ON_EDGE = 0.05
-"""It ends at the edge of the surface if that is nearer than this share of its own width."""
+"""A member ends at a node if its length beyond the node is less than this share of the other member's width."""
 
 
 @dataclass(frozen=True, eq=False)
 class Joints:
-    """Members and the components that they are, with unit normals (n, 3) at the vertices of the overlay."""
+    """Members and their components, with unit normals (n, 3) at the vertices of the overlay."""
 
     overlay: Overlay
     members: list[Member]
@@ -315,7 +314,7 @@ class Joints:
     normals: Floats
 
     def nodes(self, shared: list[SharedPatch]) -> list[Node]:
-        """The nodes of all overlaps, named in the order of the members, and along the first of both."""
+        """Return the nodes of all overlaps, named in the order of the members, along the first of both."""
         listed = []
         for overlap in shared:
             pair = min(overlap.a, overlap.b), max(overlap.a, overlap.b)
@@ -329,8 +328,9 @@ class Joints:
         return [replace(node, id=f"N{number:0{digits}d}") for number, (_, node) in enumerate(listed, 1)]
 
     def _ends_within(self, overlap: SharedPatch) -> tuple[Floats, Ints]:
-        """(k, 3) the end of a line that lies in what it shares with another member, and (k,) its cell: there they meet,
-        as two edges of a surface do at its corner."""
+        """(k, 3) end of a line inside of the material shared with another member, and (k,) its cell: there the members
+        meet, as two edges of a surface do at its corner.
+        """
         for k, other in ((overlap.a, overlap.b), (overlap.b, overlap.a)):
             line = self.parts[k].line
             if line is None or line.closed or self.parts[other].line is None:
@@ -341,12 +341,10 @@ class Joints:
         return np.zeros((0, 3)), np.zeros(0, dtype=np.int64)
 
     def _station(self, k: int, point: Floats) -> float:
-        """Arc length of a member's axis at a point (3,) of the line that it was fitted to, or beside it."""
         axis, line = self.members[k].axis, self.parts[k].line
         return axis.station(line.place(point)) if axis and line else float("nan")
 
     def _meeting(self, pair: tuple[int, int], point: Floats, cell: int, area: float) -> Node:
-        """Where the lines of two members cross; it has no name yet."""
         one, two = (self.members[k] for k in pair)
         at = self._station(pair[0], point), self._station(pair[1], point)
         (T, w), (other, width) = (tangent_and_width(*there) for there in zip((one, two), at, strict=True))
@@ -355,7 +353,6 @@ class Joints:
         return Node("", kinds[ends], (one.id, two.id), at, _angle(T, other), point, self._normal(cell), area)
 
     def _grazing(self, pair: tuple[int, int], cells: Ints, area: float) -> Node:
-        """What two members share where their middles do not meet: at the one of these cells (c,) in its middle."""
         surface = self.overlay.sheet.surface
         areas, places = surface.areas[cells], surface.centroids[cells]
         middle = int(np.linalg.norm(places - areas @ places / areas.sum(), axis=1).argmin())
@@ -374,26 +371,24 @@ class Joints:
 
 
 def tangent_and_width(member: Member, s: float) -> tuple[Floats, float]:
-    """(3,) the unit tangent of a member's axis at an arc length, and its width there, metres."""
+    """Return the unit tangent (3,) of a member's axis at an arc length, and its width there, metres."""
     assert member.axis is not None
     return member.axis.at(np.array([s]))[1][0], float(np.interp(s, member.axis.s, member.width))
 
 
 def _beyond(member: Member, s: float) -> float:
-    """Metres from a place along a member to its nearer end; infinite where it is closed."""
     return np.inf if member.axis is None or member.axis.closed else min(s, member.length - s)
 
 
 def _angle(one: Floats, two: Floats) -> float:
-    """Degrees, 0 to 90, between unit vectors (3,)."""
     return float(np.degrees(np.arctan2(np.linalg.norm(np.cross(one, two)), abs(one @ two))))
 
 
 def with_ends(joints: Joints, owner: Ints, nodes: list[Node], surface: Surface) -> list[Member]:
-    """The members with what is at both ends of each: the last node, if that is nearer than `ENDS` says; the member that
-    it ends in, or that goes on from there; "edge" of the surface; or "free".
+    """Return the members with their two ends: the last node if it is near enough (`ENDS`), the member that the end
+    runs into, "edge" of the surface, or "free".
 
-    owner : (m, f) the member that each cell is a part of for each field, -1 for none.    surface : before it was cut.
+    owner : (m, f) member of each cell for each field, -1 for none.    surface : before it was cut.
     """
     members, parts = joints.members, joints.parts
     by_id = {member.id: member for member in members}
@@ -419,13 +414,12 @@ def with_ends(joints: Joints, owner: Ints, nodes: list[Node], surface: Surface) 
             name = _node_at(member, s, on[member.id], by_id)
             others = [*begins[line.points[side].tobytes()], *owner[line.cells[side]].tolist()]
             name = name or next((members[other].id for other in others if other not in (k, -1)), "")
-            ends.append(name or _edge_or_free(line.points[side], boundary, ON_EDGE * member.mean_width))
+            ends.append(name or _edge_or_free(line.points[side], boundary, 0.05 * member.mean_width))
         found.append(replace(member, ends=tuple(ends)))
     return found
 
 
 def _node_at(member: Member, s: float, on: list[tuple[float, Node]], by_id: dict[str, Member]) -> str:
-    """The name of the node, of those on a member with their arc lengths, at its end at an arc length; '' for none."""
     at, node = min(on, key=lambda one: abs(one[0] - s), default=(0.0, None))
     if node is None:
         return ""
@@ -435,6 +429,5 @@ def _node_at(member: Member, s: float, on: list[tuple[float, Node]], by_id: dict
 
 
 def _edge_or_free(point: Floats, boundary: Floats, near: float) -> str:
-    """Whether a point (3,) is on one of the edges (b, 2, 3), metres."""
     on = len(boundary) and from_segments(point, boundary[:, 0], boundary[:, 1]).min() < near
     return "edge" if on else "free"

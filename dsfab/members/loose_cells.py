@@ -11,13 +11,9 @@ from dsfab.members.components import Component, nearest_line
 from dsfab.slicing import Overlay
 from dsfab.surface import connected
 
-FILLED = 0.5
-"""What no stripe covers is a member of its own where 4 area / perimeter is over this share of the width of the member
-that it borders on most; else it belongs to that."""
-
 
 def owners(overlay: Overlay, found: list[Component]) -> Ints:
-    """(m, f) the component that each cell is a part of for each field, -1 for none; others than fields have none."""
+    """(m, f) component of each cell for each field, -1 for none; components without a field have no column."""
     member = np.full((overlay.sheet.surface.m, overlay.part.shape[1]), -1)
     for number, one in enumerate(found):
         if one.field >= 0:
@@ -26,7 +22,7 @@ def owners(overlay: Overlay, found: list[Component]) -> Ints:
 
 
 def with_loose(overlay: Overlay, found: list[Component]) -> list[Component]:
-    """The components with what lies in no stripe; together they have every cell."""
+    """Return the components with all loose cells; together they have every cell."""
     surface, member = overlay.sheet.surface, owners(overlay, found)
     loose = np.asarray((member < 0).all(axis=1))
     if not loose.any():
@@ -47,7 +43,7 @@ def with_loose(overlay: Overlay, found: list[Component]) -> list[Component]:
         here = slice(begin[number], begin[number + 1])
         others, shared = beside[here, 1], length[here]
         most = int(others[shared.argmax()]) if len(others) else -1
-        broad = len(others) > 1 and 4 * area[number] / around[number] > FILLED * found[most].width(surface.areas)
+        broad = len(others) > 1 and 4 * area[number] / around[number] > 0.5 * found[most].width(surface.areas)
         if broad or not len(others):
             more.append(Component("fill" if broad else "plate", "", 0, mine, np.ones(len(mine), dtype=bool)))
         else:
@@ -56,7 +52,7 @@ def with_loose(overlay: Overlay, found: list[Component]) -> list[Component]:
 
 
 def _borders(overlay: Overlay, member: Ints, patch: Ints) -> tuple[Ints, Floats]:
-    """(b, 2) patches and the components (m, f) that they border on, ascending, and (b,) metres of that."""
+    """(b, 2) pairs of patch and adjacent component (m, f), ascending, and (b,) shared lengths (m)."""
     surface, total = overlay.sheet.surface, int(member.max()) + 1
     f, g = np.concatenate([overlay.linked, overlay.linked[:, ::-1]]).T
     edge = np.tile(surface.edges.of.ravel()[surface.edges.pairs[:, 0]], 2)
@@ -70,7 +66,7 @@ def _borders(overlay: Overlay, member: Ints, patch: Ints) -> tuple[Ints, Floats]
 
 
 def _sizes(overlay: Overlay, patch: Ints, count: int) -> tuple[Floats, Floats]:
-    """(count,) areas of patches (m,), and (count,) the lengths of their outlines."""
+    """(count,) areas of patches (m,), and (count,) lengths of their outlines."""
     surface = overlay.sheet.surface
     here = patch >= 0
     area = np.bincount(patch[here], surface.areas[here], count).astype(np.float64)
@@ -83,12 +79,13 @@ def _sizes(overlay: Overlay, patch: Ints, count: int) -> tuple[Floats, Floats]:
 
 
 FOLLOWS, INTO = 3.0, 1.5
-"""A line follows what is kept where it lies in that over more than so many of its widths: across it, at an angle of 20
-degrees, it would over 2.9. And so many widths it goes in: its end is past the middle, where it meets that."""
+"""A line follows kept material if it runs inside of it over more than FOLLOWS widths of that; a crossing at 20 degrees
+takes 2.9. It ends INTO widths after it enters, beyond the middle, so that both meet.
+"""
 
 
 def without_followers(overlay: Overlay, found: list[Component]) -> list[Component]:
-    """The components: strips without what of them follows another one, and those with the cells that it made."""
+    """Return the components; strips lose the parts that follow another one, which takes over their cells."""
     areas, made = overlay.sheet.surface.areas, overlay.sheet.family
     member = owners(overlay, found)
     kept = np.array([one.kind != "strip" and one.field >= 0 for one in found], dtype=bool)
@@ -114,9 +111,9 @@ def without_followers(overlay: Overlay, found: list[Component]) -> list[Componen
 
 
 def _following(line: MiddleLine, width: Floats, own: float) -> tuple[MiddleLine, list[tuple[int, int]]]:
-    """A line, one that is closed opened where it follows something, and the first and last points of those places.
+    """A line, opened where it is free if closed, and the first and last points of its parts inside of kept material.
 
-    width : (k - 1,) of what hides its segments, metres, or 0.    own : its own width.
+    width : (k - 1,) width of the material that hides each segment, metres, or 0.    own_width : of the line's member.
     """
     if line.closed and (bare := np.flatnonzero(width == 0)).size:
         line, width = line.opened(int(bare[0])), np.roll(width, -int(bare[0]))
@@ -133,8 +130,7 @@ def _following(line: MiddleLine, width: Floats, own: float) -> tuple[MiddleLine,
 
 
 def _hidden(line: MiddleLine, width: Floats, own: float) -> list[tuple[int, int]]:
-    """First and last points of the stretches of a line that something hides; those beside each other are one if what
-    is between them is shorter than the line is wide."""
+    """First and last points of the hidden stretches of a line; gaps shorter than the line's width are closed."""
     edge = np.diff(np.concatenate([[False], width > 0, [False]]).astype(int))
     found = list[tuple[int, int]]()
     for first, last in zip(np.flatnonzero(edge == 1).tolist(), np.flatnonzero(edge == -1).tolist(), strict=True):
@@ -148,7 +144,7 @@ def _hidden(line: MiddleLine, width: Floats, own: float) -> list[tuple[int, int]
 def _divided(
     overlay: Overlay, one: Component, line: MiddleLine, gone: list[tuple[int, int]]
 ) -> tuple[list[Component], list[tuple[Ints, tuple[int, int]]]]:
-    """The parts of a strip that stay; and the cells of those that are gone, with their first and last points."""
+    """The remaining parts of a strip, and the cells of the removed parts with their first and last points."""
     if not gone:
         return [one], []
     points = sorted({0, len(line.points) - 1, *(point for pair in gone for point in pair)})

@@ -1,4 +1,4 @@
-"""Stage 4, pattern: stripes of material, how wide they are, and what is kept besides them."""
+"""Stage 4, pattern: stripes of material, their widths, and the regions kept besides them."""
 
 from dsfab.pattern.direction_field import (
     StressDirections,

@@ -1,4 +1,4 @@
-"""Direction field of stripes: along principal stresses and the boundary, with signs that agree but at seams."""
+"""Direction field of stripes: along principal stresses and the boundary, with signs that agree except at seams."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,13 +15,13 @@ from dsfab.surface import connected
 from dsfab.surface.mesh import Surface
 
 ALONG = 0.3
-"""Stripes run along the boundary where the cosine between it and their gradient is less: within 17 degrees."""
+"""Stripes run along the boundary if the cosine between it and their gradient is less: within 17 degrees."""
 
 
 def boundary_lines(surface: Surface, g: Floats, shortest: float = 0.0) -> Bools:
-    """(n,) vertices of the boundary along which stripes run whose gradients point along g (n, 3).
+    """Return vertices (n,) of the boundary along which stripes run, for gradients along g (n, 3).
 
-    shortest : metres; where they run along it for less, as across the corner of a plate, there is none.
+    shortest : metres; shorter runs do not count, for example across the corner of a plate.
     """
     ends = surface.edges.ends[surface.edges.boundary]
     step = surface.V[ends[:, 1]] - surface.V[ends[:, 0]]
@@ -40,15 +40,11 @@ def boundary_lines(surface: Surface, g: Floats, shortest: float = 0.0) -> Bools:
     return np.asarray(found & (length[run] >= shortest))
 
 
-TIE = 1e-6
-"""Regions whose areas differ by less than this share of the surface are as large."""
-
-
 def crossed_over(frames: Frames, along: Floats) -> Bools:
-    """(n,) vertices at which the other family goes on in the direction along (n, 3), a unit tangent up to sign.
+    """Return vertices (n,) where the other family continues in the direction along (n, 3), a unit tangent up to sign.
 
-    Regions inside which it turns by less than 45 degrees from vertex to vertex are told apart; the largest keeps its
-    name, and its neighbours change theirs. A curve that ends inside the surface bounds no region, and is left alone.
+    In a region the direction rotates by less than 45 degrees from vertex to vertex. The largest region keeps its name,
+    and its neighbours change theirs. A curve that ends inside the surface bounds no region.
     """
     surface, (i, j) = frames.surface, frames.ends.T
     square = np.cross(frames.normal[j], along[j])
@@ -61,12 +57,12 @@ def crossed_over(frames: Frames, along: Floats) -> Bools:
     apart = one != two
     border = coo_array((metres[apart], (one[apart], two[apart])), shape=(count, count)).tocsr()
     border = csr_array(border + border.T)
-    border.data = -border.data  # the longest borders are those across which families go on
+    border.data = -border.data  # families continue across the longest borders
     tree = minimum_spanning_tree(border)
     area = np.bincount(region, surface.vertex_areas, count) / surface.area
     odd, todo = np.zeros(count, dtype=bool), np.ones(count, dtype=bool)
     while todo.any():
-        root = int(np.argmax(np.where(todo, np.rint(area / TIE), -1)))
+        root = int(np.argmax(np.where(todo, np.rint(area / 1e-6), -1)))  # a millionth of the surface decides nothing
         order, before = breadth_first_order(tree, root, directed=False)
         todo[order] = False
         for child in order[1:].tolist():
@@ -75,7 +71,7 @@ def crossed_over(frames: Frames, along: Floats) -> Bools:
 
 
 def signs_with_short_seams(frames: Frames, along: Floats) -> Floats:
-    """(n,) 1 or -1 by which to multiply tangents along (n, 3), such that few neighbours point against each other."""
+    """Return signs (n,) by which to multiply tangents along (n, 3), so that few neighbours point against each other."""
     surface, (i, j) = frames.surface, frames.ends.T
     against = frames.sides(along, i, j) < 0
     singular = np.logical_xor.reduce(against[surface.edges.of], axis=1)
@@ -83,7 +79,7 @@ def signs_with_short_seams(frames: Frames, along: Floats) -> Floats:
 
 
 def _crossed(surface: Surface, singular: Bools) -> Bools:
-    """(e,) edges that are crossed by a tree of paths over faces between singular ones (m,), and boundaries."""
+    """Return edges (e,) that a tree of paths over faces crosses between singular faces (m,) and boundaries."""
     edges = surface.edges
     crossed = np.zeros(len(edges.ends), dtype=bool)
     if not singular.any():
@@ -114,7 +110,7 @@ def _crossed(surface: Surface, singular: Bools) -> Bools:
 
 
 def _on_path(surface: Surface, face: int, before: Ints, singular: Bools) -> list[int]:
-    """The edges between a face and where its path begins: a singular face, or the boundary, which it crosses."""
+    """Return the edges between a face and the start of its path: a singular face, or the boundary, which it crosses."""
     edges, crossed = surface.edges, []
     while before[face] >= 0:
         crossed.append(int(np.intersect1d(edges.of[face], edges.of[before[face]])[0]))
@@ -125,7 +121,7 @@ def _on_path(surface: Surface, face: int, before: Ints, singular: Bools) -> list
 
 
 def _ends(surface: Surface, singular: Bools) -> Ints:
-    """(m,) where the tree's paths may end: a number for each singular face and for all along a boundary; others 0."""
+    """Return the possible ends (m,) of paths: a number for each singular face and for each boundary; 0 elsewhere."""
     edges = surface.edges
     count, loop = connected(surface.n, *edges.ends[edges.boundary].T)
     name = np.zeros(surface.m, dtype=np.int64)
@@ -136,7 +132,7 @@ def _ends(surface: Surface, singular: Bools) -> Ints:
 
 
 def _carried(surface: Surface, against: Bools, crossed: Bools) -> Floats:
-    """(n,) signs from one vertex of each part on, along edges that are not crossed; turned where edges are against."""
+    """Return signs (n,) that spread from vertex to vertex along uncut edges, and change where edges are `against`."""
     i, j = surface.edges.ends[~crossed].T
     link = csr_array((np.where(against[~crossed], -1, 1), (i, j)), shape=(surface.n, surface.n))
     link = csr_array(link + link.T)
@@ -150,7 +146,9 @@ def _carried(surface: Surface, against: Bools, crossed: Bools) -> Floats:
 
 
 def _along_paths(link: csr_array, order: Ints, before: Ints) -> Floats:
-    """(k,) products of the signs of links along the paths of a search; paths to its root are halved in rounds."""
+    """Return products (k,) of the signs of links along the paths of a search; each round halves the paths to its
+    root.
+    """
     parent = before[order[1:]]
     sign = np.concatenate([[1.0], np.asarray(link[parent, order[1:]]).ravel()])
     place = np.empty(len(before), dtype=np.int64)
@@ -162,19 +160,13 @@ def _along_paths(link: csr_array, order: Ints, before: Ints) -> Floats:
     return sign
 
 
-UNCLEAR = 0.3
-"""Where principal stresses differ by this share of the reference stress, they count half."""
 FLOOR = 1e-6
-"""Weight of the stress where it says nothing: keeps the field unique on a surface without stress."""
-
-VAGUE = 1e-6
-"""A direction under this share of the clearest one is rounding, as at the pole of a symmetric mesh: any other will do,
-but it must turn with the surface."""
+"""Least weight of the stress, which keeps the field unique on an unstressed surface."""
 
 
 @dataclass(frozen=True, eq=False)
 class StressDirections:
-    """What the field follows, on the faces.
+    """Stresses that the field follows, on the faces.
 
     stress    : (m, 2) principal stresses, any unit; major stripes run along the first.
     direction : (m, 2, 3) their unit directions.
@@ -184,26 +176,29 @@ class StressDirections:
     direction: Floats
 
     def confidence(self, areas: Floats) -> Floats:
-        """(m,) D / (D + 0.3 reference), 0 to 1: D the difference of the stresses, the reference their RMS."""
+        """Return D / (D + 0.3 reference) (m,), 0 to 1: D the difference of the stresses, the reference their RMS.
+
+        Raises PatternError if the stress is zero.
+        """
         differ = np.abs(self.stress[:, 0] - self.stress[:, 1])
         reference = float(np.sqrt((areas @ (self.stress**2).sum(axis=1)) / (2 * areas.sum())))
         if not reference > 0:
             raise PatternError("nothing is stressed, so stripes have nothing to follow; check the loads")
-        return np.asarray(differ / (differ + UNCLEAR * reference))
+        return np.asarray(differ / (differ + 0.3 * reference))
 
 
 def cross_field(
     frames: Frames, given: StressDirections, length: float, turn: float = 0.0, guidance: Sequence[Guidance] = ()
 ) -> Floats:
-    """(n, 3) unit directions at the vertices, along the major stripes.
+    """Return unit directions (n, 3) at the vertices, along the major stripes, without a meaning of their sign.
 
-    length   : metres over which unclear stress is smoothed. Signs are without meaning: a stripe runs both ways.
-    turn     : radians that they are turned by from the stress, counter-clockwise as seen from where normals point to.
-    guidance : what else they follow; it is not turned.
+    length   : metres over which unclear stress is smoothed.
+    turn     : rotation from the stress, radians, counter-clockwise as seen from the side that normals point to.
+    guidance : guides, which are not rotated.
 
-    In each frame the direction is the square z^2 of a complex number, which a half turn leaves alone. Minimised is
-    length^2 |grad z^2|^2 + c |z^2 - e^2|^2, e the first principal direction, c its confidence; and see `Guidance`.
-    Raises PatternError where nothing is stressed.
+    In each frame the direction is the square z^2 of a complex number, which a half turn does not change. The field
+    minimises length^2 |grad z^2|^2 + c |z^2 - e^2|^2, e the first principal direction, c its confidence; and see
+    `Guidance`. Raises PatternError if the stress is zero.
     """
     surface = frames.surface
     share = (surface.areas * given.confidence(surface.areas) / 3)[:, None].repeat(3, axis=1)
@@ -218,12 +213,13 @@ def cross_field(
     weight[weight == 0] = FLOOR * surface.mean_edge**2  # vertices without a face
     x = frames.twisted.factor(length**2 * frames.coupling(2 * frames.turning), weight)(right)
     size = np.abs(x)
-    angle = np.where(size > VAGUE * size.max(), np.angle(x) / 2, _along_an_edge(frames))
+    # a smaller number is rounding, as at the pole of a symmetric mesh: an edge is a direction that follows the surface
+    angle = np.where(size > 1e-6 * size.max(), np.angle(x) / 2, _along_an_edge(frames))
     return frames.direction(angle)
 
 
 def _along_an_edge(frames: Frames) -> Floats:
-    """(n,) at each vertex the angle of its edge to the neighbour of the smallest number; 0 where there is none."""
+    """Return the angle (n,) of the edge from each vertex to its lowest neighbour; 0 without any."""
     ends = np.concatenate([frames.ends, frames.ends[:, ::-1]])
     ends = ends[np.lexsort((ends[:, 1], ends[:, 0]))]
     at, begins = np.unique(ends[:, 0], return_index=True)
@@ -234,5 +230,5 @@ def _along_an_edge(frames: Frames) -> Floats:
 
 
 def _complex(frames: Frames, vertex: Ints, e: Floats) -> Floats:
-    """(m,) directions e (m, 3) as complex numbers in the frames of vertices (m,)."""
+    """Return directions e (m, 3) as complex numbers in the frames of vertices (m,)."""
     return np.asarray(dots(e, frames.t1[vertex]) + 1j * dots(e, frames.t2[vertex]))

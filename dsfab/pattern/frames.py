@@ -14,22 +14,23 @@ from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
 FEW = 16
-"""So many vertices at edges that are turned over are put back afterwards: each costs a solve more for every factor. At
-10 000 points twice as many take as long as the real matrix of twice the size."""
+"""Most vertices at reversed edges that are eliminated separately: each costs one solve for every factor. At 10,000
+points, twice as many take as long as the real matrix of twice the size.
+"""
 
 Solve = Callable[[Complexes], Complexes]
 
 
 class TwistedFactors:
-    """Factors of twisted Laplacians on points V (n, 3) and edges (e, 2): they have one pattern, analysed once."""
+    """Factors of twisted Laplacians on points V (n, 3) and edges (e, 2), from one analysis of their common pattern."""
 
     def __init__(self, V: Floats, ends: Ints) -> None:
         self._V, self._ends, self._one_pattern = V, ends, OnePattern(V)
 
     def factor(self, coupling: Complexes, diagonal: Floats, turned: Bools | None = None) -> Solve:
-        """b -> (K + diagonal)^-1 b, (n,) complex, until the next factor is asked for.
+        """Return b -> (K + diagonal)^-1 b, (n,) complex, valid until the next factor.
 
-        coupling : (e,) w e^{i turn}.    diagonal : (n,).    turned : (e,) edges with a conjugate; none if left out.
+        coupling : (e,) w e^{i turn}.    diagonal : (n,).    turned : (e,) edges with a conjugate; by default none.
         """
         turned = np.zeros(len(coupling), dtype=bool) if turned is None else turned
         across = np.unique(self._ends[turned])
@@ -44,12 +45,14 @@ class TwistedFactors:
         return _put_back(solve, across, W)
 
     def hermitian(self, coupling: Complexes, diagonal: Floats) -> Solve:
-        """The same for a matrix with coupling (e,) from the second end of each edge to the first, diagonal (n,)."""
+        """Return the same for a matrix with coupling (e,) from the second end of each edge to the first, diagonal
+        (n,).
+        """
         solve: Any = self._one_pattern.factor(self._one.matrix(np.concatenate([coupling, coupling.conj(), diagonal])))
         return lambda b: np.asarray(solve(b))
 
     def _sizes(self, coupling: Complexes) -> Floats:
-        """(n,) the sum of the weights of all edges at each vertex."""
+        """Return the sum of the weights of all edges at each vertex (n,)."""
         return np.bincount(self._ends.ravel(), np.repeat(np.abs(coupling), 2), len(self._V)).astype(np.float64)
 
     @cached_property
@@ -59,7 +62,9 @@ class TwistedFactors:
         return _Places(np.concatenate([i, j, every]), np.concatenate([j, i, every]), n)
 
     def _doubled(self, coupling: Complexes, diagonal: Floats, turned: Bools) -> Solve:
-        """The same of the real matrix, both parts of each number one after the other: a solver finds blocks of two."""
+        """Return the same for the real matrix, with both parts of a number side by side: solvers then use blocks of
+        two.
+        """
         c, s, sign = coupling.real, coupling.imag, np.where(turned, -1.0, 1.0)
         values = -np.concatenate([c, -sign * s, s, sign * c])
         places, pattern = self._real
@@ -79,19 +84,19 @@ class TwistedFactors:
 
 
 class _Places:
-    """Where values stand in a sparse matrix (N, N) that are given with rows (k,) and columns (k,) in any order."""
+    """Positions of values in a sparse matrix (N, N), from rows (k,) and columns (k,) in any order."""
 
     def __init__(self, rows: Ints, columns: Ints, N: int) -> None:
         place = coo_array((np.arange(1, len(rows) + 1), (rows, columns)), shape=(N, N)).tocsr()
         self._place, self._indices, self._indptr, self._N = place.data - 1, place.indices, place.indptr, N
 
     def matrix(self, values: Floats | Complexes) -> csr_array:
-        """(N, N) of values (k,)."""
+        """Return the matrix (N, N) of values (k,)."""
         return csr_array((values[self._place], self._indices, self._indptr), shape=(self._N, self._N))
 
 
 def _put_back(solve: Solve, across: Ints, W: Complexes) -> Solve:
-    """b -> x with H x - W conj(x) = b by `solve` for H alone; W (n, s) takes the conjugates at vertices (s,).
+    """Return b -> x with H x - W conj(x) = b by `solve` for H alone; W (n, s) couples conjugates at vertices (s,).
 
     x = H^-1 b + Z conj(x) with Z = H^-1 W: at these vertices 2 s real equations.
     """
@@ -106,13 +111,6 @@ def _put_back(solve: Solve, across: Ints, W: Complexes) -> Solve:
             return np.asarray(x + Z @ (real - 1j * imaginary))
 
     return solved
-
-
-LEAST_WEIGHT = 0.05
-"""Cotangent weights are at least this share of their median: negative ones of obtuse triangles would turn phases."""
-
-TIE = 1e-7
-"""Directions are taken to be turned by this angle, radians, when it is asked whether they point the same way."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -131,7 +129,7 @@ class Frames:
 
     @classmethod
     def of(cls, surface: Surface) -> Self:
-        """The first axis is that of x or y which is clear of the normal: no result depends on the choice."""
+        """Return frames whose first axis is that of x or y away from the normal; no result depends on that choice."""
         normal = surface.vertex_normals.copy()
         normal[~normal.any(axis=1)] = (0.0, 0.0, 1.0)
         axis = np.where(np.abs(normal[:, :1]) < 0.6, [[1.0, 0.0, 0.0]], [[0.0, 1.0, 0.0]])
@@ -140,12 +138,14 @@ class Frames:
 
     @property
     def ends(self) -> Ints:
-        """(e, 2) the vertices of every edge."""
+        """Vertices (e, 2) of every edge."""
         return self.surface.edges.ends
 
     @cached_property
     def turning(self) -> Floats:
-        """(e,) r: a direction at angle a in the frame of the second end is at angle a + r in that of the first."""
+        """Angle r (e,): a direction at angle a in the frame of the second end is at angle a + r in that of the
+        first.
+        """
         i, j = self.ends.T
         across = cross(self.normal[j], self.normal[i])
         cosine = dots(self.normal[i], self.normal[j])[:, None]
@@ -154,20 +154,19 @@ class Frames:
         return np.arctan2(dots(y, self.t2[i]), dots(y, self.t1[i]))
 
     def sides(self, g: Floats, i: Ints, j: Ints) -> Floats:
-        """(k,) 1 where tangents g (n, 3) at vertices i and j (k,) point the same way, -1 where one is turned over.
+        """Return 1 (k,) if tangents g (n, 3) at vertices i and j (k,) point the same way, -1 if one is reversed.
 
-        Which of two that are square to each other is turned over is decided by the surface's sense of turning: by
-        rounding it would be another one when the surface is turned.
+        If they are perpendicular, the surface's sense of rotation decides: rounding would depend on the coordinates.
         """
-        turned = g + TIE * cross(self.normal, g)
+        turned = g + 1e-7 * cross(self.normal, g)
         return np.where(dots(g[i], turned[j]) < 0, -1.0, 1.0)
 
     def direction(self, angle: Floats) -> Floats:
-        """(n, 3) unit vectors at angles (n,) in the frames."""
+        """Return unit vectors (n, 3) at angles (n,) in the frames."""
         return np.cos(angle)[:, None] * self.t1 + np.sin(angle)[:, None] * self.t2
 
     def coupling(self, turn: Floats) -> Complexes:
-        """(e,) w e^{i turn}: what the numbers at both ends of the edges share when one is the other, turned (e,)."""
+        """Return w e^{i turn} (e,), the coupling of the numbers at both ends of edges, one rotated by `turn` (e,)."""
         return np.asarray(self.weight * np.exp(1j * turn))
 
     @cached_property
@@ -177,12 +176,12 @@ class Frames:
 
 
 def dots(a: Floats, b: Floats) -> Floats:
-    """(k,) scalar products of a and b (k, 3)."""
+    """Return scalar products (k,) of a and b (k, 3)."""
     return np.asarray(np.einsum("ki,ki->k", a, b))
 
 
 def corner_sums(surface: Surface, x: Floats) -> Floats:
-    """(n,) sums over the corners of values x (m, 3) at the corners of faces."""
+    """Return sums (n,) over the corners of values x (m, 3) at the corners of faces."""
     return np.bincount(surface.F.ravel(), x.ravel(), surface.n).astype(np.float64)
 
 
@@ -191,4 +190,5 @@ def _cotangents(surface: Surface) -> Floats:
     after, before = np.roll(g, -1, axis=1), np.roll(g, -2, axis=1)
     opposite = -np.einsum("mci,mci->mc", after, before) * surface.areas[:, None]  # of the edge from corner c + 1
     per_edge = np.bincount(np.roll(surface.edges.of, -1, axis=1).ravel(), opposite.ravel(), len(surface.edges.ends))
-    return np.asarray(np.maximum(per_edge, LEAST_WEIGHT * np.median(per_edge)))
+    # negative weights of obtuse triangles would reverse phases
+    return np.asarray(np.maximum(per_edge, 0.05 * np.median(per_edge)))

@@ -1,4 +1,4 @@
-"""Guides in a preset: directions of stripes from the user, and guide curves that become members."""
+"""Guides of a preset: directions of stripes from the user, and curves that become members."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -16,34 +16,25 @@ from dsfab.surface import Picker, nearest
 from dsfab.surface.loads.pickers import STRICT, Real, Vector
 from dsfab.surface.mesh import Surface
 
-OBEYED = 100.0
-"""Directions beside a curve that is to be a member weigh at least as much."""
-SQUARE = 0.1
-"""A direction within this sine of the normal, 6 degrees, says nothing about where stripes run on the surface."""
-TIE = 0.1
-"""Pieces of a curve that are nearest, or farther than the nearest by less than this share of its reach, count."""
-LOOKED = 1_000_000
-"""Pairs of a vertex and a piece of a curve that are looked at together."""
-
 
 class GuideError(PatternError, ValueError):
-    """A guide that contradicts itself; being a ValueError too, pydantic collects it with the key that it is at."""
+    """A guide that contradicts itself; as a ValueError, pydantic reports it with its key."""
 
 
 @dataclass(frozen=True)
 class Guide:
-    """Stripes run along a curve, or along a direction in a region, as far as the weight says.
+    """A curve, or a direction in a region, that stripes follow by its weight.
 
     curve     : points of a polyline on the surface or near it, metres.
-    reach     : metres to both sides of the curve, straight through space, at which its weight has fallen to 0; left
-                out, the smaller spacing of the stripes.
-    at        : the region, instead of a curve.    direction : of the stripes in it; what of it is tangent counts.
-    weight    : 1 counts as much as stress that is clear; 0 nothing; 100 and more is obeyed.
-    family    : whose stripes run along it; those of the other one run across.
-    member    : one of them runs on the curve itself, whatever the weight: it is a member.
+    reach     : metres to both sides of the curve, straight through space, at which its weight falls to 0; by default
+                the smaller spacing of the stripes.
+    at        : the region, instead of a curve.    direction : of the stripes in it; its tangential part counts.
+    weight    : 1 counts as much as clear stress; 0 not at all; 100 and more overrules stress.
+    family    : whose stripes run along it; those of the other family run across.
+    member    : whether a member runs on the curve itself, whatever the weight.
 
-    Raises GuideError for less or more than either a curve or a region, for either without a direction, and for a member
-    in a region.
+    Raises GuideError unless there is either a curve or a region, for either without a direction, and for a member in a
+    region.
     """
 
     __pydantic_config__: ClassVar[Any] = STRICT
@@ -71,13 +62,13 @@ class Guide:
 
     @property
     def pull(self) -> float:
-        """Its weight; that of a member is large."""
-        return max(self.weight, OBEYED) if self.member else self.weight
+        """The weight; that of a member is at least 100."""
+        return max(self.weight, 100.0) if self.member else self.weight
 
 
 @dataclass(frozen=True, eq=False)
 class Guidance:
-    """What guides ask of a cross field z: weight |z^2 - square / weight|^2 is added to what it minimises.
+    """The term of a guide in the minimisation of a cross field z: weight |z^2 - square / weight|^2.
 
     weight : (n,) at the vertices.    square : (n,) complex, in their frames: weight times the square of the direction
     of the major stripes.
@@ -88,9 +79,9 @@ class Guidance:
 
     @classmethod
     def of(cls, frames: Frames, guides: tuple[Guide, ...], spacing: float) -> tuple[Self, ...]:
-        """Of each guide that weighs anything.
+        """Return the guidance of each guide with a weight.
 
-        spacing : reach of curves that have none, metres.
+        spacing : default reach of curves, metres.
 
         Raises PatternError for a guide that acts nowhere.
         """
@@ -99,9 +90,9 @@ class Guidance:
         return tuple(cls(np.abs(square), square) for square in found if np.abs(square).any())
 
     def tensors(self, frames: Frames) -> Floats:
-        """(n, 3, 3) the same in space, symmetric and of trace 0, for comparing vertices that lie apart.
+        """Return symmetric tensors (n, 3, 3) in space, of trace 0, to compare vertices that lie apart.
 
-        Of size 1 where the guide is obeyed: twice the weight there makes little difference to the field.
+        Their size is 1 for a guide that overrules stress: twice the weight then changes the field little.
         """
         one, two = frames.t1[:, :, None], frames.t2[:, :, None]
         x, y = one.transpose(0, 2, 1), two.transpose(0, 2, 1)
@@ -111,7 +102,7 @@ class Guidance:
 
 
 def _square(frames: Frames, number: int, guide: Guide, spacing: float) -> Complexes:
-    """(n,) complex: the square of a guide's direction in the frames, at most 1 in size; 0 where it does not act."""
+    """Return the square of a guide's direction in the frames (n,), complex, at most 1 in size; 0 beyond its reach."""
     surface = frames.surface
     if guide.at is not None:
         assert guide.direction is not None
@@ -122,7 +113,7 @@ def _square(frames: Frames, number: int, guide: Guide, spacing: float) -> Comple
         found = np.where(inside, _tangent(frames, unit_vectors(np.array(guide.direction))) ** 2, 0.0)
     else:
         found = _along_curve(frames, number, guide, guide.reach or spacing)
-    if np.abs(found).max() < SQUARE**2:
+    if np.abs(found).max() < 0.1**2:  # the sine of 6 degrees from the normal
         what = "the direction is" if guide.at is not None else "the curve is"
         raise PatternError(
             f"pattern.guide.{number}: {what} square to the surface wherever the guide acts, so it says nothing about "
@@ -132,18 +123,21 @@ def _square(frames: Frames, number: int, guide: Guide, spacing: float) -> Comple
 
 
 def _along_curve(frames: Frames, number: int, guide: Guide, reach: float) -> Complexes:
-    """(n,) complex: of the nearest piece of the curve, less with the distance from it."""
+    """Return the square (n,), complex, of the nearest piece's direction, less with the distance from the curve.
+
+    Pieces count if they are farther than the nearest by less than a tenth of the reach.
+    """
     surface, points = frames.surface, np.array(guide.curve)
     points = points[np.append(True, np.diff(points, axis=0).any(axis=1))]
     start, step = points[:-1], np.diff(points, axis=0)
     square, nearest = np.zeros(surface.n, dtype=np.complex128), np.inf
-    some = max(LOOKED // len(step), 1)
+    some = max(1_000_000 // len(step), 1)  # bounds the memory
     for first in range(0, surface.n, some):
         rows = np.arange(first, min(first + some, surface.n))
         off = from_segments(surface.V[rows, None], start, start + step)
         near = off.min(axis=1)
         nearest = min(nearest, float(near.min()))
-        share = np.maximum(1 - (off - near[:, None]) / (TIE * reach), 0.0)
+        share = np.maximum(1 - (off - near[:, None]) / (0.1 * reach), 0.0)
         z = np.stack([_tangent(frames, t, rows) for t in unit_vectors(step)], axis=1)
         mean = (share * z**2).sum(axis=1) / share.sum(axis=1)
         square[rows] = np.maximum(1 - (near / reach) ** 2, 0.0) ** 2 * mean
@@ -160,23 +154,19 @@ def _too_far(surface: Surface, number: int, nearest: float, reach: float) -> Pat
 
 
 def _tangent(frames: Frames, direction: Floats, rows: Any = slice(None)) -> Complexes:
-    """(r,) a direction (3,) in the frames at some vertices, complex; shorter where it leaves the surface."""
+    """Return a direction (3,) in the frames at vertices (r,), complex; shorter if it leaves the surface."""
     return np.asarray(frames.t1[rows] @ direction + 1j * (frames.t2[rows] @ direction))
 
 
-FINE = 8
-"""Points of a curve for each mean edge of the mesh: few faces that it passes are missed, by a corner."""
-ALONG = 0.05
-"""A member runs along a curve where its middle is off that by less than this share of the distance to the next."""
 ON_EDGE = 1e-9
-"""A point is on an edge of a face where the share of the third corner is smaller."""
+"""A point is on an edge of a face if the share of the third corner is smaller."""
 
 
 @dataclass(frozen=True, eq=False)
 class GuideLine:
-    """Points (k, 3) of a curve on a surface, metres, one after the other, and the faces (k,) that they are on.
+    """Points (k, 3) of a curve on a surface, metres, in order, and their faces (k,).
 
-    number : of the guide.    family : whose member it is to be.
+    number : of the guide.    family : that gets the member.
     """
 
     number: int
@@ -186,9 +176,9 @@ class GuideLine:
 
     @classmethod
     def of(cls, surface: Surface, guides: Sequence[Guide]) -> "list[GuideLine]":
-        """Those of the guides that are to be members, where they are on the surface and not beyond its boundary.
+        """Return the curves of guides that become members, on the surface and within its boundary.
 
-        Raises PatternError for one that is nowhere on it.
+        Raises PatternError for a curve off the surface.
         """
         found = []
         for k, guide in enumerate(guides):
@@ -204,7 +194,7 @@ class GuideLine:
         return found
 
     def aims(self, frames: Frames, g: Floats, density: Floats) -> tuple[Ints, Floats]:
-        """Vertices (v,) of the faces that it passes, and (v,) what the phase is to be there, in periods, -1/2 to 1/2.
+        """Return vertices (v,) of the faces that it passes, and the target phases (v,) there, in periods, -1/2 to 1/2.
 
         g : (n, 3) unit direction of its gradient at the vertices, up to sign.    density : (n,) periods per metre.
         """
@@ -221,21 +211,23 @@ class GuideLine:
         return at, phase - np.rint(phase)
 
     def followed(self, surface: Surface, phase: CornerPhase, every: int) -> float:
-        """The share of the curve along which the middle of a stripe runs, of a phase of which `every` line is drawn."""
+        """Return the share of the curve on a centre line, within 5 % of a spacing, of a phase with a line at every
+        `step`.
+        """
         F = surface.F[self.faces]
         weight = _shares(surface.V[F], self.points)
         z = np.einsum("kc,kc->k", phase.corners(surface)[self.faces], weight)
         off = np.abs(z - every * np.rint(z / every))
-        return float(((off < ALONG) & ~phase.singular[self.faces]).mean())
+        return float(((off < 0.05) & ~phase.singular[self.faces]).mean())
 
     def across(self, directions: Floats) -> bool:
-        """Whether the curve runs mostly across directions (m, 3) on the faces, unit vectors."""
+        """Return whether the curve runs mostly across directions (m, 3) on the faces, unit vectors."""
         step = unit_vectors(np.diff(self.points, axis=0))
         return bool((dots(step, directions[self.faces[:-1]]) ** 2).mean() < 0.5)
 
 
 def aimed(lines: Sequence[GuideLine], frames: Frames, g: Floats, density: Floats) -> tuple[Bools, Floats]:
-    """(n,) vertices beside the curves of guides, and (n,) what the phase is to be there, in periods; 0 elsewhere."""
+    """Return vertices (n,) beside the curves of guides, and target phases (n,) there, in periods; 0 elsewhere."""
     lock, aim = np.zeros(frames.surface.n, dtype=bool), np.zeros(frames.surface.n)
     for line in lines:
         at, phase = line.aims(frames, g, density)
@@ -244,8 +236,8 @@ def aimed(lines: Sequence[GuideLine], frames: Frames, g: Floats, density: Floats
 
 
 def _on_surface(surface: Surface, curve: Floats) -> tuple[Floats, Ints]:
-    """(k, 3) points along a polyline, moved onto the surface, and their faces."""
-    step = surface.mean_edge / FINE
+    """Return points (k, 3) along a polyline, moved onto the surface, and their faces."""
+    step = surface.mean_edge / 8  # fine enough to miss few faces, at corners only
     points = [curve[:1]]
     for begin, end in pairwise(curve):
         count = max(int(np.ceil(np.linalg.norm(end - begin) / step)), 1)
@@ -260,7 +252,7 @@ def _on_surface(surface: Surface, curve: Floats) -> tuple[Floats, Ints]:
 
 
 def _shares(corners: Floats, points: Floats) -> Floats:
-    """(k, 3) barycentric coordinates of points (k, 3) in the planes of triangles (k, 3, 3)."""
+    """Return barycentric coordinates (k, 3) of points (k, 3) in the planes of triangles (k, 3, 3)."""
     a, b, c = (corners[:, k] for k in range(3))
     normal = np.cross(b - a, c - a)
     sides = [np.cross(q - p, points - p) for p, q in ((b, c), (c, a), (a, b))]

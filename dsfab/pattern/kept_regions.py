@@ -1,4 +1,4 @@
-"""Regions that stay material: around loads and supports, along the boundary, and outlines of the user."""
+"""Regions that stay material: around loads and supports, along the boundary, and outlines from the user."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -13,49 +13,48 @@ from dsfab.surface.fields import Divided, DividedField
 from dsfab.surface.topology import connected
 
 EVEN = 0.01
-"""How far off the edge of a region may be because a distance is taken as linear on faces, as a share of its reach."""
+"""Largest error of a region's edge by linear distances on faces, as a share of its reach."""
 
-ALIKE = 1e-3
-"""On fine meshes straight lines are taken if they differ from ways along the surface by this share of the reach."""
 
 SNAP = 0.05
-"""Cutting moves vertices onto the edge of a region that are nearer than this share of the growth of the distance along
-one of their edges (the usual `slicing.snap`); if that is farther than twice `EVEN`, these edges are halved."""
+"""The usual `slicing.snap`: a cut moves vertices onto the edge of a region if they are nearer than this share of the
+growth of the distance along one of their edges. If that exceeds twice `EVEN`, these edges are halved.
+"""
 
 SHORT = 1 / 16
-"""Edges that are shorter, as a share of the reach, are not halved: where two parts of the boundary are equally near."""
+"""Shorter edges, as a share of the reach, are not halved: two parts of the boundary are equally near there."""
 
 FINEST = 1 / 16
-"""Nor are those that are shorter as a share of the longest side of the face that they lie in: much smaller parts make
-what is cut hard to solve. Corners of a region are blunt by at most half of this share of a side."""
+"""Edges shorter than this share of their face's longest side are not halved: much smaller parts make the cut sheet hard
+to solve. Corners of a region are blunt by at most half of this share of a side.
+"""
 
 NEAR = 0.3
-"""Values within this share of the growth of the distance along one of a vertex's edges are moved onto the edge of the
-region, unless that moves it by more than `EVEN`: lines that pass close by a vertex leave needles."""
+"""Values within this share of the growth of the distance along one of a vertex's edges move onto the edge of the
+region, unless by more than `EVEN`: lines that pass close by a vertex leave needles.
+"""
 
 ASIDE = 0.1
-"""Edges are divided where the edge of a region crosses them if that is less than this share of them off their middle:
-else it would pass close by the new vertex."""
-
-ROUNDS = 16
-"""How often edges are halved at most."""
-
-PARTS = 300_000
-"""Faces are not divided any more when there are so many more parts than faces."""
+"""Edges are divided at the edge of a region if this crosses them less than this share off their middle; otherwise it
+would pass close by the new vertex.
+"""
 
 
-def curve_fields(surface: Surface, regions: Sequence[tuple[Origins, float]]) -> list[Floats | DividedField]:
-    """(n,) for each region the negative distance along the surface from its origins, metres, to be cut at minus its
+def curve_fields(
+    surface: Surface, regions: Sequence[tuple[Origins, float]], rounds: int = 16, most_parts: int = 300_000
+) -> list[Floats | DividedField]:
+    """Return minus the distance (n,) along the surface, metres, from the origins of each region, to cut at minus its
     reach.
 
-    Faces that this edge crosses are divided where the distance is not linear; all fields are on one division. Farther
-    away than the reach and the longest edge values are bounds: too low, and finite.
+    The edge of a region divides faces where the distance is not linear; all fields share one division, after at most
+    `rounds` of halving and `most_parts` additional parts. Beyond the reach and the longest edge, values are bounds: too
+    low, and finite.
     """
     divided, reaches = Divided.nowhere(surface), [reach for _, reach in regions]
-    for left in reversed(range(ROUNDS)):
+    for left in reversed(range(rounds)):
         found = [geodesic_distances(divided.surface, divided.carried(origins), reach) for origins, reach in regions]
         marks = _marks(divided, found, reaches)
-        if not (left and marks.any()) or divided.surface.m > surface.m + PARTS:
+        if not (left and marks.any()) or divided.surface.m > surface.m + most_parts:
             break
         divided = divided.halved(marks, _crossings(divided.surface, found, reaches))
     if divided.surface is surface:
@@ -67,7 +66,7 @@ def curve_fields(surface: Surface, regions: Sequence[tuple[Origins, float]]) -> 
 
 
 def _marks(divided: Divided, found: Sequence[Distances], reaches: Sequence[float]) -> Bools:
-    """(e',) edges that are to be halved for one of the regions: none within one of those before it."""
+    """Return edges (e',) to halve for one of the regions, except in regions before it."""
     parts, whole = divided.surface, divided.whole
     size, sides = parts.edge_lengths, parts.edges.of
     finest, longest = np.zeros(len(size)), whole.edge_lengths[whole.edges.of].max(axis=1)
@@ -82,8 +81,10 @@ def _marks(divided: Divided, found: Sequence[Distances], reaches: Sequence[float
 
 
 def _crossings(surface: Surface, found: Sequence[Distances], reaches: Sequence[float]) -> Floats:
-    """(e,) where to divide edges, from 0 at their first end to 1: where the edge of a region crosses them (see
-    `ASIDE`), or in their middle where none does so close to it, or more than one."""
+    """Return where to divide edges (e,), from 0 at their first end to 1.
+
+    At the edge of a region if that crosses near the middle (see `ASIDE`), else in the middle; also if several cross.
+    """
     at, count = np.full(len(surface.edges.ends), 0.5), np.zeros(len(surface.edges.ends), dtype=np.int64)
     for distances, reach in zip(found, reaches, strict=True):
         middle = distances.middle
@@ -96,7 +97,7 @@ def _crossings(surface: Surface, found: Sequence[Distances], reaches: Sequence[f
 
 
 def _most_growth(surface: Surface, distance: Floats) -> tuple[Floats, Floats]:
-    """(e,) by how much a distance grows along each edge, and (n,) along the edges at each vertex at most."""
+    """Return the growth of a distance along each edge (e,), and the largest along the edges at each vertex (n,)."""
     ends, most = surface.edges.ends, np.zeros(surface.n)
     growth = np.abs(np.diff(distance[ends], axis=1)[:, 0])
     np.maximum.at(most, ends.ravel(), np.repeat(growth, 2))
@@ -104,7 +105,9 @@ def _most_growth(surface: Surface, distance: Floats) -> tuple[Floats, Floats]:
 
 
 def _snapped(surface: Surface, distance: Floats, reach: float) -> Floats:
-    """Distances (n,) close to the reach moved onto it (see `NEAR`), but not those of all corners of a face."""
+    """Return distances (n,), moved onto the reach if close to it (see `NEAR`), except at faces with all corners
+    close.
+    """
     _, most = _most_growth(surface, distance)
     near = np.abs(distance - reach) <= np.minimum(NEAR * most, EVEN * reach)
     near[surface.F[near[surface.F].all(axis=1)]] = False
@@ -112,31 +115,31 @@ def _snapped(surface: Surface, distance: Floats, reach: float) -> Floats:
 
 
 def _plain(surface: Surface, region: tuple[Origins, float], distances: Distances) -> Floats:
-    """(n,) the field of a region on faces as they are; by straight lines where these lead to the same places."""
+    """Return the field (n,) of a region on undivided faces, by straight lines if these give the same distances."""
     origins, reach = region
     near = np.unique(surface.F[distances.reached])
     straight = straight_distances(
         surface, (surface.edges.ends[origins.edges], np.flatnonzero(origins.vertices)[:, None])
     )
-    alike = np.abs(straight[near] - distances.vertex[near]).max(initial=0.0) <= ALIKE * reach
+    alike = np.abs(straight[near] - distances.vertex[near]).max(initial=0.0) <= 1e-3 * reach
     if alike and np.delete(straight, near).min(initial=np.inf) > reach:
         return -straight
     return -_finite(distances.vertex, reach)
 
 
 def _finite(distance: Floats, reach: float) -> Floats:
-    """The largest of the others for what is infinite: it tells nothing of how steep a distance is."""
+    """Replace infinite distances by the largest finite one, which does not affect slopes."""
     known = np.isfinite(distance)
     return np.where(known, distance, max(2 * reach, distance[known].max(initial=0.0)))
 
 
 def _uneven(surface: Surface, distances: Distances, reach: float) -> Bools:
-    """(e,) edges on the edge of a region along which the distance is not linear, or too steep."""
+    """Return edges (e,) at the edge of a region along which the distance is not linear, or too steep."""
     vertex, middle, faces = distances.vertex, distances.middle, np.flatnonzero(distances.reached)
     sides, ends = surface.edges.of[faces], surface.edges.ends
     off = np.abs(vertex[ends[sides]].mean(axis=2) - middle[sides])
     farthest = np.maximum(vertex[surface.F[faces]], middle[sides]).max(axis=1)
-    off[farthest == 0] = reach  # all sides are on the boundary: nothing is known of the middle
+    off[farthest == 0] = reach  # all sides are on the boundary: the middle has no distance
     found = np.zeros(len(ends), dtype=bool)
     found[sides[(off > EVEN * reach) & (farthest + off.max(axis=1) >= reach)[:, None]]] = True
     known = _finite(vertex, reach)
@@ -147,7 +150,9 @@ def _uneven(surface: Surface, distances: Distances, reach: float) -> Bools:
 
 
 def straight_distances(surface: Surface, simplices: Sequence[Ints]) -> Floats:
-    """(n,) straight distance, metres, to the nearest of some faces, edges and vertices, by those of their corners."""
+    """Return the straight distance (n,), metres, to the nearest of faces, edges and vertices, given by their
+    corners.
+    """
     squared = np.full(surface.n, np.inf)
     for group in simplices:
         if len(group):
@@ -155,15 +160,11 @@ def straight_distances(surface: Surface, simplices: Sequence[Ints]) -> Floats:
     return np.asarray(np.sqrt(squared))
 
 
-SHARE = 0.25
-"""Width of a band where none is given, as a share of half the region's."""
-
-
 @dataclass(frozen=True, eq=False)
 class RegionBand:
     """A band along the outline of a region, on its inside.
 
-    outline : the edges between faces in the region and others, to measure from.    width : metres.
+    outline : the edges between faces in the region and outside, as origins of distances.    width : metres.
     inside  : (n,) 1 in the region, 0 on its outline, -1 outside.
     """
 
@@ -172,9 +173,9 @@ class RegionBand:
     inside: Floats
 
     def layer(self, field: Floats | DividedField) -> Layer:
-        """What slicing cuts, of minus the distance (n,) from the outline, metres: the region without its middle.
+        """Return the layer of minus the distance (n,) from the outline, metres: the region without its middle.
 
-        Two fields with a level at 0, of which the first is over it and the second is not (see
+        Two fields with a level at 0: material is where the first exceeds it and the second does not (see
         `dsfab.slicing.cutting.cut`).
         """
         every = np.full(len(self.inside), np.inf)
@@ -186,18 +187,18 @@ class RegionBand:
 
 
 def region_layers(surface: Surface, regions: Sequence[PatternRegion]) -> list[Layer]:
-    """The solid regions, each as a field (n,) that is 0 along its outline.
+    """Return the solid regions, each as a field (n,) that is 0 along its outline.
 
-    Raises PatternError for one that is nowhere on the surface.
+    Raises PatternError for a region off the surface.
     """
     every = np.full(surface.n, np.inf)
     return [Layer("keep", sides(surface, faces), np.zeros(1), every) for _, faces in _faces(surface, regions, "keep")]
 
 
 def region_bands(surface: Surface, regions: Sequence[PatternRegion], rim: float) -> list[RegionBand]:
-    """The bands of the regions that have one; as wide as the `rim`, metres, where they do not say.
+    """Return the bands of regions, by default as wide as the `rim`, metres, or a quarter of half the region's width.
 
-    Raises PatternError for a region that is nowhere on the surface, or wholly covers a piece of it.
+    Raises PatternError for a region off the surface, and for one that covers a piece of it wholly.
     """
     found = []
     for k, faces in _faces(surface, regions, "rim"):
@@ -208,13 +209,13 @@ def region_bands(surface: Surface, regions: Sequence[PatternRegion], rim: float)
         ends = np.zeros(surface.n, dtype=bool)
         ends[surface.edges.ends[edges]] = True
         length = float(surface.edge_lengths[edges].sum())
-        width = regions[k].width or rim or SHARE * 2 * float(surface.areas[faces].sum()) / length
+        width = regions[k].width or rim or 0.25 * 2 * float(surface.areas[faces].sum()) / length
         found.append(RegionBand(Origins(ends, edges, np.zeros(surface.m, dtype=bool)), width, inside))
     return found
 
 
 def _faces(surface: Surface, regions: Sequence[PatternRegion], do: str) -> Iterator[tuple[int, Bools]]:
-    """Number and faces (m,) of the regions of a kind."""
+    """Yield number and faces (m,) of the regions of a kind."""
     for k, region in enumerate(regions):
         if region.do != do:
             continue
@@ -230,36 +231,38 @@ def _faces(surface: Surface, regions: Sequence[PatternRegion], do: str) -> Itera
 
 
 def sides(surface: Surface, faces: Bools) -> Floats:
-    """(n,) 1 at the vertices of marked faces (m,), -1 at those of others, 0 at those of both."""
+    """Return 1 (n,) at vertices of marked faces (m,), -1 at those of unmarked faces, 0 at those of both."""
     found = np.zeros((2, surface.n), dtype=bool)
     found[0, surface.F[faces]] = found[1, surface.F[~faces]] = True
     return np.asarray(found[0].astype(np.float64) - found[1])
 
 
 def outline_edges(surface: Surface, faces: Bools) -> Bools:
-    """(e,) the edges between marked faces (m,) and others."""
+    """Return the edges (e,) between marked faces (m,) and unmarked ones."""
     marked = np.bincount(surface.edges.of[faces].ravel(), minlength=len(surface.edges.ends))
     return np.asarray((marked > 0) & (marked < surface.edges.count))
 
 
 def distance_to_boundary(surface: Surface, reach: float = np.inf) -> Floats:
-    """(n,) distance along the surface, metres, to the boundary; too large beyond the reach, or infinite."""
+    """Return the distance (n,) along the surface, metres, to the boundary; too large or infinite beyond the reach."""
     return geodesic_distances(surface, boundary_origins(surface), reach).vertex
 
 
 def distance_to_vertices(surface: Surface, vertices: Bools, reach: float = np.inf) -> Floats:
-    """(n,) distance, metres, to what marked vertices span: straight to patches, along the surface to points and curves,
-    there as in `distance_to_boundary`."""
+    """Return the distance (n,), metres, to the span of marked vertices.
+
+    To patches it is straight, to points and curves along the surface, as in `distance_to_boundary`.
+    """
     patch = patches(surface, vertices)
     curves = geodesic_distances(surface, curve_origins(surface, vertices & ~patch), reach)
     return np.minimum(distance_to_patches(surface, patch), curves.vertex)
 
 
 def patches(surface: Surface, vertices: Bools) -> Bools:
-    """(n,) the marked vertices that hang together with faces between them; the others are points and curves.
+    """Return the marked vertices (n,) that faces connect; the rest are points and curves.
 
-    Three vertices of the boundary mark no face, and two of them no edge within the surface: it depends on the mesh
-    alone how far these go beyond the curve that is meant.
+    Three vertices of the boundary mark no face, and two of them no inner edge: only the mesh decides how far these
+    extend beyond the intended curve.
     """
     edges, faces = _spanned(surface, vertices)
     _, part = connected(surface.n, *surface.edges.ends[edges].T)
@@ -267,26 +270,26 @@ def patches(surface: Surface, vertices: Bools) -> Bools:
 
 
 def distance_to_patches(surface: Surface, vertices: Bools) -> Floats:
-    """(n,) straight distance, metres, to what marked vertices span: their faces, their edges, themselves."""
+    """Return the straight distance (n,), metres, to the span of marked vertices: their faces, edges, and themselves."""
     ends = surface.edges.ends
     faces, edges = surface.F[vertices[surface.F].all(axis=1)], ends[vertices[ends].all(axis=1)]
     return straight_distances(surface, (faces, edges, np.flatnonzero(vertices)[:, None]))
 
 
 def boundary_origins(surface: Surface) -> Origins:
-    """The boundary, to measure distances from."""
+    """Return the boundary as origins of distances."""
     edges = surface.edges.boundary
     return Origins(_ends(surface, edges), edges, np.zeros(surface.m, dtype=bool))
 
 
 def curve_origins(surface: Surface, vertices: Bools) -> Origins:
-    """Marked vertices (n,), no `patches` among them, and the edges that they span, to measure distances from."""
+    """Return marked vertices (n,), without `patches`, and the edges of their span, as origins of distances."""
     edges, _ = _spanned(surface, vertices)
     return Origins(vertices, edges, np.zeros(surface.m, dtype=bool))
 
 
 def _spanned(surface: Surface, vertices: Bools) -> tuple[Bools, Bools]:
-    """(e,) edges and (m,) faces between marked vertices; see `patches`."""
+    """Return edges (e,) and faces (m,) between marked vertices; see `patches`."""
     F, ends, boundary = surface.F, surface.edges.ends, surface.edges.boundary
     border = _ends(surface, boundary)
     edges = vertices[ends].all(axis=1) & (boundary | ~border[ends].all(axis=1))
@@ -302,11 +305,11 @@ def _ends(surface: Surface, edges: Bools) -> Bools:
 def kept_layers(
     surface: Surface, marked: Bools, keep: float, rim: float, drawn: Sequence[PatternRegion] = ()
 ) -> list[Layer]:
-    """What is material: drawn regions, what is within `keep` metres of marked vertices (n,), and within `rim` metres of
-    the boundary.
+    """Return the layers of kept material: regions of the user, within `keep` metres of marked vertices (n,), and within
+    `rim` metres of the boundary.
 
-    Around patches that is to a straight line over each face; such a patch is ragged itself. Around points and along
-    curves the edge of the region is even: see `curve_fields`. Drawn regions end where the surface is cut for them.
+    Around patches the edge of a region is straight on each face; such a patch is ragged itself. Around points and along
+    curves it is smooth: see `curve_fields`. Regions of the user end at edges of the surface, which was cut for them.
     """
     patch = patches(surface, marked)
     regions = []

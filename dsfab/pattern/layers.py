@@ -16,16 +16,14 @@ from dsfab.pattern.widths import SOLID, Widths, slopes, solved_factor
 from dsfab.surface.fields import CornerField, DividedField
 from dsfab.surface.mesh import Surface
 
-DUTY_TOLERANCE = 1e-9
-"""How closely the mean duty of graded stripes is that of plain ones."""
-
 
 class Layer(NamedTuple):
-    """What slicing cuts: a field (n,) whose odd strips are material, or (n, 2), see `Stripes.band`; or that at corners,
-    or on parts of the faces.
+    """A field to cut and its levels: odd strips of a field (n,) are material; for (n, 2) see `Stripes.band`.
+
+    The field may be at corners, or on parts of faces.
 
     half_width : (n,) d in periods, for shaders.
-    closed     : (n,) openings in the mean of which that is over 0 are material, whatever their own width; None: none.
+    closed     : (n,) openings with a mean over 0 are material, whatever their own width; None: none.
     """
 
     name: str
@@ -37,7 +35,7 @@ class Layer(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class ModeFamily:
-    """Stripes on a mode x (n,), with what their width may follow at every vertex.
+    """Stripes on a mode x (n,), with the slope and stress that decide their widths.
 
     slope  : (n,) |grad z|, periods per metre.    stress : (n,) size of the stress along the stripes; any unit.
     """
@@ -58,16 +56,18 @@ class ModeFamily:
         stress: Floats | None = None,
         radius: float = 0.0,
     ) -> "ModeFamily":
-        """The family with its slope over a radius in metres; a stress (n,) left out is the same everywhere."""
+        """Return the family, with its slope averaged over a radius in metres; the default stress (n,) is 1
+        everywhere.
+        """
         stress = np.ones(surface.n) if stress is None else stress
         return cls(name, stripes, x, slopes(surface, stripes.phases(x), radius), stress)
 
     def stressed(self, stress: Floats) -> Self:
-        """The same under another stress (n,)."""
+        """Return the family under another stress (n,)."""
         return replace(self, stress=stress)
 
     def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:
-        """(n,) d in periods."""
+        """Return d (n,), in periods."""
         return widths.half_widths(self.stripes.half_width, self.slope, self.stress, factor)
 
     adds = 0
@@ -75,11 +75,11 @@ class ModeFamily:
 
     @property
     def density(self) -> Floats:
-        """(n,) stripes per metre."""
+        """Stripes per metre (n,)."""
         return self.slope
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
-        """The family as one layer; of one field where the width does not vary."""
+        """Return the family as one layer, with one field if the width does not vary."""
         d = self.half_widths(widths, factor)
         if widths.vary:
             return [Layer(self.name, self.stripes.band(self.x, d), self.stripes.middles(self.x), d)]
@@ -90,12 +90,12 @@ class Drawable(Protocol):
     """A family of stripes, on a mode or evenly spaced.
 
     density : (n,) stripes per metre.    stress : (n,) size of the stress along the stripes; any unit.
-    adds    : families add stripes between those that are drawn everywhere in this order.
+    adds    : order of families in which finer stripes are added.
     """
 
     @property
     def adds(self) -> int:
-        """Its place among the families that add stripes between those that are drawn everywhere."""
+        """Its place in the order of families that add finer stripes."""
 
     @property
     def name(self) -> str:
@@ -107,25 +107,25 @@ class Drawable(Protocol):
 
     @property
     def density(self) -> Floats:
-        """(n,) stripes per metre."""
+        """Stripes per metre (n,)."""
 
     @property
     def stress(self) -> Floats:
-        """(n,) size of the stress along the stripes; any unit."""
+        """Size of the stress along the stripes (n,), in any unit."""
 
     def stressed(self, stress: Floats) -> Self:
-        """The same under another stress (n,)."""
+        """Return the family under another stress (n,)."""
         ...
 
     def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:
-        """(n,) d in periods."""
+        """Return d (n,), in periods."""
         ...
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
-        """What slicing cuts: the stripes that are drawn everywhere, then those in the openings between them.
+        """Return the layers: first stripes that run everywhere, then finer ones in the openings between them.
 
-        closing : the factor that says which openings are closed as a whole, as `factor` if 0: with the same one the
-                  share of material does not jump as `factor` grows.
+        closing : factor that decides which openings close as a whole, by default `factor`: with a fixed one the share
+                  of material does not jump as `factor` grows.
         """
         ...
 
@@ -133,7 +133,7 @@ class Drawable(Protocol):
 def stripe_layers(
     families: Sequence[Drawable], widths: Widths, factor: float = 1.0, closing: float = 0.0
 ) -> list[Layer]:
-    """The layers of all families: what each draws everywhere, then what they add, in the order of `adds`."""
+    """Return the layers of all families: stripes that run everywhere, then finer ones, in the order of `adds`."""
     drawn = [(family.adds, family.layers(widths, factor, closing)) for family in families]
     return [layers[0] for _, layers in drawn] + [
         layer for _, layers in sorted(drawn, key=itemgetter(0)) for layer in layers[1:]
@@ -141,10 +141,10 @@ def stripe_layers(
 
 
 def mean_duty_factor(surface: Surface, families: Sequence[Drawable], widths: Widths) -> float:
-    """The factor at which families of graded width keep the mean duty that their thresholds ask for.
+    """Return the factor at which families of graded width keep the mean duty of their thresholds.
 
-    One factor for all: the family with the larger stress gets the larger share. Bounds in metres come on top.
-    Raises PatternError when too little of the surface is stressed for that.
+    One factor for all: the family with the larger stress gets the larger share. Bounds in metres apply afterwards.
+    Raises PatternError if too little of the surface is stressed for that.
     """
     free = Widths(widths.rule, widths.member, widths.q)
 
@@ -153,33 +153,37 @@ def mean_duty_factor(surface: Surface, families: Sequence[Drawable], widths: Wid
         return float(2 * sum(means) / (len(families) * surface.area))
 
     wanted = float(np.mean([2 * family.stripes.half_width for family in families]))
-    return solved_factor(duty, wanted, DUTY_TOLERANCE)
+    return solved_factor(duty, wanted, 1e-9)
 
 
 CLOSING = (1.45, 1.55)
-"""Members that would be so many times wider than that are not made thinner, but one: they crowd around a load. Where
-openings do not close as a whole, see `Layer.closed`, they do it little by little between the two."""
+"""Widths over the crowded width between which an opening closes gradually: members crowd around a load. Up to the
+first, members become thinner; from the second on they merge. Only for openings that do not close as a whole
+(`Layer.closed`).
+"""
 FOLLOWING = (1.15, 1.25)
-"""The same where widths follow the stress: material is wanted there. Thinned up to `CLOSING` such a dome is 5 % softer
-at half of its material."""
+"""The same if widths follow the stress, which needs material there: with `CLOSING` a dome at half of its material is 5
+% softer.
+"""
 WHOLE = 1.3
-"""Openings close as a whole where members would be so many times wider in the mean over them; by `FOLLOWING` where
-widths follow the stress. With 1.5 the crown of a dome under a point load is left open, and it is 2 % softer."""
+"""Mean width over the crowded width at which an opening closes as a whole; the mean of `FOLLOWING` if widths follow the
+stress. With 1.5 the crown of a dome under a point load stays open, and it is 2 % softer.
+"""
 
 WIDTH_RULES = {"solid": SOLID, "open": SLIT, "closer": CROWDING, "closing": CLOSING, "following": FOLLOWING}
-"""The same for whoever else widens stripes: the editor's page, which shows widths while a slider moves."""
+"""The same limits for the editor's page, which shows widths while a slider moves."""
 
 
 @dataclass(frozen=True, eq=False)
 class EvenFamily:
-    """Stripes whose middles are where a phase is a whole number; with halvings, some of these, see `wanted`.
+    """Stripes with centre lines at integers of a phase; with halvings, on a part of these, see `wanted`.
 
-    phase   : at the corners, with every line that may be drawn.
-    wanted  : for each level of halving, the finest first, (m,) the share of each face where its lines are drawn. Lines
-              at multiples of 2^len(wanted) are drawn everywhere.
-    slope   : (n,) lines per metre of the phase.    density : (n,) the same of those that are drawn.
-    stress  : (n,) size of the stress along the stripes; any unit.    adds : see `Drawable`.
-    whole   : whether an opening between members that crowd closes as a whole, or where they do.
+    phase   : at the corners, with all possible lines.
+    wanted  : for each level of halving, the finest first, (m,) the share of each face with its lines. Lines at
+              multiples of 2^len(wanted) run everywhere.
+    slope   : (n,) lines per metre of the phase.    density : (n,) the same of the drawn lines.
+    stress  : (n,) size of the stress along the stripes; any unit.    adds : see `DrawableFamily`.
+    whole   : whether an opening between crowded members closes as a whole, or at each vertex.
     """
 
     name: str
@@ -193,17 +197,19 @@ class EvenFamily:
     whole: bool = False
 
     def stressed(self, stress: Floats) -> Self:
-        """The same under another stress (n,)."""
+        """Return the family under another stress (n,)."""
         return replace(self, stress=stress)
 
     def half_widths(self, widths: Widths, factor: float = 1.0) -> Floats:
-        """(n,) d in periods of the drawn lines; but for the rule `plain`, members that would leave a slit are thinner,
-        or, where they crowd more than that or the stress is larger, one.
+        """Return d (n,), in periods of the drawn lines.
+
+        Except by the rule `plain`, members that would leave a slit are thinner, or merge if they crowd more or have
+        more stress.
         """
         return self._closed(self._asked(widths, factor), widths)
 
     def layers(self, widths: Widths, factor: float = 1.0, closing: float = 0.0) -> list[Layer]:
-        """The coarse stripes, which are drawn everywhere, then finer and finer ones."""
+        """Return the coarse stripes, which run everywhere, then finer and finer ones."""
         asked = self._asked(widths, factor)
         local = self._closed(asked, widths)
         opened, closed = local, None
@@ -221,7 +227,7 @@ class EvenFamily:
         return drawn
 
     def _asked(self, widths: Widths, factor: float) -> Floats:
-        """(n,) half-widths in periods of the drawn lines, however narrow that leaves the openings."""
+        """Return half-widths (n,), in periods of the drawn lines, however narrow the openings are."""
         asked = replace(widths, min_gap=0.0) if widths.rule != "plain" else widths
         return asked.half_widths(self.stripes.half_width, self.density, self.stress, factor)
 
@@ -229,12 +235,12 @@ class EvenFamily:
         return max(SLIT, CROWDING * float(np.median(asked)))
 
     def _opened(self, asked: Floats, widths: Widths) -> Floats:
-        """(n,) half-widths that leave no slit, but where widths.min_gap closes it."""
+        """Return half-widths (n,) without slits, except if widths.min_gap closes these."""
         d = np.minimum(asked, self._most(asked))
         return np.where(d + self.density * (widths.min_gap / 2) > SOLID, SOLID, d)
 
     def _closed(self, asked: Floats, widths: Widths) -> Floats:
-        """The same, and where members crowd too much they are one."""
+        """Return the same, with crowded members merged."""
         if widths.rule == "plain":
             return asked
         most = self._most(asked)
@@ -246,7 +252,7 @@ class EvenFamily:
         return CornerField(band, phase.sign, phase.shift, phase.singular, wanted)
 
     def _levels(self, period: int, offset: int, d: Floats) -> Floats:
-        """offset + j period over all that faces see."""
+        """Return offset + j period over all values that faces have."""
         phase = self.phase
         seen = np.abs(phase.value).max() + np.abs(phase.shift[~phase.singular]).max(initial=0.0) + d.max()
         count = np.ceil(seen / period) + 1
@@ -258,23 +264,19 @@ def _limits(widths: Widths) -> tuple[float, float]:
 
 
 def finest_half_widths(local: Floats, slope: Floats, density: Floats, halvings: int) -> Floats:
-    """(n,) half-widths in periods of the finest lines, of local ones in periods of the lines that are drawn.
+    """Return half-widths (n,) in periods of the finest lines, from local ones in periods of the drawn lines.
 
-    Where neighbours that are drawn touch, all between the coarsest lines is material.
+    If drawn neighbours touch, all space between the coarsest lines is material.
     """
     return np.asarray(np.where(local >= SOLID, SOLID * 2**halvings, local * slope / density))
 
 
-SIDE = 3
-"""Points along each side of a face; their square is in it."""
-
-
-def face_points(side: int = SIDE) -> Floats:
-    """(side^2, 3) barycentric coordinates: the centroids of the equal triangles that a face divides into.
+def face_points(side: int = 3) -> Floats:
+    r"""Return barycentric coordinates (side^2, 3): the centroids of equal triangles that divide a face.
 
     side = 2:    .         three upright triangles and one upside down
-                /_\\
-               /_\\/_\\
+                /_\
+               /_\/_\
     """
     i, j = np.meshgrid(np.arange(side), np.arange(side), indexing="ij")
     upright, turned = i + j < side, i + j < side - 1
@@ -284,13 +286,13 @@ def face_points(side: int = SIDE) -> Floats:
 
 
 def material_points(surface: Surface, layers: Sequence[Layer], points: Floats) -> Bools:
-    """(m, p) whether any of the layers makes points of each face, in barycentric coordinates (p, 3), material."""
+    """Return whether any layer makes points of each face material, (m, p), for barycentric coordinates (p, 3)."""
     kept = np.zeros((surface.m, len(points)), dtype=bool)
     for layer in layers:
         below = [np.searchsorted(layer.levels, x) for x in _point_values(surface, layer.field, points)]
         if isinstance(layer.field, CornerField):
             kept |= (below[0] > below[1]) & _drawn(layer.field)[:, None]
-            if layer.closed is not None:  # to a point: whole openings are known when they are cut
+            if layer.closed is not None:  # point by point: only the cut knows whole openings
                 kept |= (layer.closed[surface.F] @ points.T > 0) & ~layer.field.blank[:, None]
             continue
         kept |= below[0] % 2 == 1 if len(below) == 1 else below[0] > below[1]
@@ -298,14 +300,14 @@ def material_points(surface: Surface, layers: Sequence[Layer], points: Floats) -
 
 
 def _point_values(surface: Surface, field: Floats | CornerField | DividedField, points: Floats) -> list[Floats]:
-    """The one or two fields of a layer at points of the faces, (m, p) each."""
+    """Return the one or two fields of a layer at points of the faces, (m, p) each."""
     if isinstance(field, DividedField):
         return [column.at_points(points) for column in field.columns]
     return [np.asarray(x @ points.T) for x in _corner_values(surface, field)]
 
 
 def _corner_values(surface: Surface, field: Floats | CornerField) -> list[Floats]:
-    """The one or two fields of a layer at the corners of the faces, (m, 3) each."""
+    """Return the one or two fields of a layer at the corners of the faces, (m, 3) each."""
     if isinstance(field, CornerField):
         seen = field.corners(surface.F)
         return [seen[..., k] for k in range(seen.shape[2])]
@@ -313,20 +315,21 @@ def _corner_values(surface: Surface, field: Floats | CornerField) -> list[Floats
 
 
 def _drawn(field: CornerField) -> Bools:
-    """(m,) faces where a field is drawn, to a face: the cut knows better."""
+    """Return faces (m,) where a field is drawn, up to a face: the cut is more accurate."""
     return ~field.blank if field.wanted is None else ~field.blank & (field.wanted > 0.5)
 
 
-def counted_share(surface: Surface, kept: Sequence[Layer], side: int = SIDE) -> Callable[[Sequence[Layer]], float]:
-    """The function from layers, which begin with the `kept` ones, to their share of the surface, counted in points.
+def counted_share(surface: Surface, kept: Sequence[Layer], side: int = 3) -> Callable[[Sequence[Layer]], float]:
+    """Return the function from layers, which begin with the kept ones, to their share of the surface, by a count of
+    points.
 
-    Off by some thousandths, at a tenth of the time of a cut; what is kept is counted once.
+    It is off by a few thousandths, at a tenth of the time of a cut; kept layers are counted once.
     """
     points = face_points(side)
     always = material_points(surface, kept, points)
 
     def share(layers: Sequence[Layer]) -> float:
-        with one_blas_thread():  # products so thin: on a busy machine two threads take sixty times as long
+        with one_blas_thread():  # thin products: on a busy machine two threads take sixty times as long
             stripes = material_points(surface, layers[len(kept) :], points)
         return float((always | stripes).mean(axis=1) @ surface.areas / surface.area)
 

@@ -16,28 +16,20 @@ from dsfab.surface.fields import CornerField, hat_gradients
 from dsfab.surface.mesh import Surface
 
 SHIFT = 1e-3
-"""Of the inverse iteration, over the squared spacing: makes the matrix definite and changes no eigenvector."""
-STEPS = 20
-"""Inverse iterations: the lowest eigenvectors differ little from each other, and any of them will do."""
-KRYLOV = 12
-"""Solves that these take: what they end at is in the Krylov space of twelve of them to 1e-5 or better."""
-EXHAUSTED = 1e-12
-"""What is left of a product is nothing if it is under this share of it."""
-FLOWS = 10
-"""Rounds of diffusion and normalisation, in which pairs of dislocations find each other and vanish."""
+"""Shift of the inverse iteration, over the squared spacing: makes the matrix definite and changes no eigenvector."""
 FLOW = 0.25
 """Length of a round: 1 / tau, tau = this share of (2 pi / spacing)^2."""
 EXACT = 0.05
-"""Locked phases that are off by less, in periods, are not off at all: the edge of a surface gets a straight member."""
+"""Largest miss, in periods, of a locked phase that is rounded to its target: edges of a surface get straight
+members.
+"""
 LOCK = 3.0
 """Weight of a locked phase, over (2 pi / spacing)^2."""
-CHANCE = 0.02
-"""A mean cosine of phases that is this small says nothing: as many stressed places are on lines as between them."""
 
 
 @dataclass(frozen=True, eq=False)
 class Flow:
-    """What the phase of a family follows.
+    """Gradient that the phase of a family follows.
 
     g       : (n, 3) unit direction of its gradient at the vertices, up to sign.
     density : (n,) periods per metre.
@@ -49,13 +41,13 @@ class Flow:
 
     @cached_property
     def sign(self) -> Floats:
-        """(e,) 1 where g points the same way at both ends of an edge, -1 where it is turned over."""
+        """1 (e,) if g points the same way at both ends of an edge, -1 if it is reversed."""
         i, j = self.frames.ends.T
         return self.frames.sides(self.g, i, j)
 
     @cached_property
     def turn(self) -> Floats:
-        """(e,) periods that the phase grows by from the first end of an edge to the second, as the first sees it."""
+        """Growth of the phase (e,), periods, from the first end of an edge to the second, as the first sees it."""
         i, j = self.frames.ends.T
         step = self.frames.surface.V[j] - self.frames.surface.V[i]
         mean = self.density[i, None] * self.g[i] + (self.sign * self.density[j])[:, None] * self.g[j]
@@ -63,7 +55,7 @@ class Flow:
 
     @cached_property
     def coupling(self) -> Complexes:
-        """(e,) what the phases at both ends of the edges share; see `Frames.coupling`."""
+        """Coupling of the phases (e,) at both ends of the edges; see `Frames.coupling`."""
         return self.frames.coupling(-2 * np.pi * self.turn)
 
     def solve(
@@ -73,17 +65,19 @@ class Flow:
         projection: Projection | None = None,
         aim: Floats | None = None,
         free: bool = False,
+        rounds: int = 10,
     ) -> Floats:
-        """(n,) phases at the vertices, in periods, -1/2 to 1/2, each in the sign that g has at its vertex.
+        """Return phases (n,) at the vertices, in periods, -1/2 to 1/2, each in the sign that g has at its vertex.
 
-        Minimised is the sum over the edges of w |psi_j - e^{2 pi i turn} psi_i|^2, psi_i conjugated where g turns over:
+        They minimise the sum over the edges of w |psi_j - e^{2 pi i turn} psi_i|^2, psi_i conjugated if g is reversed:
         first over all psi of one size, then, by diffusion and normalisation in turns, over all of size 1 everywhere
         [Merriman, Bence, Osher 1992; on phases Viertel, Osting 2019].
 
-        start : (n,) where the iteration begins; a line is drawn through its peak, as far as nothing else decides.
-        lock  : (n,) vertices through which the middle of a stripe should run.
-        aim   : (n,) what the phase is to be at some of these, in periods, -1/2 to 1/2, if it is not 0.
-        free  : begin without them: from where they are the first phases may meet out of step in between.
+        start : (n,) begin of the iteration; a line runs through its peak if nothing else decides.
+        lock  : (n,) vertices on the centre line of a stripe.
+        aim   : (n,) target phases at locked vertices, in periods, -1/2 to 1/2; 0 by default.
+        free  : begin without locked vertices: phases that start from them may meet out of step in between.
+        rounds : of diffusion and normalisation, in which pairs of dislocations meet and vanish.
         """
         surface, n = self.frames.surface, self.frames.surface.n
         mass = np.maximum(surface.vertex_areas, 1e-12 * surface.area)
@@ -98,7 +92,7 @@ class Flow:
         x = project(solve(target)) if from_lock else _lowest(lambda x: project(solve(mass * x)), start, mass)
         tau = FLOW * wave
         solve = self._factor(tau * mass + held)
-        for _ in range(FLOWS):
+        for _ in range(rounds):
             x = project(solve(tau * mass * _normalised(x) + target))
         phase = np.angle(x) / (2 * np.pi)
         miss = phase - aim
@@ -109,25 +103,27 @@ class Flow:
 
 
 def _lowest(B: Callable[[Complexes], Complexes], start: Floats, mass: Floats) -> Complexes:
-    """(n,) what inverse iteration with B from start (n,) ends at: complex numbers as pairs of real ones, for conjugates
-    are linear for these alone."""
-    x = krylov_power(lambda x: _pairs(B(_numbers(x))), _pairs(start.astype(complex)), np.repeat(mass, 2), STEPS, KRYLOV)
+    """Return the result (n,) of 20 inverse iterations with B from start (n,), approximated to 1e-5 by 12 solves.
+
+    The lowest eigenvectors are almost equally good. Pairs of real numbers make conjugation linear.
+    """
+    x = krylov_power(lambda x: _pairs(B(_numbers(x))), _pairs(start.astype(complex)), np.repeat(mass, 2), 20, 12)
     return _numbers(x)
 
 
 def _pairs(x: Complexes) -> Floats:
-    """(2 n,) real and imaginary part of each number (n,), one after the other."""
+    """Return real and imaginary part (2 n,) of each number (n,), side by side."""
     return np.ascontiguousarray(x).view(np.float64)
 
 
 def _numbers(x: Floats) -> Complexes:
-    """(n,) the numbers of such pairs (2 n,)."""
+    """Return the complex numbers (n,) of such pairs (2 n,)."""
     return np.ascontiguousarray(x).view(np.complex128)
 
 
 @one_blas_thread()  # hundreds of products of vectors: on two busy cores, threads took three times as long
 def krylov_power(B: Callable[[Floats], Floats], x: Floats, mass: Floats, power: int, products: int) -> Floats:
-    """B^power x, of length 1 in the mass (N,), from the Krylov space of so many products with a linear B.
+    """Return B^power x, of length 1 in the mass (N,), from the Krylov space of `products` products with a linear B.
 
     Arnoldi's method [Saad 1992]: B as a small matrix H on an orthonormal basis of B x, B B x, ..., and powers of that.
     With as many products as powers it is exact.
@@ -136,13 +132,13 @@ def krylov_power(B: Callable[[Floats], Floats], x: Floats, mass: Floats, power: 
     H = np.zeros((products, products - 1))
     for k in range(products - 1):
         rest = B(basis[k])
-        for _ in range(2):  # the second time what rounding has left
+        for _ in range(2):  # the second pass removes rounding errors of the first
             for j, q in enumerate(basis):
                 share = q @ (mass * rest)
                 H[j, k] += share
                 rest = rest - share * q
         H[k + 1, k] = np.sqrt(rest @ (mass * rest))
-        if H[k + 1, k] <= EXHAUSTED * H[k, k]:
+        if H[k + 1, k] <= 1e-12 * H[k, k]:  # the space is complete
             H = H[: k + 1, : k + 1]
             break
         basis.append(rest / H[k + 1, k])
@@ -159,12 +155,12 @@ def _of_length_1(x: Floats, mass: Floats) -> Floats:
 
 
 def through_peaks(phase: Floats, weight: Floats) -> Floats:
-    """(n,) the phases at the vertices, in periods, or those half a period on, such that lines run where weight (n,) is
-    large.
+    """Return phases (n,), in periods, shifted by half a period if more weight (n,) is then on lines.
 
-    What `Flow.solve` minimises does not tell the two apart, nor do signs and images of phases: 1/2 and -1/2 are one.
+    `Flow.solve` does not distinguish the two, nor do signs and images of phases: 1/2 and -1/2 are equal. A mean cosine
+    within 2 % of 0 does not decide.
     """
-    if weight @ np.cos(2 * np.pi * phase) >= -CHANCE * weight.sum():
+    if weight @ np.cos(2 * np.pi * phase) >= -0.02 * weight.sum():
         return phase
     return np.asarray(np.where(phase > 0, phase - 0.5, phase + 0.5))
 
@@ -175,12 +171,12 @@ def _normalised(x: Complexes) -> Complexes:
 
 @dataclass(frozen=True, eq=False)
 class CornerPhase:
-    """A phase of stripes on a surface: the middles of stripes are where it is a whole number.
+    """A phase of stripes on a surface, with centre lines at its integers.
 
     value    : (n,) at the vertices, periods.
-    sign     : (m, 3) 1 or -1, and shift : (m, 3) whole numbers: how a face sees the value at each of its corners.
-    singular : (m,) faces in which a stripe ends or the direction turns over: there the phase means nothing.
-    broken   : how many of them a stripe ends in.
+    sign     : (m, 3) 1 or -1, and shift : (m, 3) integers: how a face sees the value at each of its corners.
+    singular : (m,) faces in which a stripe ends or the direction reverses: there the phase is meaningless.
+    broken   : number of faces in which a stripe ends.
     """
 
     value: Floats
@@ -197,31 +193,31 @@ class CornerPhase:
 
     @property
     def field(self) -> CornerField:
-        """The phase as a field whose levels are whole numbers."""
+        """The phase as a field with integer levels."""
         return CornerField(self.value[:, None], self.sign, self.shift, self.singular)
 
     def corners(self, surface: Surface) -> Floats:
-        """(m, 3) the phase at the corners of the faces."""
+        """Return the phase (m, 3) at the corners of the faces."""
         return np.asarray(self.sign * self.value[surface.F] + self.shift)
 
     def gradients(self, surface: Surface) -> Floats:
-        """(m, 3) of the phase on the faces, periods per metre."""
+        """Return the gradient (m, 3) of the phase on the faces, periods per metre."""
         return np.asarray(np.einsum("mcx,mc->mx", hat_gradients(surface), self.corners(surface)))
 
     def times(self, factor: int) -> "CornerPhase":
-        """The same with so many stripes between each two; factor is a whole number."""
+        """Return the phase with `factor` stripes for each one; factor is an integer."""
         return replace(self, value=factor * self.value, shift=factor * self.shift)
 
     @cached_property
     def single_valued(self) -> bool:
-        """Whether one number at each vertex serves all faces."""
+        """True if one number at each vertex serves all faces."""
         return not self.singular.any() and bool((self.sign == 1).all() and (self.shift == 0).all())
 
 
 def corner_phase(flow: Flow, phase: Floats, other: Callable[[], Floats] | None = None) -> CornerPhase:
-    """The phases (n,), in periods, of `Flow.solve` as the faces see them.
+    """Return the phases (n,), in periods, of `Flow.solve` as the faces see them.
 
-    other : makes phases (n,) that are taken where they break off on fewer faces; asked where there is any.
+    alternative : makes other phases (n,), used if they break off on fewer faces; called if the first break off at all.
     """
     found = _seen(flow, phase)
     if other and found.broken:
@@ -230,10 +226,10 @@ def corner_phase(flow: Flow, phase: Floats, other: Callable[[], Floats] | None =
 
 
 def _seen(flow: Flow, phase: Floats) -> CornerPhase:
-    """Phases (n,) as each face sees them by itself.
+    """Return phases (n,) as each face sees them by itself.
 
-    From corner to corner a phase grows by what is nearest to `flow.turn`; where it does not come back to where it
-    began, or to its own sign, the face is singular.
+    From corner to corner a phase grows by the value nearest to `flow.turn`; the face is singular if it does not return
+    to its start, or to its own sign.
     """
     surface, sign = flow.frames.surface, flow.sign
     i, j = flow.frames.ends.T
@@ -257,7 +253,7 @@ def _seen(flow: Flow, phase: Floats) -> CornerPhase:
 
 
 def _aligned(surface: Surface, given: CornerPhase) -> CornerPhase:
-    """The same phase with signs and periods of the faces carried from neighbour to neighbour, from one face on.
+    """Return the phase with signs and periods of the faces carried from neighbour to neighbour, beginning at one face.
 
     Seen by the corner where its half-edge starts, the phase of face g is s times that of face f plus q.
     """
@@ -285,10 +281,10 @@ def _aligned(surface: Surface, given: CornerPhase) -> CornerPhase:
 
 
 def _carry(link: csr_array, order: Ints, before: Ints, s: Floats, q: Floats, signs: Floats, shifts: Floats) -> None:
-    """Signs and shifts (m,) of the faces in the order of a search, each from that of the face before it.
+    """Set signs and shifts (m,) of the faces in the order of a search, each from the face before it.
 
-    Each face knows its step from an earlier one, and in every round the earlier one's step is put before it: paths to
-    the root are halved.
+    Each face has its step from an earlier one, and in every round the earlier one's step is put before it: paths to the
+    root are halved.
     """
     child = order[1:]
     if not len(child):
@@ -309,7 +305,9 @@ def _carry(link: csr_array, order: Ints, before: Ints, s: Floats, q: Floats, sig
 
 
 def _from_majority(surface: Surface, given: CornerPhase) -> CornerPhase:
-    """The same phase with the value at each vertex as its first face sees it: 1 and 0 but along seams."""
+    """Return the phase with the value at each vertex as its first face sees it: signs 1 and shifts 0 except along
+    seams.
+    """
     first = np.full(len(given.value), -1)
     corner = surface.F.ravel()
     usable = np.flatnonzero(np.repeat(~given.singular, 3))

@@ -10,16 +10,16 @@ from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
 GLSL = "float wave(float t) { return 4.0 * abs(fract(t) - 0.5) - 1.0; }"
-"""The same function for shaders."""
+"""`wave` for shaders."""
 
 
 def wave(t: Floats) -> Floats:
-    """p(t) = 4 |fract(t) - 1/2| - 1 of t (...)."""
+    """Return p(t) = 4 |fract(t) - 1/2| - 1 of t (...)."""
     return np.asarray(4 * np.abs(t - np.floor(t) - 0.5) - 1)
 
 
 def half_width(threshold: float) -> float:
-    """d with p(t) > threshold exactly where |t - k| < d for an integer k: (1 - threshold) / 4, in periods."""
+    """Return d = (1 - threshold) / 4, in periods: p(t) > threshold exactly if |t - k| < d for an integer k."""
     return (1 - threshold) / 4
 
 
@@ -48,55 +48,57 @@ class Stripes:
 
     @property
     def half_width(self) -> float:
-        """d in periods: 0 (nothing is material) to 0.5 (everything is)."""
+        """d in periods: 0 (no material) to 0.5 (all material)."""
         return half_width(self.threshold)
 
     def widened(self, factor: float) -> "Stripes":
-        """Stripes whose half-width is `factor` times as large, up to 0.5."""
+        """Return stripes whose half-width is `factor` times as large, up to 0.5."""
         if factor == 1:  # to the last bit
             return self
         return replace(self, threshold=1 - 4 * min(factor * self.half_width, 0.5))
 
     def phases(self, x: Floats) -> Floats:
-        """z = frequency x + phase of x (...): the middles of the stripes are at integers."""
+        """Return z = frequency x + phase of x (...), with centre lines at integers."""
         return self.frequency * x + self.phase
 
     def band(self, x: Floats, d: Floats) -> Floats:
-        """(n, 2) z + d and z - d for half-widths d (n,): material has more integers below the first than the second."""
+        """Return z + d and z - d (n, 2) for half-widths d (n,): material has more integers below the first than the
+        second.
+        """
         z = self.phases(x)
         return np.stack([z + d, z - d], axis=1)
 
     def middles(self, x: Floats) -> Floats:
-        """(k,) the integers around the range of z over x (n,), ascending: the levels of `band`."""
+        """Return the integers (k,) around the range of z over x (n,), ascending: the levels of `band`."""
         z = self.phases(x)
         return np.arange(np.floor(z.min()) - 1, np.ceil(z.max()) + 2)
 
     def value(self, x: Floats) -> Floats:
-        """s(x) = p(frequency x + phase) - threshold of x (...): positive in the material."""
+        """Return s(x) = p(frequency x + phase) - threshold of x (...): positive in the material."""
         return wave(self.frequency * x + self.phase) - self.threshold
 
     def levels(self, x: Floats) -> Floats:
-        """(k,) ascending values of the mode where material begins and ends, over the range of x (n,).
+        """Return ascending values (k,) of the mode at the edges of material, over the range of x (n,).
 
         In phase z = frequency x + phase material is |z - k| < d for integers k, so it begins at every k - d and ends at
-        every k + d: with the levels counted from below, an odd number of them lies below material.
+        every k + d: an odd number of levels lies below material.
         """
         d = half_width(self.threshold)
         if d == 0:
             return np.empty(0)
         z = self.frequency * x + self.phase
-        if d >= 0.5:  # stripes touch: one edge below everything
+        if d >= 0.5:  # stripes touch: the only edge lies below all values
             return np.array([x.min() - 1.0 / self.frequency])
         k = np.arange(np.floor(z.min()) - 1, np.ceil(z.max()) + 2)
         return (np.stack([k - d, k + d], axis=1).ravel() - self.phase) / self.frequency
 
 
 def frequency_for(surface: Surface, x: Floats, spacing: float) -> float:
-    """The frequency at which the middles of stripes on a mode x (n,) are `spacing` metres apart in the mean.
+    """Return the frequency at which centre lines of stripes on a mode x (n,) are `spacing` metres apart on average.
 
-    The mean distance is the area over the length of the middles, the lines z = k for integers k; their length, in the
-    mean over all phases, is the integral of |grad z| (the co-area formula [Federer 1959]), so it grows with the
-    frequency. Raises PatternError for a mode that is constant.
+    The mean distance is the area over the length of the centre lines, z = k for integers k; their mean length over all
+    phases is the integral of |grad z| (the co-area formula [Federer 1959]), so it grows with the frequency. Raises
+    PatternError for a constant mode.
     """
     gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), x[surface.F])
     lines = float(surface.areas @ np.linalg.norm(gradient, axis=1))  # metres of them, per unit of frequency

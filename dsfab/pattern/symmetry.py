@@ -1,4 +1,4 @@
-"""`Images`: what makes stripes symmetric: directions, densities and phases averaged over the images of each point."""
+"""`Images`: symmetric stripes, by averages of directions, densities and phases over the images of each point."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -11,16 +11,16 @@ from dsfab.core.arrays import Bools, Complexes, Floats, Ints
 from dsfab.pattern.frames import Frames, dots
 
 Projection = Callable[[Complexes], Complexes]
-"""Takes complex numbers (n,) at the vertices to the nearest field of them that is symmetric."""
+"""Maps complex numbers (n,) at the vertices to the nearest symmetric field."""
 
 
 @dataclass(frozen=True, eq=False)
 class Images:
-    """A group of rotations and mirrors of a surface, and where they take its vertices.
+    """A group of rotations and mirrors of a surface, and the images of its vertices.
 
     R     : (g, 3, 3) orthogonal, the first the identity.
     maps  : g sparse (n, n); maps[i] @ x reads a field x at the images of the vertices.
-    faces : (g, m) the face that the image of each face's centroid lies on; None: not needed.
+    faces : (g, m) the face that the image of each face's centroid lies on; None if not needed.
     """
 
     R: Floats
@@ -29,25 +29,26 @@ class Images:
 
     @classmethod
     def none(cls, n: int) -> Self:
-        """Of a surface without symmetry: each of n vertices is its only image."""
+        """Return the images of a surface without symmetry: each of n vertices is its only image."""
         return cls(np.eye(3)[None], (csr_array(eye_array(n)),))
 
     def mean(self, x: Floats) -> Floats:
-        """A field (n, ...) averaged over the images of each point."""
+        """Return a field (n, ...) averaged over the images of each point."""
         return np.asarray(sum((T @ x for T in self.maps[1:]), x) / len(self.maps))
 
     def of_any(self, marked: Bools) -> Bools:
-        """(m,) faces of which an image is marked: a singular point at a vertex lies in one of its faces by chance.
+        """Return faces (m,) with a marked image, because a singular point at a vertex lies in one of its faces by
+        chance.
 
-        On a mesh that is less symmetric than its surface images of faces are no faces, and marks stay as they are.
+        On a mesh that is less symmetric than its surface, images of faces are no faces, and marks stay unchanged.
         """
         exact = all(T.nnz == T.shape[0] for T in self.maps)
         return np.asarray(marked[self.faces].any(axis=0)) if exact and self.faces is not None else marked
 
     def directions(self, frames: Frames, along: Floats) -> Floats:
-        """(n, 3) unit tangents, up to sign, of the field that is nearest to such tangents and the same at all images.
+        """Return unit tangents (n, 3), up to sign, of the symmetric field nearest to the given tangents.
 
-        A line is told by the products of its coordinates, v v^T, which signs leave alone; they are averaged.
+        The products v v^T of the coordinates, which do not depend on signs, are averaged.
         """
         if len(self.maps) == 1:
             return along
@@ -62,11 +63,12 @@ class Images:
         return frames.direction(np.arctan2(2 * xy, xx - yy) / 2)
 
     def projection(self, V: Floats, g: Floats, density: Floats) -> Projection:
-        """Of phases at vertices V (n, 3) that grow along g (n, 3) by so many periods per metre, density (n,): an image
-        that sees g turned over has the conjugate.
+        """Return the projection of phases at vertices V (n, 3) that grow along g (n, 3) by density (n,) periods per
+        metre.
 
-        Where the image of a vertex lies between others, their phases are carried to it before they are averaged: they
-        are turned by what a phase grows by in between, or where few edges make a period the mean of them would lag.
+        An image that sees g reversed has the conjugate. An image of a vertex may lie between other vertices: their
+        phases are first carried to it by the growth in between, because the plain mean would lag with few edges in a
+        period.
         """
         if len(self.maps) == 1:
             return lambda x: x
@@ -78,15 +80,17 @@ class Images:
 
     @staticmethod
     def _phase_map(R: Floats, T: csr_array, V: Floats, growth: Floats) -> tuple[csr_array, csr_array]:
-        """(n, n) each: what images take of phases, and of their conjugates; growth (n, 3) is the gradient of the phase,
-        up to sign, periods per metre."""
+        """Return the maps (n, n) from phases, and from their conjugates, to images.
+
+        growth : (n, 3) gradient of the phase, up to sign, periods per metre.
+        """
         column = T.indices
         row = np.repeat(np.arange(T.shape[0]), np.diff(T.indptr))
         there, here = growth[row] @ R.T, growth[column]
         turned = dots(there, here) < 0
         sign = np.where(turned, -1.0, 1.0)
         step = (T @ V)[row] - V[column]
-        turn = np.pi * dots(here + sign[:, None] * there, step)  # of the mean growth of both ends
+        turn = np.pi * dots(here + sign[:, None] * there, step)  # by the mean growth of both ends
         value = T.data * np.exp(1j * turn)
         same, other = (csr_array((value * of, column, T.indptr), shape=T.shape) for of in (~turned, turned))
         return same, csr_array(other.conj())

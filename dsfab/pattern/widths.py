@@ -14,27 +14,20 @@ from dsfab.surface.fields import hat_gradients
 from dsfab.surface.mesh import Surface
 
 _End = tuple[float, float]
-"""Of an interval: a factor, and by how much its share is more than the wanted one."""
+"""End of an interval: a factor, and its share minus the wanted one."""
 Rule = Literal["plain", "constant", "graded", "stressed"]
 
 SOLID = 0.5
-"""The half-width, in periods, at which neighbouring stripes touch."""
-LARGEST_FACTOR = 1e9
-"""What stripes cannot reach when they are made so many times wider, they cannot reach."""
+"""Half-width, in periods, at which neighbouring stripes touch."""
 ROUNDS = (2, 60)
-"""Fewest and most rounds in which values are averaged."""
+"""Fewest and most rounds of averaging."""
 JUMP = 5e-3
-"""A share may jump past the wanted one by this much, where tidied ends come and go: the nearest there is will do."""
-FEELERS = 5
-"""Secants from a factor that is about right, before the answer is looked for between 0 and what is too much."""
-STEPS = 30
-"""Several times what the search needs on a share without jumps."""
-STEEPEST = 40
-"""No share without jumps grows by more than this times the part by which its factor does."""
+"""Largest accepted jump of a share past the wanted one, as tidied ends appear and vanish: the nearest share suffices.
+"""
 
 
 class ShareJumpError(PatternError):
-    """A share that is nowhere near the wanted one, but on both sides of it."""
+    """The share jumps past the wanted one: values exist on both sides, but none near it."""
 
 
 @dataclass(frozen=True)
@@ -44,10 +37,10 @@ class Widths:
     rule      : "plain"     d = (1 - threshold) / 4, the paper;
                 "constant"  d = |grad z| member / 2: the same width in metres also where a mode flattens;
                 "graded"    d proportional to (1 - threshold) |stress|^q, the stress along the stripes of the family;
-                "stressed"  begins as "graded" does and is then widened where the cut sheet works most, see `evened`.
+                "stressed"  begins as "graded", then widens where the cut sheet has most energy, see `evened_grading`.
     member    : metres, for "constant".    q : 0 to 4, for "graded" and the beginning of "stressed".
     min_width, max_width : metres, bounds on the width at every vertex under any rule; 0 sets none.
-    min_gap   : metres; where the gap to the next stripe is narrower, it is filled. 0 fills none.
+    min_gap   : metres; a narrower gap to the next stripe is filled. 0 fills none.
 
     Raises PatternError for other values, and for "constant" without `member`.
     """
@@ -74,30 +67,30 @@ class Widths:
 
     @property
     def radius(self) -> float:
-        """Metres over which slopes are averaged: half the width of a member, where it is known."""
+        """Radius, metres, for averages of slopes: half the width of a member if the rule sets it."""
         return self.member / 2 if self.rule == "constant" else 0.0
 
     @property
     def follow(self) -> bool:
-        """Whether widths follow the stress."""
+        """True if widths follow the stress."""
         return self.rule in ("graded", "stressed")
 
     @property
     def vary(self) -> bool:
-        """Whether the half-width differs from vertex to vertex."""
+        """True if the half-width differs from vertex to vertex."""
         return self.rule != "plain" or max(self.min_width, self.max_width, self.min_gap) > 0
 
     def grading(self, stress: Floats) -> Floats:
-        """(n,) relative half-widths; see `half_widths`."""
+        """Return relative half-widths (n,); see `half_widths`."""
         return stress**self.q if self.rule == "graded" else stress if self.rule == "stressed" else np.ones_like(stress)
 
     def half_widths(self, plain: float, slope: Floats, stress: Floats, factor: float = 1.0) -> Floats:
-        """(n,) d in periods, 0 (no material) to 0.5 (no gap), never less for a larger `factor`.
+        """Return d (n,) in periods, 0 (no material) to 0.5 (no gap), never less for a larger `factor`.
 
-        plain  : d of the stripes' threshold.    slope : (n,) |grad z|, periods per metre (see `slopes`).
+        base   : d of the stripes' threshold.    slope : (n,) |grad z|, periods per metre (see `slopes`).
         stress : (n,) for "graded" the size of the stress along the stripes, any unit; for "stressed" the relative
                  half-widths themselves.
-        factor : what the rule is multiplied with, before the bounds.
+        factor : multiplies the rule, before the bounds.
         """
         d = factor * (slope * (self.member / 2) if self.rule == "constant" else plain * self.grading(stress))
         if self.max_width:
@@ -107,37 +100,40 @@ class Widths:
 
 
 def vertex_means(surface: Surface, x: Floats) -> Floats:
-    """(n, ...) area-weighted means of values x (m, ...) over the faces around each vertex; 0 where there is none."""
+    """Return area-weighted means (n, ...) of values x (m, ...) over the faces around each vertex; 0 without faces."""
     return np.asarray(_averaging(surface) @ x)
 
 
 def slopes(surface: Surface, z: Floats, radius: float = 0.0) -> Floats:
-    """(n,) mean of |grad z| around each vertex: periods per metre for a phase z (n,).
+    """Return the mean of |grad z| around each vertex (n,): periods per metre for a phase z (n,).
 
-    The mean of the lengths, not the length of the mean: that vanishes on the ridges of z, where it would open a slit
-    along the middle of a member. Half the range of z over a disc of radius R is R |grad z| off a ridge and R^2 z'' / 2
-    on it, which is what the mean of |grad z| over the disc gives too: so means are taken over `radius`, metres, half
-    the width of a member, and at least over two rings of faces, or the borders of members would fray on ridges.
+    The length of the mean gradient would vanish on ridges of z, and open a slit along the middle of a member. Half the
+    range of z over a disc of radius R is R |grad z| off a ridge and R^2 z'' / 2 on it, equal to the mean of |grad z|
+    over
+    the disc. So means extend over `radius`, metres, half the width of a member, and at least over two rings of faces,
+    or
+    members would fray on ridges.
     """
     gradient = np.einsum("mcx,mc->mx", hat_gradients(surface), z[surface.F])
     return spread_means(surface, np.linalg.norm(gradient, axis=1), radius)
 
 
 def spread_means(surface: Surface, x: Floats, radius: float) -> Floats:
-    """(n, ...) means of values x (m, ...) of the faces over about a disc of that radius, metres, around each vertex.
+    """Return means (n, ...) of values x (m, ...) of the faces over about a disc of that radius, metres, around each
+    vertex.
 
-    Never over less than two rings of faces; along the surface, not through the gap between sheets that nearly touch.
+    They extend over at least two rings of faces, and along the surface, not through a gap between sheets.
     """
     average = _averaging(surface)
     means = average @ x
-    # a round spreads by a variance of h^2 / 3 on a regular mesh of width h; a disc has R^2 / 4
+    # the variance of a round is h^2 / 3 on a regular mesh of width h; that of a disc is R^2 / 4
     for _ in range(int(np.clip(0.75 * (radius / surface.mean_edge) ** 2, *ROUNDS))):
         means = average @ means[surface.F].mean(axis=1)
     return np.asarray(means)
 
 
 def _averaging(surface: Surface) -> csr_array:
-    """(n, m) area-weighted means over the faces around each vertex."""
+    """Return area-weighted means (n, m) over the faces around each vertex."""
     area = np.maximum(surface.vertex_areas, np.finfo(float).tiny)
     weights = np.repeat(surface.areas / 3, 3) / area[surface.F.ravel()]
     faces = np.repeat(np.arange(surface.m), 3)
@@ -145,9 +141,9 @@ def _averaging(surface: Surface) -> csr_array:
 
 
 def relative_stresses(surface: Surface, principal: Floats) -> Floats:
-    """(n, 2) sizes of the two principal stresses (m, 2) at the vertices, over their common mean over the area.
+    """Return sizes of both principal stresses (m, 2) at the vertices, (n, 2), over their common mean over the area.
 
-    Raises PatternError when there is no stress.
+    Raises PatternError if the stress is zero.
     """
     size = vertex_means(surface, np.abs(principal))
     mean = float(surface.vertex_areas @ size.mean(axis=1)) / surface.area
@@ -163,16 +159,18 @@ def solved_factor(
     slope: float = 0.0,
     near: bool = False,
     jump: float = JUMP,
+    steepest: float = 40,
 ) -> float:
-    """The factor at which share(factor), which never falls, is `wanted` to `tolerance`.
+    """Return the factor at which share(factor), which never falls, is `target` to `tolerance`.
 
-    slope : about its derivative, where the factor may be about 1: then that and one step of Newton's are tried first.
-    near  : whether the factor is known to be about 1: then secants are followed from there.
-    jump  : by how much a share that jumps past the wanted one may miss it: the factor of the nearest is returned then.
+    slope    : approximate derivative, if the factor may be about 1: then that and one step of Newton's come first.
+    near_one : whether the factor is about 1: then secants start there.
+    jump     : accepted miss if the share jumps past the target: the factor of the nearest share is returned then.
+    steepest : no share without jumps grows faster than this, relative to its factor.
 
-    The secant of an interval that holds the answer, its kept end halved when kept twice (Illinois rule of regula falsi
-    [Dowell, Jarratt 1971]). Raises PatternError when no factor gives that share, but for a jump within `jump`
-    (ShareJumpError past it).
+    Secants of an interval around the solution, with the value at an end halved after it stays twice (Illinois rule of
+    regula falsi [Dowell, Jarratt 1971]). Raises PatternError if no factor gives that share (ShareJumpError for a larger
+    jump).
     """
 
     @cache
@@ -181,11 +179,11 @@ def solved_factor(
 
     low, high = (_felt(at, tolerance, slope, near) if slope > 0 else None) or _ends(at, wanted, tolerance)
     best, kept = min(low, high, key=_miss), 0
-    for _ in range(STEPS):
+    for _ in range(30):  # several times the need of a share without jumps
         if _miss(best) <= tolerance:
             return best[0]
-        if high[0] - low[0] < tolerance / STEEPEST * high[0]:
-            break  # it jumps there
+        if high[0] - low[0] < tolerance / steepest * high[0]:
+            break  # the share jumps here
         x = (low[0] * high[1] - high[0] * low[1]) / (high[1] - low[1])
         new = at(x)
         best = min(best, new, key=_miss)
@@ -202,9 +200,11 @@ def solved_factor(
 
 
 def _felt(at: Callable[[float], _End], tolerance: float, slope: float, near: bool) -> tuple[_End, _End] | None:
-    """An interval that holds the answer, or the answer twice, by secants from 1; None where they do not lead to it."""
+    """Return an interval around the solution, or the solution twice, by secants from 1; None if they do not
+    converge.
+    """
     one = at(1.0)
-    for _ in range(FEELERS if near else 1):
+    for _ in range(5 if near else 1):
         if _miss(one) <= tolerance or one[0] * slope <= one[1]:
             break
         new = at(one[0] - one[1] / slope)
@@ -215,7 +215,7 @@ def _felt(at: Callable[[float], _End], tolerance: float, slope: float, near: boo
 
 
 def _ends(at: Callable[[float], _End], wanted: float, tolerance: float) -> tuple[_End, _End]:
-    """An interval that holds the answer, or the answer twice, between 0 and what is too much."""
+    """Return an interval around the solution, or the solution twice, between 0 and too wide stripes."""
     one = at(1.0)
     if _miss(one) <= tolerance:
         return one, one
@@ -224,7 +224,7 @@ def _ends(at: Callable[[float], _End], wanted: float, tolerance: float) -> tuple
         if low[1] > tolerance:
             raise _unreachable(wanted, f"at least {low[1] + wanted:.1%}")
         return low, one
-    most = at(LARGEST_FACTOR)
+    most = at(1e9)  # no wider stripes reach more
     if most[1] < -tolerance:
         raise _unreachable(wanted, f"at most {most[1] + wanted:.1%}")
     low = one
@@ -243,35 +243,25 @@ def _unreachable(wanted: float, reach: str) -> PatternError:
     )
 
 
-REACH = 0.4
-"""Energies are averaged over this share of the distance of stripes: of one stripe, not of its neighbours."""
+def evened(
+    surface: Surface, grading: Floats, work: Floats, material: Floats, spacing: float, limit: float = 2.0
+) -> Floats:
+    """Return relative half-widths (n, k) for the next step, from those of k families, (n, k), that were cut and solved.
 
-RATE = 0.5
-"""Widths grow with this power of the energy density. In a member that carries a given force it falls with the square
-of the width, so that 1/2 hits at once; forces that go another way then are what takes several steps."""
+    work     : (m, k) energy, joules, of each family in each face.    material : (m, k) its area, m2.
+    spacing  : metres from stripe to stripe; energies are averaged over 0.4 of it, less than the distance of neighbours.
+    limit    : largest factor of a step.
 
-MOST = 2.0
-"""A step widens at most so many times."""
-
-EMPTY = 1e-9
-"""Where material is a smaller share of the surface than this, there is nothing to judge by."""
-
-
-def evened(surface: Surface, grading: Floats, work: Floats, material: Floats, spacing: float) -> Floats:
-    """(n, k) relative half-widths for the next step, from those of k families, (n, k), that were cut and solved.
-
-    work     : (m, k) energy, joules, in what each family has of each face.    material : (m, k) its area, m2.
-    spacing  : metres from stripe to stripe.
-
-    Widths stay as they are where there is no material. The geometric mean of the densities stays, so that a sheet which
-    is evenly stressed is not changed.
+    Widths grow with the root of the energy density: in a member with a fixed force it falls with the square of the
+    width. Redistributed forces need several steps. Widths stay where material is missing. The geometric mean of the
+    densities stays, so that an evenly stressed sheet is unchanged.
     """
     both = np.concatenate([work, material], axis=1) / surface.areas[:, None]
-    near, share = np.split(spread_means(surface, both, REACH * spacing), 2, axis=1)
-    known = (share > EMPTY) & (near > 0)
+    near, share = np.split(spread_means(surface, both, 0.4 * spacing), 2, axis=1)
+    known = (share > 1e-9) & (near > 0)
     if not known.any():
         return grading
     density = near[known] / share[known]
     grown = np.ones_like(grading)
-    grown[known] = np.clip((density / np.exp(np.log(density).mean())) ** RATE, 1 / MOST, MOST)
+    grown[known] = np.clip((density / np.exp(np.log(density).mean())) ** 0.5, 1 / limit, limit)
     return np.asarray(grading * grown)

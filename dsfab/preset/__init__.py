@@ -1,4 +1,4 @@
-"""Presets: all choices that a design depends on, one section per stage."""
+"""Presets: all choices of a design, one section per stage."""
 
 from dsfab.preset.model import (
     AUTO,

@@ -17,24 +17,21 @@ from dsfab.thickening import Extra
 
 
 def _by_tag(union: Any, tag: str) -> dict[str, Any]:
-    """The members of a discriminated union by the default of their tag field."""
     return {getattr(member, tag): member for member in get_args(get_args(union)[0])}
 
 
 PICKERS = _by_tag(Picker, "pick")
 KINDS = {"load": _by_tag(Load, "kind"), "extra": {extra.kind: extra for extra in get_args(Extra)}}
 LISTED: dict[Any, Any] = {"support": Support, "combination": Combination, "guide": Guide, "region": PatternRegion}
-LONGEST = 200
-"""Characters of a value that are shown: lists and arrays go on and on."""
 
 
 def mistakes(error: ValidationError, model: type[BaseModel]) -> str:
-    """All mistakes that pydantic found in the values of a preset, or of one of its sections, each once."""
+    """Return all mistakes that pydantic reports for a preset or one of its sections, each once."""
     return "; ".join(dict.fromkeys(_sentence(detail, model) for detail in error.errors()))
 
 
 def _sentence(detail: ErrorDetails, model: type[BaseModel]) -> str:
-    """One mistake as 'key = value: what is allowed'."""
+    """One mistake as 'key = value: allowed values'."""
     words, kind = _key(detail["loc"]), detail["type"]
     key = ".".join(words)
     if kind in ("extra_forbidden", "unexpected_keyword_argument"):
@@ -57,13 +54,13 @@ def _sentence(detail: ErrorDetails, model: type[BaseModel]) -> str:
 
 
 def _shown(value: Any) -> str:
-    """A value on one line, as Python writes it."""
     text = " ".join(repr(value).split())
-    return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
+    limit = 200
+    return text if len(text) <= limit else f"{text[:limit]}..."
 
 
 def _key(loc: tuple[int | str, ...]) -> list[str]:
-    """The dotted key as it stands in the file: pydantic adds the tag of each choice (shape, kind of load, picker)."""
+    """The dotted key as in the file: pydantic adds the tag of each choice (shape, kind of load, picker)."""
     return [str(part) for i, part in enumerate(loc) if not _is_tag(loc, i)]
 
 
@@ -75,7 +72,6 @@ def _is_tag(loc: tuple[int | str, ...], i: int) -> bool:
 
 
 def _unknown_kind(key: str, detail: ErrorDetails) -> str:
-    """A choice that does not exist: of shape, of picker, or of load."""
     given = detail["input"] if isinstance(detail["input"], dict) else {}
     if key == "surface":
         word, name, choices = given.get("shape"), "shape", [*SHAPES]
@@ -91,7 +87,6 @@ def _unknown_kind(key: str, detail: ErrorDetails) -> str:
 
 
 def _known_beside(loc: tuple[int | str, ...], model: Any) -> list[str]:
-    """Keys that the section around an unknown key does know."""
     for i, part in enumerate(loc[:-1]):
         if _is_tag(loc, i):
             tags = PICKERS if loc[i - 1] == "at" else _tagged(model) if i == 1 else KINDS[str(loc[i - 2])]
@@ -105,22 +100,23 @@ def _known_beside(loc: tuple[int | str, ...], model: Any) -> list[str]:
 
 
 def _tagged(union: Any) -> dict[str, Any]:
-    """The members of a discriminated union by the tags that stand beside them."""
     return {get_args(member)[1].tag: get_args(member)[0] for member in get_args(union)}
 
 
 def combines(loads: Sequence[Load], follow: str | None) -> bool:
-    """Whether the pattern follows a sum of stress magnitudes rather than the stress of one case or combination."""
+    """Return True if the pattern follows a sum of stress magnitudes rather than the stress of one case or
+    combination.
+    """
     return follow == COMBINED or (follow is None and len(case_names(loads)) > 1)
 
 
 def follow_weights(
     loads: Sequence[Load], combinations: Sequence[Combination], follow: str | None, weights: Mapping[str, float]
 ) -> dict[str, float]:
-    """What the pattern follows, as name -> weight: one name, or what is combined.
+    """Return the stresses that the pattern follows, as name -> weight: one name, or the combined names.
 
-    Combined are the combinations, or the cases of a preset without combinations, each with its weight (1 when left
-    out; those of weight 0 are left out).
+    Combined are the combinations, or the cases of a preset without combinations. The default weight is 1; names of
+    weight 0 are left out.
     """
     cases = case_names(loads)
     if not combines(loads, follow):
@@ -129,15 +125,17 @@ def follow_weights(
 
 
 def members(cases: Sequence[str], combinations: Sequence[Combination]) -> list[str]:
-    """The names that a combined pattern follows: the combinations, but those that are judged by their displacements
-    alone where there are others; or the cases when there are none."""
+    """Return the names that a combined pattern follows: the combinations without those for displacements alone (SLS),
+    unless all are such; or the cases if there are no combinations.
+    """
     strong = [one.name for one in combinations if one.limit_state != "SLS"]
     return strong or [one.name for one in combinations] or list(cases)
 
 
 def judged_names(names: Iterable[str], combinations: Sequence[Combination], state: LimitState) -> list[str]:
-    """Those of the cases and combinations that are judged in a limit state: of it where there is any combination of
-    it, else those of none, else all."""
+    """Return the cases and combinations for a limit state: its own combinations, else those without a limit state,
+    else all.
+    """
     of = {one.name: one.limit_state for one in combinations}
     names = list(names)
     for wanted in (state, ""):
@@ -149,7 +147,7 @@ def judged_names(names: Iterable[str], combinations: Sequence[Combination], stat
 def case_mistakes(
     loads: Sequence[Load], combinations: Sequence[Combination], follow: str | None, weights: Mapping[str, float]
 ) -> Iterator[str]:
-    """Every mistake in the names of cases, as 'key = value: what is allowed'."""
+    """Yield every mistake in the names of cases, as 'key = value: allowed values'."""
     cases = case_names(loads)
     if COMBINED in cases:
         yield f"surface.load.{[load.case for load in loads].index(COMBINED)}.case = '{COMBINED}': {_RESERVED}"
@@ -195,22 +193,22 @@ def _no_such(what: str, name: str, known: Iterable[str]) -> str:
 
 
 SOFTEST, LIGHTEST, WEAKEST = 1e6, 10.0, 1e3
-"""Pa, kg/m3, Pa: no sheet that carries has a smaller modulus, no solid a smaller density or strength."""
+"""Least modulus of a sheet (Pa), least density (kg/m3) and strength (Pa) of a solid."""
 
 
 def with_material(values: Any) -> Any:
-    """The table [statics] with what its material gives, where it does not say otherwise; unknown names are left."""
+    """Return the table [statics] with the values of its material where it has none; unknown names are left."""
     name = values.get("material") if isinstance(values, Mapping) else None
     if not isinstance(name, str):
         return values
     try:
         return {**material_named(name).values, **values}
-    except PresetError:  # told by the field itself, beside all other mistakes
+    except PresetError:  # the field's own check reports it with the other mistakes
         return values
 
 
 def known_name(name: str | None) -> str | None:
-    """The name as it is written in the list of materials. Raises ValueError for one that is not there."""
+    """Return a material's name as the list of materials writes it; raises ValueError for an unknown one."""
     try:
         return None if name is None else material_named(name).name
     except PresetError as error:
@@ -218,13 +216,13 @@ def known_name(name: str | None) -> str | None:
 
 
 def own_values(values: Mapping[str, Any]) -> dict[str, Any]:
-    """Of a complete [statics], those keys of a material whose values are not that of the named one."""
+    """Return the material keys of a complete [statics] whose values differ from those of the named material."""
     given = MATERIALS[values["material"]].values if values.get("material") else {}
     return {key: values[key] for key in KEYS if values[key] != given.get(key)}
 
 
 def replaced(values: Any, changes: Mapping[str, Any]) -> None:
-    """Takes what the old material gave out of the table [statics] where `changes` (dotted keys) name another one."""
+    """Remove the old material's values from the table [statics] if `changes` (dotted keys) name another material."""
     if "statics.material" in changes and isinstance(values, dict):
         for key in KEYS:
             if f"statics.{key}" not in changes:
@@ -232,7 +230,7 @@ def replaced(values: Any, changes: Mapping[str, Any]) -> None:
 
 
 def modulus(value: float) -> float:
-    """The modulus, Pa; raises ValueError for one that is plainly in GPa or MPa."""
+    """Return the modulus, Pa; raises ValueError for values that must be GPa or MPa."""
     if 0 < value < 1000:
         raise ValueError(f"{value:g} Pa is no stiffness: pascals are asked, write {value:g}e9 for {value:g} GPa")
     if 0 < value < SOFTEST:
@@ -241,20 +239,20 @@ def modulus(value: float) -> float:
 
 
 def specific_mass(value: float) -> float:
-    """The density, kg/m3; raises ValueError for one that is plainly in t/m3 or g/cm3. 0 has no weight."""
+    """Return the density, kg/m3; raises ValueError for values that must be t/m3 or g/cm3. 0 means no weight."""
     if 0 < value < LIGHTEST:
         raise ValueError(f"{value:g} kg/m3 is no solid: write {1000 * value:g} for {value:g} t/m3 or g/cm3")
     return value
 
 
 def resistance(value: float) -> float:
-    """The strength, Pa; raises ValueError for one that is plainly in MPa. 0 compares nothing."""
+    """Return the strength, Pa; raises ValueError for values that must be MPa. 0 means no comparison."""
     if 0 < value < WEAKEST:
         raise ValueError(f"{value:g} Pa is no strength: pascals are asked, write {value:g}e6 for {value:g} MPa")
     return value
 
 
 def require_strength(material: str | None, strength: float) -> None:
-    """Raises PresetError where it is not known what members can bear."""
+    """Raise PresetError if neither a material nor a strength tells the resistance of members."""
     if not material and not strength:
         raise PresetError(NO_STRENGTH)

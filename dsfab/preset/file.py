@@ -1,4 +1,4 @@
-"""Presets as TOML: finding, reading, overriding, writing, and one sentence for everything that is wrong."""
+"""Presets as TOML files: finding, reading, overriding and writing them, with one sentence for each mistake."""
 
 import re
 from collections.abc import Mapping
@@ -16,9 +16,6 @@ from dsfab.preset.checks import mistakes, own_values, replaced
 from dsfab.preset.model import Preset
 from dsfab.preset.surface_section import FileSurface, Given, MeshSurface, OwnSurface, missing_preset
 
-LONGEST = 88
-"""Letters of a list on one line, at most."""
-
 _LIST = re.compile(r"""\[\n((?: +(?:[^\s\[\]{},"]+|"(?:[^"\\\n]|\\.)*"),\n)+) *\]""")
 """A list of numbers and words with a line for each."""
 
@@ -26,10 +23,10 @@ _LIST = re.compile(r"""\[\n((?: +(?:[^\s\[\]{},"]+|"(?:[^"\\\n]|\\.)*"),\n)+) *\
 def load_preset(
     name_or_path: str | Path, overrides: Mapping[str, Any] | None = None, mesh: str | Path | None = None
 ) -> Preset:
-    """A preset by the name of a shipped one ("dome"), by the path of a TOML file, or of a folder that was built.
+    """Return a preset by the name of a shipped one ("dome"), or by the path of a TOML file or of a built folder.
 
     overrides : dotted keys and values that win over the file, e.g. {"pattern.major.frequency": 12}.
-    mesh      : a mesh file that takes the place of the preset's surface; supports and loads stay.
+    mesh      : a mesh file in place of the preset's surface; supports and loads stay.
 
     Raises PresetError for files that cannot be read, unknown keys, wrong types and impossible values.
     """
@@ -44,7 +41,7 @@ def load_preset(
 
 
 def _find_files(values: Any, folder: Path, key: str = "") -> None:
-    """Let the mesh of the surface and the drawings of pickers start at a folder, in place."""
+    """Resolve the paths of the surface's mesh and of pickers' drawings against a folder, in place."""
     for below, part in values.items() if isinstance(values, dict) else ():
         for each in part if isinstance(part, list) else [part]:
             _find_files(each, folder, below)
@@ -54,10 +51,12 @@ def _find_files(values: Any, folder: Path, key: str = "") -> None:
 
 
 def overridden(preset: Preset, changes: Mapping[str, Any]) -> Preset:
-    """`preset` with other values at dotted keys; raises PresetError as `load_preset` does, and for no preset."""
+    """Return `preset` with other values at dotted keys; raises PresetError as `load_preset` does, and for other
+    objects.
+    """
     if not isinstance(preset, Preset):
         raise PresetError(missing_preset(preset))
-    touched = {key.partition(".")[0] for key in changes}  # the other sections were checked when they were read
+    touched = {key.partition(".")[0] for key in changes}  # the other sections have passed their checks
     values = preset.model_dump(mode="json", exclude_none=True, include=touched)
     _override_all(values, changes)
     kept = {name: getattr(preset, name) for name in Preset.model_fields if name not in touched}
@@ -65,7 +64,7 @@ def overridden(preset: Preset, changes: Mapping[str, Any]) -> Preset:
 
 
 def preset_from(values: Mapping[str, Any], source: str = "preset") -> Preset:
-    """A preset from nested tables; raises PresetError that lists every mistake with its key."""
+    """Return a preset from nested tables; raises PresetError that lists every mistake with its key."""
     try:
         return Preset.model_validate(dict(values))
     except ValidationError as error:
@@ -73,7 +72,7 @@ def preset_from(values: Mapping[str, Any], source: str = "preset") -> Preset:
 
 
 def parse_override(text: str) -> tuple[str, Any]:
-    """'pattern.major.frequency=12' -> (key, 12); values are TOML, and a bare word is text.
+    """Parse 'pattern.major.frequency=12' to (key, 12); values are TOML, and a bare word is text.
 
     Raises PresetError for text without '='.
     """
@@ -87,7 +86,7 @@ def parse_override(text: str) -> tuple[str, Any]:
 
 
 def require_mesh(preset: Preset) -> None:
-    """Raises PresetError for a shipped preset that waits for a mesh of the user's; it says how a command takes it."""
+    """Raise PresetError, with the command's options, for a shipped preset that needs a mesh of the user's."""
     if isinstance(given := preset.surface, FileSurface) and given.waits:
         raise PresetError(
             f"preset {preset.name} needs a mesh of yours: add --mesh FILE, and --unit mm if it is in millimetres"
@@ -95,10 +94,10 @@ def require_mesh(preset: Preset) -> None:
 
 
 def preset_toml(preset: Preset, brief: bool = False) -> str:
-    """The complete preset, defaults included, as TOML that builds the same design again.
+    """Return the complete preset, defaults included, as TOML that builds the same design again.
 
-    A material is told by its name, with those values only that are not its own.
-    brief : for people to read: a mesh that Python holds is told by its size, not by its numbers.
+    A material has its name, and only those values that differ from its own.
+    for_people : replaces the numbers of a mesh from Python by its size.
     """
     values = preset.model_dump(mode="json", exclude_none=True)
     if brief and isinstance(given := preset.surface, MeshSurface):
@@ -109,20 +108,18 @@ def preset_toml(preset: Preset, brief: bool = False) -> str:
     surface = values["surface"]
     for key in ("support", "load"):
         surface[key] = [{k: v for k, v in entry.items() if k != "name" or v} for entry in surface[key]]
-    # the shape first, then what holds it and what presses on it
+    # the shape comes first, then its supports and loads
     values["surface"] = {**{k: v for k, v in surface.items() if k not in Given.model_fields}, **surface}
     return _short_lists(tomli_w.dumps(values))
 
 
 def _short_lists(text: str) -> str:
-    """TOML as tomli_w writes it, with lists of numbers and words on one line where they fit: a box is two lines, not
-    ten, and of points each has its own."""
     return _LIST.sub(_on_one_line, text)
 
 
 def _on_one_line(found: re.Match[str]) -> str:
     short = f"[{' '.join(line.strip() for line in found[1].splitlines()).rstrip(',')}]"
-    return short if len(short) <= LONGEST else found[0]
+    return short if len(short) <= 88 else found[0]
 
 
 def _find(name_or_path: str | Path) -> Path:
@@ -144,15 +141,14 @@ def _find(name_or_path: str | Path) -> Path:
 
 def _replace_surface(values: dict[str, Any], mesh: Path) -> None:
     old = values.get("surface", {})
-    keys = (*OwnSurface.model_fields, "unit") if "file" in old else (*Given.model_fields, "unit")  # shapes: own edges
+    keys = (*OwnSurface.model_fields, "unit") if "file" in old else (*Given.model_fields, "unit")  # a shape has no edge
     kept = {key: old[key] for key in keys if key in old}
     values["surface"] = {**kept, "file": str(mesh)}
 
 
 def _override_all(values: dict[str, Any], changes: Mapping[str, Any]) -> None:
-    """Set dotted keys. One of two keys that exclude each other, set without the other one, takes the other's place.
-
-    A material takes the place of all values of the old one, but for those that are set with it.
+    """Set dotted keys. Setting one of two exclusive keys removes the other; a new material removes the values of
+    the old one.
     """
     replaced(values.get("statics"), changes)
     for key, value in changes.items():
@@ -164,7 +160,6 @@ def _override_all(values: dict[str, Any], changes: Mapping[str, Any]) -> None:
 
 
 def _override(values: dict[str, Any], key: str, value: Any) -> None:
-    """Set a dotted key; numbers in it index lists (`surface.load.0.force`)."""
     *parents, last = key.split(".")
     where: Any = values
     for part in parents:

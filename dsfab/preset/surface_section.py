@@ -1,4 +1,4 @@
-"""The [surface] section of a preset: a mesh or a procedural shape, what holds it and what presses on it."""
+"""The [surface] section of a preset: a mesh or a procedural shape, with its supports and loads."""
 
 import base64
 import inspect
@@ -49,7 +49,7 @@ from dsfab.surface import (
 
 
 class Section(BaseModel):
-    """A section of a preset: frozen, and no key that dsfab does not know. Made in Python it raises PresetError."""
+    """A section of a preset: frozen, without unknown keys. Its constructor raises PresetError."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, validate_default=True, allow_inf_nan=False)
 
@@ -59,15 +59,15 @@ class Section(BaseModel):
         except ValidationError as error:
             raise PresetError(f"{type(self).__name__.lower()}: {mistakes(error, type(self))}") from None
 
-    # pydantic: to be called from Python alone; what is read from a file lists the mistakes of all sections together
+    # only Python code calls this; a preset file reports the mistakes of all sections together
     __init__.__pydantic_base_init__ = True  # type: ignore[attr-defined]
 
 
 class Given(Section):
-    """What every surface has, wherever it comes from.
+    """Keys of every surface.
 
-    What pydantic checks of it is derived when one is made alone: a preset derives it of all kinds together, and
-    supports and loads again for each of them took half of the time in which dsfab starts.
+    pydantic builds its checks on first use, because a preset builds those of all kinds together. Separate checks of
+    supports and loads took half of the time of starting dsfab.
     """
 
     model_config = ConfigDict(defer_build=True)
@@ -77,53 +77,59 @@ class Given(Section):
     combination: tuple[Combination, ...] = ()
     """Sums of load cases (`case` of a load), each case multiplied with its factor."""
     combinations: CombinationRule | None = None
-    """Sums of load cases after a standard, beside those that are listed."""
+    """Combinations after a standard, besides those in the list."""
     actions: dict[CaseName, ActionKind] = {}
-    """What a case is to the standard, where its loads do not tell: weight is permanent, snow is snow, wind wind."""
+    """Kind of action of a case for the standard, where its loads do not tell: weight is permanent, snow is snow,
+    wind wind.
+    """
     factors: DesignFactors | None = None
-    """Factors of the standard that a national annex says otherwise."""
+    """Factors of the standard that a national annex changes."""
     refine: Annotated[float, Ge(0)] = 0.0
-    """Metres; triangles are divided until no edge is longer. 0 leaves them as they are."""
+    """Largest edge, metres; longer ones are divided. 0 leaves them as they are."""
     smooth: bool = False
-    """Whether refining rounds the facets (Loop subdivision), or the vertices of a mesh made anew lie on the smooth
-    surface through the old ones; boundaries and creases stay as they are."""
+    """Let refining round the facets (Loop subdivision), or put the vertices of a new mesh on the smooth surface
+    through the old ones; boundaries and creases stay.
+    """
 
     @property
     def sums(self) -> tuple[Combination, ...]:
-        """All combinations: those that are listed, then those after the standard."""
+        """Combinations in the list, then those after the standard."""
         return (*self.combination, *self.standard_sums)
 
     @property
     def standard_sums(self) -> tuple[Combination, ...]:
-        """The combinations after the standard; none where none is asked for."""
+        """Combinations after the standard; empty without one."""
         if self.combinations is None:
             return ()
         return tuple(en1990_combinations(self.load, self.actions, self.combinations, self.factors or DesignFactors()))
 
     @property
     def by_stress(self) -> bool:
-        """Whether edges are shorter where the stress changes."""
+        """True if edges are shorter where the stress changes."""
         return False
 
     def build(self) -> Surface:
-        """The surface itself; raises SurfaceError."""
+        """Return the surface; raises SurfaceError."""
         return refined(self.given(), self.refine, self.smooth) if self.refine else self.given()
 
     def given(self) -> Surface:
-        """The surface before it is refined."""
+        """Return the surface before it is refined."""
         raise NotImplementedError
 
 
 class OwnSurface(Given):
-    """What a mesh of the user's has besides: the length of the edges that it is to have, wherever its own are long."""
+    """Keys of the user's meshes: the length of the edges of a new mesh."""
 
     edge: Annotated[float, Ge(0)] = 0.0
-    """Metres; the mesh is made anew of even triangles, boundaries and creases kept. 0 leaves it as it is."""
+    """Length of edges, metres; the surface gets a new mesh of even triangles, boundaries and creases kept. 0: no
+    new mesh.
+    """
     finest: Annotated[float, Ge(0)] = 0.0
-    """Metres; with `edge`, edges are shorter where `finest_at` says, down to this. 0 leaves that out."""
+    """Least length of edges, metres; with `edge`, edges are shorter where `finest_at` says. 0: all are equal."""
     finest_at: Literal["curvature", "stress", "both"] = "curvature"
-    """Whether edges are shorter where the surface is curved, where its stress changes, or at both: by a quarter of its
-    root mean square along an edge, in statics on even triangles."""
+    """Where edges are shorter: where the surface is curved, where its stress changes, or at both: by a quarter of its
+    root mean square along an edge, in statics on even triangles.
+    """
 
     @model_validator(mode="after")
     def _one_of_both(self) -> Self:
@@ -139,13 +145,13 @@ class OwnSurface(Given):
 
     @property
     def by_stress(self) -> bool:
-        """Whether edges are shorter where the stress changes."""
+        """True if edges are shorter where the stress changes."""
         return self.finest_at != "curvature"
 
     def build(self, sizes: Sequence[SizeField] = (), given: Surface | None = None) -> Surface:
-        """The surface itself, with edges of these sizes where it is made anew; raises SurfaceError.
+        """Return the surface, with edges of these sizes if it gets a new mesh; raises SurfaceError.
 
-        given : what `given()` returns, where it is known.
+        base : result of `base_surface()`, if known.
         """
         given = given or self.given()
         if not self.edge:
@@ -155,38 +161,44 @@ class OwnSurface(Given):
 
 
 class FileSurface(OwnSurface):
-    """A surface read from a mesh file."""
+    """A surface from a mesh file."""
 
     file: Path
     """OBJ, PLY, STL, OFF, GLB, glTF, 3MF, 3DM, DXF, STEP or BREP; relative paths start at the preset's folder, in
-    Python at the current one."""
+    Python at the current one.
+    """
     unit: str | None = None
-    """Unit of the file's numbers: mm, cm, m, in, ft ...; GLB and 3MF files know their own."""
+    """Unit of the file's numbers: mm, cm, m, in, ft ...; GLB and 3MF files name their own."""
     up: Up = "z"
-    """The file's axis that points to the sky; what follows is told with z up. GLB files are turned already."""
+    """The file's axis that points to the sky; other keys refer to z up. GLB files are turned already."""
     origin: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    """Metres, with z up; the point of the file that is the design's origin, where it has a survey's coordinates."""
+    """Metres, with z up; the point of the file that becomes the design's origin, for a survey's coordinates."""
     mend: bool = False
-    """Mend small faults: weld vertices that all but touch, drop crumbs and faces without area, close pinholes, and make
-    edges even that are ragged."""
+    """Mend small faults: weld vertices that nearly touch, drop specks and faces without area, close pinholes, and even
+    out ragged edges.
+    """
     repair: bool = False
-    """Make a raw scan a sheet: as `mend`, and edges of more than two faces split, pieces under a twentieth of the
-    largest dropped, holes with an outline under 15 % of the largest side filled, faces turned to the same side."""
+    """Repair a raw scan: as `mend`, and split edges of more than two faces, drop pieces under a twentieth of the
+    largest, fill holes with an outline under 15 % of the largest side, turn faces to the same side.
+    """
     max_triangles: Annotated[int, Ge(1)] | None = None
-    """Triangles that the file may have; bytes, vertices and seconds of reading it are limited by it. 4 million where
-    nothing is said."""
+    """Largest number of triangles in the file; it limits bytes, vertices and seconds of reading too. Default: 4
+    million.
+    """
 
     @property
     def waits(self) -> bool:
-        """Whether it is that of a shipped preset whose mesh is for the user to give."""
+        """True for a shipped preset that needs a mesh of the user's."""
         return self.file.parent in PRESETS and not self.file.exists()
 
     def given(self) -> Surface:
-        """The surface in the file, metres; raises PresetError where the user has to give it."""
+        """Return the surface in the file, metres; raises PresetError if the user has to supply it."""
         return self.read().surface
 
     def read(self) -> SurfaceInFile:
-        """The same with what was read, repaired and dropped."""
+        """Return the surface with the record of reading and repairs; raises PresetError if the user has to supply
+        it.
+        """
         if self.waits:
             raise PresetError(
                 f"this preset needs a mesh of yours in place of {self.file.name}: write "
@@ -200,7 +212,7 @@ class FileSurface(OwnSurface):
 
 
 def _mesh_from(value: Any) -> Surface:
-    """A mesh of any library, (V, F), or what `_mesh_text` made of one."""
+    """A mesh of any library, (V, F), or a text of `_mesh_text`."""
     if not isinstance(value, str):
         V_F = isinstance(value, tuple | list) and len(value) == 2
         return normalized(Surface.from_mesh(*value) if V_F else Surface.of(value))
@@ -214,7 +226,7 @@ def _mesh_from(value: Any) -> Surface:
 
 
 def _mesh_text(surface: Surface) -> str:
-    """Both sizes, V and F, little endian, packed: every bit comes back."""
+    """Both sizes, V and F, little endian, packed without loss."""
     sizes = np.array([surface.n, surface.m], dtype="<i8")
     data = sizes.tobytes() + surface.V.astype("<f8").tobytes() + surface.F.astype("<i8").tobytes()
     return base64.b64encode(zlib.compress(data, 1)).decode("ascii")
@@ -224,7 +236,7 @@ Mesh = Annotated[Surface, PlainValidator(_mesh_from), PlainSerializer(_mesh_text
 
 
 class MeshSurface(OwnSurface):
-    """A surface that is given as a mesh in Python; `dsfab.save` writes it beside the preset, which then names the file.
+    """A surface from a mesh in Python; `dsfab.save` writes it beside the preset, which then names the file.
 
     mesh : a `Surface`, a mesh of another library (see `Surface.of`) or (V, F): vertices (n, 3), metres, and faces.
     """
@@ -232,7 +244,7 @@ class MeshSurface(OwnSurface):
     mesh: Annotated[Mesh, Field(repr=False)]
 
     def given(self) -> Surface:
-        """The mesh itself."""
+        """Return the mesh itself."""
         return self.mesh
 
     def __eq__(self, other: object) -> bool:
@@ -249,13 +261,13 @@ class ShapeSurface(Given):
     shape: str
 
     def given(self) -> Surface:
-        """The shape with its parameters."""
+        """Return the shape with its parameters."""
         others = set(Given.model_fields) | {"shape"}
         return SHAPES[self.shape](**{k: v for k, v in self if k not in others})
 
 
 def _shape_model(name: str) -> type[ShapeSurface]:
-    """The section for one shape: its parameters, defaults and ranges are those of the function that makes it."""
+    """The section of a shape, with the parameters, defaults and ranges of its function."""
     signature = inspect.signature(SHAPES[name], eval_str=True)
     fields: dict[str, Any] = {p.name: (p.annotation, p.default) for p in signature.parameters.values()}
     fields["shape"] = (Literal[name], name)
@@ -279,7 +291,7 @@ else:
 
 
 def plain(value: Any) -> Any:
-    """Supports, loads, pickers and the like as tables, so that they are checked as those of a file are."""
+    """Convert supports, loads, pickers and the like to tables, so that they pass the checks of a file."""
     if is_dataclass(value) and not isinstance(value, type):
         return {field.name: plain(getattr(value, field.name)) for field in fields(value)}
     if isinstance(value, Mapping):
@@ -290,10 +302,10 @@ def plain(value: Any) -> Any:
 
 
 def surface_table(surface: Any, given: Mapping[str, Any]) -> Any:
-    """What is meant by `surface` in Python as a table, with what is given beside it in place of its own.
+    """Return `surface` of Python code as a table, with `lists` in place of its own lists.
 
     surface : a section, a table as in TOML, the path of a mesh file, a mesh of any library, or (V, F), metres.
-    Raises SurfaceError for a mesh that is none.
+    Raises SurfaceError for an invalid mesh.
     """
     if isinstance(surface, str | Path):
         surface = {"file": Path(surface).absolute()}
@@ -310,11 +322,11 @@ EXAMPLE = (
     "dsfab.run(dsfab.Preset(surface=mesh, supports=[dsfab.Support(dsfab.Boundary())], loads=[dsfab.SelfWeight()], "
     "statics={'thickness': 0.05}))"
 )
-"""The shortest preset of a mesh."""
+"""Shortest preset of a mesh."""
 
 
 def missing_preset(thing: Any) -> str:
-    """What to give instead of a thing that is no preset, a sentence."""
+    """Return a sentence on the right argument in place of an object that is no preset."""
     if isinstance(thing, str | Path) and Path(thing).suffix in ("", ".toml"):
         return f"{str(thing)!r} is only the name of a preset; write dsfab.run(dsfab.load_preset({str(thing)!r}))"
     known: dict[type, str] = {str: repr(thing), tuple: "(V, F)", list: "[V, F]"}

@@ -29,11 +29,6 @@ LAYERS = ("loads", "supports", "person")
 PERSON_FITS = (2.0, 60.0)
 """A person is drawn beside structures of these heights, metres."""
 
-BOARD = 0.012
-"""Behind a plate that is seen face on lies a board, this share of its size away."""
-
-TOUCHES = 0.05
-"""Supports within this share of the height from the lowest point stand on the ground."""
 
 PERSON, TREE = 1.75, 6.0
 """Heights of the person and of the tree, metres."""
@@ -93,7 +88,7 @@ def set_stage(
             # on the feet of its support cones; arrows that hang lower are drawn through the ground
             level -= marks.CONE * reach
     if side.front:
-        level, stands = float((V @ side.floor).min()) - BOARD * reach, True
+        level, stands = float((V @ side.floor).min()) - 0.012 * reach, True  # a board behind the plate
     elif "person" in beside.layers and stands and PERSON_FITS[0] <= float(np.ptp(V @ up)) <= PERSON_FITS[1]:
         bodies.append(Body(*_person_beside(V, side, level), palette.of("person")))
     if "tree" in beside.layers and stands:
@@ -116,8 +111,8 @@ def _stands(surface: Surface, load: LoadCase, V: Floats, up: Floats, reach: floa
     if not load.held.any():
         return True
     lowest, height = float((V @ up).min()), float(np.ptp(V @ up))
-    below = float(marks.support_side(surface, load, reach, up) @ up) < -0.5
-    return below and float((surface.V[load.held] @ up).min()) < lowest + TOUCHES * (height + 0.2 * reach)
+    below, tolerance = float(marks.support_side(surface, load, reach, up) @ up) < -0.5, 0.05 * (height + 0.2 * reach)
+    return below and float((surface.V[load.held] @ up).min()) < lowest + tolerance
 
 
 class _Frame(NamedTuple):
@@ -216,14 +211,9 @@ Ground = Literal["paper", "white", "transparent"]
 FINER = light.FINE.finer
 """How many times as large a fine picture is drawn before it is averaged."""
 
-FADE = 0.12
-"""Shadows fade out towards the edges of the page over this share of its height."""
 
 TURN = np.float32(0.87)
 """Cosine of the angle from which an edge between faces is drawn."""
-
-STRIP = 64
-"""Rows searched for edges at a time."""
 
 
 def check_ground(ground: str) -> None:
@@ -266,7 +256,8 @@ def _open(share: Floats32, width: int, height: int) -> Bytes:
     """(height, width) 0..255, how much of the light reaches the ground, without shadows at the edge of the page."""
     from PIL import Image
 
-    x, y = (np.minimum(np.arange(k), np.arange(k)[::-1]) / (FADE * share.shape[0]) for k in share.shape[::-1])
+    margin = 0.12 * share.shape[0]
+    x, y = (np.minimum(np.arange(k), np.arange(k)[::-1]) / margin for k in share.shape[::-1])
     fade = np.clip(np.minimum(x, y[:, None]), 0, 1)  # no shadow ends at the edge of the page
     share = 1 - (1 - share) * (fade * fade * (3 - 2 * fade)).astype(np.float32)
     shades = Image.fromarray(np.round(np.clip(share, 0, 1) * 255).astype(np.uint8))
@@ -321,15 +312,15 @@ def edges(pixels: Pixels, jump: float) -> Floats32:
     Lines where one thing ends in front of another, or where faces meet (Saito and Takahashi 1990), drawn on the nearer
     of the two pixels, so that they lie on what they bound.
     """
-    strong = np.zeros(pixels.depth.shape, dtype=np.float32)
-    for start in range(0, len(strong), STRIP):  # in strips: bounds the memory
-        drawn = np.flatnonzero(np.isfinite(pixels.depth[start : start + STRIP]).any(axis=0))
+    strong, rows = np.zeros(pixels.depth.shape, dtype=np.float32), 64
+    for start in range(0, len(strong), rows):  # strips of rows bound the memory
+        drawn = np.flatnonzero(np.isfinite(pixels.depth[start : start + rows]).any(axis=0))
         if not len(drawn):
             continue
-        low, high = max(start - 2, 0), min(start + STRIP + 2, len(strong))
+        low, high = max(start - 2, 0), min(start + rows + 2, len(strong))
         some = slice(max(drawn[0] - 2, 0), drawn[-1] + 3)
         strip = _edges(pixels.depth[low:high, some], pixels.normal[low:high, some], jump)
-        strong[start : start + STRIP, some] = strip[start - low : start - low + STRIP]
+        strong[start : start + rows, some] = strip[start - low : start - low + rows]
     return strong
 
 

@@ -25,9 +25,6 @@ if TYPE_CHECKING:
 KEYS = {"member": "min_member", "gap": "min_gap", "wall": "min_wall", "edge": ""}
 """What is marked, and the limit that it is compared with."""
 
-ROW = 0.66
-"""The words stand above this height of the page, where -1 is its lower edge and 1 its upper one."""
-
 
 @dataclass(frozen=True, eq=False)
 class Callout:
@@ -61,7 +58,7 @@ def workshop_picture(
     half = design.preset.statics.thickness / 2
     stage = set_stage(body, side, up, half, Annotations(design.surface, design.load, layers=()), palette, size)
     aspect = size[0] / size[1]
-    stage = replace(stage, view=framed(V, side, (-0.86 * aspect, 0.86 * aspect, -0.76, ROW)))
+    stage = replace(stage, view=framed(V, side, (-0.86 * aspect, 0.86 * aspect, -0.76, 0.66)))  # words stand above
     with Scene(stage.bodies, stage.centre, stage.radius) as scene:
         image = rendered(scene, stage, palette, size, clear=ground == "transparent")
     box = " x ".join(length(x) for x in made.box)

@@ -100,15 +100,6 @@ CHUNK = 1 << 15
 TILE = 1 << 10
 """Points lit at a time, by twenty lamps: what fits the cache."""
 
-ROWS = 64
-"""Rows of the picture whose points are found at a time."""
-
-FLOOR_STEP = 6
-"""Pixels of the picture for one of the floor: its shadows are soft."""
-
-FLOOR_REACH = 4.0
-"""The floor is drawn to this many radii around the structure."""
-
 
 @dataclass(frozen=True)
 class LightQuality:
@@ -247,7 +238,7 @@ def shaded(
     if level is None:
         points, normals = _points(scene, view, pixels, hit)
         return _in_rows(lit(scene, all_lamps, points, normals, paired * points.shape[1]).sum(axis=0), hit), None
-    coarse = (height // FLOOR_STEP, width // FLOOR_STEP)
+    coarse = (height // 6, width // 6)  # shadows on the floor are soft
     spots, there = _floor_points(scene, view, floor, level, coarse)
     points, normals = _points(scene, view, pixels, hit, spare=spots.shape[1])
     drawn = points.shape[1] - spots.shape[1]
@@ -269,11 +260,11 @@ def _points(scene: Scene, view: View, pixels: Pixels, hit: Bools, spare: int = 0
     return points, normals
 
 
-def _strips(hit: Bools) -> Iterator[tuple[slice, slice]]:
+def _strips(hit: Bools, rows: int = 64) -> Iterator[tuple[slice, slice]]:
     """Some rows of a picture at a time, which bounds the memory, and which of its drawn pixels lie in them."""
     ends = np.concatenate([[0], np.cumsum(hit.sum(axis=1))])
-    for top in range(0, len(hit), ROWS):
-        yield slice(top, top + ROWS), slice(ends[top], ends[min(top + ROWS, len(hit))])
+    for top in range(0, len(hit), rows):
+        yield slice(top, top + rows), slice(ends[top], ends[min(top + rows, len(hit))])
 
 
 def _in_rows(values: Floats32, hit: Bools) -> Floats32:
@@ -316,7 +307,7 @@ def _floor_points(
     fall = ray @ floor
     far = np.divide(level - eye @ floor, fall, out=np.full(fall.shape, np.inf), where=fall < 0)
     points = eye + np.where(np.isfinite(far), far, 0.0)[:, :, None] * ray
-    there = np.isfinite(far) & (np.linalg.norm(points, axis=2) < FLOOR_REACH)
+    there = np.isfinite(far) & (np.linalg.norm(points, axis=2) < 4.0)  # radii
     return points[there].T.astype(np.float32), there
 
 

@@ -19,9 +19,6 @@ if TYPE_CHECKING:
 Mesh = tuple[Floats, Ints]
 """V (n, 3), F (m, 3)."""
 
-SIDES = 16
-"""Corners of a drawn circle."""
-
 
 @dataclass(frozen=True)
 class Spacing:
@@ -177,14 +174,14 @@ def _nearest(points: Floats, centres: Floats) -> Ints:
     return np.asarray(cKDTree(centres).query(points)[1], dtype=np.int64)
 
 
-def _turned(profile: list[tuple[float, float]]) -> Mesh:
+def _turned(profile: list[tuple[float, float]], sides: int = 16) -> Mesh:
     """A body of revolution about x from (x, radius) pairs; radius 0 at both ends closes it."""
-    turn = np.linspace(0, 2 * np.pi, SIDES, endpoint=False)
-    rings = [np.stack([np.full(SIDES, x), r * np.cos(turn), r * np.sin(turn)], axis=1) for x, r in profile]
-    low = np.arange(SIDES)
+    turn = np.linspace(0, 2 * np.pi, sides, endpoint=False)
+    rings = [np.stack([np.full(sides, x), r * np.cos(turn), r * np.sin(turn)], axis=1) for x, r in profile]
+    low = np.arange(sides)
     high, faces = np.roll(low, -1), []
     for i in range(len(profile) - 1):
-        a, b, c, d = i * SIDES + low, i * SIDES + high, (i + 1) * SIDES + high, (i + 1) * SIDES + low
+        a, b, c, d = i * sides + low, i * sides + high, (i + 1) * sides + high, (i + 1) * sides + low
         if profile[i + 1][1] > 0:
             faces.append(np.stack([a, c, d], axis=1))
         if profile[i][1] > 0:

@@ -21,12 +21,6 @@ if TYPE_CHECKING:
     from dsfab.members import Member, MemberGraph
 
 
-STEP, MOST = 0.5, 400
-"""Widths between two places along a member, and places of one member at most."""
-SPOTS = 60
-"""Places of a member without an axis, at most."""
-
-
 def member_places(draft: Design, judged: bool = False) -> dict[str, Any]:
     """Each member with its name, length, width (metres), largest curvature (1/m) and places, ready for JSON.
 
@@ -58,10 +52,10 @@ def member_places(draft: Design, judged: bool = False) -> dict[str, Any]:
 def _places(member: "Member", centroids: Floats) -> tuple[Floats, float]:
     """(q, 3) places of a member, and how far it reaches from them, metres."""
     if member.axis:
-        count = int(np.clip(np.ceil(member.length / (STEP * member.mean_width)), 2, MOST))
+        count = int(np.clip(np.ceil(member.length / (0.5 * member.mean_width)), 2, 400))
         P = member.axis.at(np.linspace(0, member.length, count))[0]
         return P, float(np.max(member.width)) / 2
-    some = centroids[member.cells[:: max(1, len(member.cells) // SPOTS)]]
+    some = centroids[member.cells[:: max(1, len(member.cells) // 60)]]
     return some, float(np.sqrt(member.area / (np.pi * len(some)))) * 2
 
 
@@ -83,22 +77,6 @@ def _nearest(V: Floats, found: list[tuple[Floats, float]]) -> list[int]:
         nearer = away < best
         best[nearer], number[nearer] = away[nearer], k
     return [int(k) for k in number]
-
-
-LETTERS = 62
-"""So many lines of names would fill the height of a picture, or more, if there are many ..."""
-CROWDED = 90
-"""... members than this."""
-FEW = 12
-"""Names up to so many are large however many members there are."""
-DARK = 0.55
-"""Names are so much as bright as the members that they name; those of hidden ones are paler."""
-BEHIND = 0.02
-"""A place is hidden if something is in front of it by more than this share of the structure's radius."""
-CLEAR = 1.5
-"""Names stand so many widths away from nodes if they can."""
-PLACES = 41
-"""Places along a member at which its name may stand."""
 
 
 def members_picture(
@@ -166,7 +144,8 @@ class _Drawing:
         with Scene(stage.bodies, stage.centre, stage.radius) as scene:
             image = rendered(scene, stage, palette, size, clear=self.ground == "transparent")
             depth = scene.pixels(stage.view, FINER * size[0], FINER * size[1]).depth * stage.radius
-        letter = size[1] / LETTERS * min(1.0, np.sqrt(CROWDED / len(graph.members)) if len(names) > FEW else 1.0)
+        # letters are smaller in a picture of more than 90 members, unless it shows few names
+        letter = size[1] / 62 * min(1.0, np.sqrt(90 / len(graph.members)) if len(names) > 12 else 1.0)
         plates = list(_plates(graph, stage, depth, (size, names, palette)))
         image = with_names(image, placed_names(plates, size, letter), letter, palette.paper)
         return np.asarray(lettered(image, legend(stage, words, palette, size, swatches), palette))
@@ -210,23 +189,23 @@ def _plates(
         seen = stage.view.seen(points)
         at = np.stack([size[0] / 2 + seen[:, 0] * size[1] / 2, size[1] / 2 - seen[:, 1] * size[1] / 2], axis=1)
         column, row = (np.clip(FINER * at[:, k], 0, FINER * size[k] - 1).astype(int) for k in (0, 1))
-        visible = np.asarray(depth[row, column] > seen[:, 2] - BEHIND * stage.radius)
-        shade = DARK * np.array(names[member.id])
+        visible = np.asarray(depth[row, column] > seen[:, 2] - 0.02 * stage.radius)
+        shade = 0.55 * np.array(names[member.id])
         if not visible.any():
             shade = (shade + palette.paper) / 2
         red, green, blue = shade.astype(int).tolist()
         yield Nameplate(member.id, (red, green, blue), at, visible)
 
 
-def _points(graph: "MemberGraph", member: "Member", view: View) -> Floats:
+def _points(graph: "MemberGraph", member: "Member", view: View, count: int = 41) -> Floats:
     """(k, 3) places on a member, metres: between its nodes before those on a node, from its middle on outwards, or of a
     closed one from the side that is near to the eye."""
     if member.axis is None or member.kind == "disc":
         places = graph.sheet.surface.centroids[member.cells]
-        return np.asarray(places[np.linalg.norm(places - places.mean(axis=0), axis=1).argsort(kind="stable")[:PLACES]])
-    s = np.linspace(0.04, 0.96, PLACES) * member.length
+        return np.asarray(places[np.linalg.norm(places - places.mean(axis=0), axis=1).argsort(kind="stable")[:count]])
+    s = np.linspace(0.04, 0.96, count) * member.length
     points = member.axis.at(s)[0]
     away = view.seen(points)[:, 2] if member.axis.closed else np.abs(s - member.length / 2)
     nodes = np.array([node.at[node.members.index(member.id)] for node in graph.along[member.id]])
-    near = np.abs(s[:, None] - nodes).min(axis=1, initial=np.inf) < CLEAR * member.mean_width
+    near = np.abs(s[:, None] - nodes).min(axis=1, initial=np.inf) < 1.5 * member.mean_width
     return np.asarray(points[np.lexsort([away, near])])

@@ -51,8 +51,6 @@ from dsfab.render.view import View, named_side, up_axis
 NOMINAL = (1600, 1200)
 """Pixels of a picture when nothing else is asked for."""
 
-PER_PIXEL = 16.0
-"""Bytes that drawing a pixel leaves."""
 
 COLOURED = ("major", "minor", "kept")
 """Names of what the colours of families tell apart."""
@@ -231,7 +229,7 @@ class Previewer:
         view = self._view(size, words)
         stage = replace(self._stage, view=view)
         image = rendered(self._scene, stage, self._palette, size, quality, self._clear)
-        give_back(PER_PIXEL * size[0] * size[1] * quality.finer**2)  # of pictures on the way to this one
+        give_back(16.0 * size[0] * size[1] * quality.finer**2)  # bytes of intermediate pictures
         alone = len(stage.bodies) == 1  # what a lamp or the eye has seen needs no frame of its own
         if self._scene.empty if alone else not self._scene.casting:
             raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")

@@ -22,11 +22,6 @@ NO_REACH = -FAR
 BY_VERTEX = -1.0
 """A half-width of this value, as a uniform, is read at the vertices."""
 
-SHADE = 0.82
-"""Walls are this much darker than the faces beside them, apart from the light on them."""
-
-STEEPEST = 4.0
-"""A slab that is seen along itself shows at most this many half thicknesses of its wall."""
 
 _DECLARED, _GIVEN = "//VTK::CustomUniforms::Dec", "//VTK::CustomBegin::Impl"
 _CLIP, _COLOURS = "//VTK::Clip::Impl", "//VTK::TCoord::Impl"
@@ -183,8 +178,8 @@ class StripeShader:
         self.set(WHOLE)
         self.look(None, 0.0)
         for uniforms in self._uniforms():
-            uniforms.SetUniformf("dsSteep", 1 / STEEPEST)
-            uniforms.SetUniformf("dsShade", SHADE)
+            uniforms.SetUniformf("dsSteep", 1 / 4.0)  # seen edge on, a wall shows four half thicknesses at most
+            uniforms.SetUniformf("dsShade", 0.82)  # walls are darker than faces
             for name, tint in zip(("dsMajor", "dsMinor", "dsRest"), self.tints or 3 * ((0, 0, 0),), strict=True):
                 uniforms.SetUniform3f(name, [value / 255 for value in tint])
         self.colour_by("colour")

@@ -29,8 +29,6 @@ DRAWN = 1e33
 """What distances from drawn regions are multiplied with: beside these any reach is 0, even `NO_REACH`."""
 DRAWN_ONLY = -1e6
 """A reach that does so: the shader reads no distances where none is over `NO_REACH`."""
-REGION_LINE = 1e-3
-"""Vertices on the outline of a solid region are this share of an edge outside of it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -155,7 +153,8 @@ def _outside(made: Design, near: Floats) -> Floats:
         x = field.at_vertices if isinstance(field, DividedField) else field
         assert isinstance(x, np.ndarray)
         if x.ndim == 1:
-            region = np.where(x > 0, -surface.mean_edge, REGION_LINE * surface.mean_edge)
+            # vertices on the outline of a solid region lie a little outside of it
+            region = np.where(x > 0, -surface.mean_edge, 1e-3 * surface.mean_edge)
             off = np.where(x >= 0, np.minimum(off, region), off)
         else:
             off = np.where(x[:, 0] >= 0, np.minimum(off, x[:, 1]), off)

@@ -11,9 +11,6 @@ from dsfab.surface import LoadCase, Surface
 ANGLE = 24.0
 """Vertical view angle, degrees: a long lens, so that near members do not look larger than far ones."""
 
-FLAT = 0.03
-"""A structure whose spread across its plane is under this share of its spread along it is drawn as a plate."""
-
 
 @dataclass(frozen=True, eq=False)
 class View:
@@ -64,7 +61,7 @@ def _spread(V: Floats) -> tuple[Floats, Floats]:
 
 def _is_plate(V: Floats) -> bool:
     spread, _ = _spread(V)
-    return bool(spread[2] < FLAT * spread[1])
+    return bool(spread[2] < 0.03 * spread[1])
 
 
 def _normal(V: Floats) -> Floats:

@@ -12,14 +12,14 @@ from dsfab.reproduction.renditions import Rendition
 from dsfab.surface import Surface, edge_table
 
 RINGS, SPOKES = 2, 4
-"""A web has so many rings at least, each crossed by so many lines of the other family."""
+"""Least number of rings of a web, and of spokes that cross each."""
 
 
 @dataclass(frozen=True)
 class Web:
-    """Rings of one family around a load, the innermost first, by how many lines of the other family cross each.
+    """Rings of a family around a load, the innermost first, each with the number of crossing lines of the other family.
 
-    family : of the rings; '' where there are none.
+    family : of the rings; '' without rings.
     """
 
     family: str = ""
@@ -27,12 +27,12 @@ class Web:
 
     @property
     def is_web(self) -> bool:
-        """Enough rings with enough spokes."""
+        """True if enough rings have enough spokes."""
         return sum(count >= SPOKES for count in self.crossed) >= RINGS
 
     @property
     def sentence(self) -> str:
-        """What was measured, as the end of a caption."""
+        """Result as the end of a caption."""
         rings = [count for count in self.crossed if count >= SPOKES]
         if self.is_web:
             spokes = f"{min(rings)} to {max(rings)}" if min(rings) < max(rings) else f"{rings[0]}"
@@ -50,10 +50,10 @@ class Web:
 
 
 def web(surface: Surface, phases: Floats, load: Bools, held: Bools) -> Web:
-    """The better web of the two that either family may draw.
+    """Return the better web of the two that either family may form.
 
     phases : (n, 2) of the major and minor family, whole numbers in the middle of members.
-    load, held : (n,) vertices under the load, and at supports.
+    load, supported : (n,) vertices under the load, and at supports.
     """
     found = []
     for k, name in enumerate(("major", "minor")):
@@ -66,7 +66,7 @@ def web(surface: Surface, phases: Floats, load: Bools, held: Bools) -> Web:
 
 
 def links(surface: Surface, phases: Floats, first: Bools, second: Bools) -> tuple[int, int]:
-    """How many middle lines of the major and of the minor family run unbroken from one set of vertices to another."""
+    """Return how many middle lines of the major and minor family run unbroken between two sets of vertices."""
     both = [0, 0]
     for k, z in enumerate(phases.T):
         for level in _levels(z):
@@ -77,14 +77,14 @@ def links(surface: Surface, phases: Floats, first: Bools, second: Bools) -> tupl
 
 
 def design_phases(design: Design) -> Floats:
-    """(n, 2) phases of a design whose stripes lie on modes."""
+    """Return (n, 2) phases of a design whose stripes lie on modes."""
     given, modes = design.pattern, (design.diffusion.major, design.diffusion.minor)
     x = np.stack([family.mode(number) for family, number in zip(modes, given.mode, strict=True)], axis=1)
     return np.asarray(x * np.array(given.frequency) + np.array(given.phase))
 
 
 def loaded_patches(surface: Surface, loaded: Bools) -> list[Bools]:
-    """(n,) each: the connected parts of the loaded vertices, the largest first."""
+    """Return the connected parts (n,) of the loaded vertices, the largest first."""
     a, b = surface.edges.ends.T
     both = loaded[a] & loaded[b]
     label = _labels(a[both], b[both], surface.n)
@@ -101,8 +101,8 @@ def _labels(a: Ints, b: Ints, n: int) -> Ints:
 
 
 def _around(surface: Surface, z: Floats, level: int, load: Bools, held: Bools) -> Bools | None:
-    """(n,) the part of the surface with the load in it, if the line z = level parts it from every support, as a disc
-    without a hole; else None."""
+    """Return (n,) the loaded part of the surface inside the line z = level, if it is a disc without supports; else
+    None."""
     a, b = surface.edges.ends.T
     above = z >= level
     same = above[a] == above[b]
@@ -115,15 +115,15 @@ def _around(surface: Surface, z: Floats, level: int, load: Bools, held: Bools) -
 
 
 def _is_disc(surface: Surface, region: Bools) -> bool:
-    """Whether the faces that touch a region of vertices make a disc, away from the boundary of the surface."""
+    """Return True if the faces that touch a region of vertices form a disc, away from the boundary."""
     faces = surface.F[region[surface.F].any(axis=1)]
     rim = surface.edges.ends[surface.edges.boundary]
     return not region[rim].any() and len(np.unique(faces)) - len(edge_table(faces).ends) + len(faces) == 1
 
 
 def _crossings(surface: Surface, ring: Floats, z: Floats, region: Bools) -> int:
-    """How many middle lines of the other family cross the line ring = 0 that bounds a region: on each face the line's
-    two ends are found, and the whole numbers of z between these are counted."""
+    """Return how many middle lines of the other family cross the line ring = 0 that bounds a region. Each face counts
+    the whole numbers of z between the two ends of the line."""
     F = surface.F
     faces = np.flatnonzero(region[F].any(axis=1) & ~region[F].all(axis=1))
     at = np.empty((len(faces), 3))
@@ -140,7 +140,7 @@ def _crossings(surface: Surface, ring: Floats, z: Floats, region: Bools) -> int:
 
 
 def _lines(surface: Surface, z: Floats) -> tuple[Ints, Ints]:
-    """The faces that the line z = 0 crosses, and for each the number of its connected part."""
+    """Return the faces that the line z = 0 crosses, with the number of each face's connected part."""
     above = z >= 0
     side = above[surface.F]
     faces = np.flatnonzero(side.any(axis=1) & ~side.all(axis=1))
@@ -151,7 +151,7 @@ def _lines(surface: Surface, z: Floats) -> tuple[Ints, Ints]:
 
 
 def nearby(surface: Surface, marked: Bools, rows: int = 1) -> Bools:
-    """(n,) marked vertices (n,) and so many rows of vertices around them."""
+    """Return (n,) marked vertices (n,) and `rows` rows of vertices around them."""
     found = marked.copy()
     a, b = surface.edges.ends.T
     for _ in range(rows):
@@ -161,16 +161,13 @@ def nearby(surface: Surface, marked: Bools, rows: int = 1) -> Bools:
 
 
 ANGLE, EVENNESS = 60.0, 3.0
-"""A grid's members cross at so many degrees at least, and the P95 of their spacing is so many times the P5 at most."""
-
-MOST = 0.995
-"""A structure that brings less than so much of its load to a support is not praised without a word on that."""
+"""Least crossing angle (degrees) of a grid's members, and largest P95 over P5 of their spacing."""
 
 
 def finding(claim: str, made: Rendition) -> str:
-    """What was measured of a claim (see `PaperFigure`), as a clause; '' where nothing is claimed or nothing was made.
+    """Return the measured result for a claim (see `PaperFigure`) as a clause; '' without a claim or a design.
 
-    made : a rendition whose stripes lie on modes.
+    rendition : its stripes lie on modes.
     """
     if not claim or made.design is None:
         return ""
@@ -182,11 +179,10 @@ def finding(claim: str, made: Rendition) -> str:
         told = web(design.surface, phases, loads[0], design.load.held).sentence
     else:
         told = _beams(design, phases, loads, between=claim == "beams")
-    return f"{told}; it carries {made.carried:.0%} of the load" if made.carried < MOST else told
+    return f"{told}; it carries {made.carried:.0%} of the load" if made.carried < 0.995 else told
 
 
 def _beams(design: Design, phases: Floats, loads: list[Bools], between: bool) -> str:
-    """Lines that run unbroken from the load to the supports, or from one load to another one."""
     surface = design.surface
     first, second = (loads[0], loads[-1]) if between else (np.logical_or.reduce(loads), design.load.held)
     found = links(surface, phases, nearby(surface, first), nearby(surface, second))

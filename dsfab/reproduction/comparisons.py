@@ -24,15 +24,9 @@ from dsfab.results import DiffusionResult
 from dsfab.slicing.measures.pattern_quality import PatternQuality
 from dsfab.study.baselines.structures import as_mode
 
-BAND = 0.25
-"""Width of a traced line as it is drawn, over the distance from one to the next."""
-
-LIFT = 0.1
-"""Of that distance: lines lie so far above the surface, to be seen."""
-
 
 def beside_earlier(design: Design, folder: Path, shown: Mapping[str, PaperPicture]) -> PaperComparison:
-    """As many stripes by diffusion, by one field over directions that are chosen on every face, and as traced lines."""
+    """Compare stripes by diffusion with equally many stripes of an integrated field, and with traced lines."""
     name = design.preset.name
     other, lines = integrated_design(design), traced(design)
     rows = []
@@ -60,7 +54,7 @@ def _lines_picture(design: Design, folder: Path, lines: tuple[list[StressLine], 
         if not one:
             continue
         apart = surface.area / sum(line.length for line in one)
-        points, faces = ribbons(surface, one, BAND * apart, LIFT * apart)
+        points, faces = ribbons(surface, one, 0.25 * apart, 0.1 * apart)
         F.append(faces + sum(map(len, V)))
         V.append(points)
         family.append(np.full(len(faces), k))
@@ -75,7 +69,6 @@ def _lines_picture(design: Design, folder: Path, lines: tuple[list[StressLine], 
 
 
 def _compared(design: Design, other: Design) -> str:
-    """What was measured of stripes by diffusion and of integrated ones, and in how many numbers diffusion is better."""
     try:
         own, rival = (one.quality(symmetry=False) for one in (design, other))
     except DsfabError as error:
@@ -88,7 +81,6 @@ def _compared(design: Design, other: Design) -> str:
 
 
 def _numbers(found: PatternQuality) -> tuple[float, ...]:
-    """The smaller, the better."""
     both = found.major, found.minor
     return (
         *(one.deviation for one in both),
@@ -112,16 +104,15 @@ CHANGES: Mapping[str, Mapping[str, Any]] = {
     "Both frequencies 25": {"pattern.major.frequency": 25.0, "pattern.minor.frequency": 25.0},
     "Both thresholds -0.4: wider": {"pattern.major.threshold": -0.4, "pattern.minor.threshold": -0.4},
 }
-"""What is shown of the same modes."""
+"""Changes of the pattern on the same modes."""
 
-FRAMES = 24
-"""Changes of a frequency that are drawn; the first two prepare what is drawn with."""
 PAPER = 37
-"""Frames a second that the paper tells of its editor, on a laptop of 2015."""
+"""Frames a second of the paper's editor, on a laptop of 2015."""
 
 
 def edited(design: Design, folder: Path) -> PaperComparison:
-    """Pictures of one pattern under other numbers, and frames a second while they change, as the paper tells of Bob."""
+    """Draw one pattern with other numbers, and measure frames a second during the changes, as the paper does for
+    Bob."""
     title = "Frequency and thickness, edited"
     try:
         with previewer_of(design) as previewer:
@@ -149,10 +140,11 @@ def edited(design: Design, folder: Path) -> PaperComparison:
     return PaperComparison(title, words, (tuple(row),))
 
 
-def frames_a_second(change: Callable[[int], None]) -> float:
-    """How often something is changed and drawn: by the median of `FRAMES` times, but for the first two."""
+def frames_a_second(change: Callable[[int], None], frames: int = 24) -> float:
+    """Return how often a change is drawn per second: by the median of all times but the first two, which prepare
+    buffers."""
     taken = list[float]()
-    for number in range(FRAMES):
+    for number in range(frames):
         begin = time.perf_counter()
         change(number)
         taken.append(time.perf_counter() - begin)
@@ -160,11 +152,11 @@ def frames_a_second(change: Callable[[int], None]) -> float:
 
 
 RATIOS = (1.0, 10.0, 100.0)
-"""The anisotropies that are compared."""
+"""Compared values of the anisotropy."""
 
 
 def comparisons(design: Design, folder: Path, shown: Mapping[str, PaperPicture]) -> list[PaperComparison]:
-    """The comparisons that the paper draws on this figure; pictures that are there already are shown again."""
+    """Return the comparisons that the paper shows for this figure; existing pictures are used again."""
     name = design.preset.name
     if name == "hanging_bar":
         return [_michell(design, shown), _ratios(design, folder)]
@@ -180,7 +172,6 @@ def comparisons(design: Design, folder: Path, shown: Mapping[str, PaperPicture])
 
 
 def _michell(design: Design, shown: Mapping[str, PaperPicture]) -> PaperComparison:
-    """From the principal directions to a truss: the two families, the gradients that they lie across, and both."""
     name = design.preset.name
     rows = (("directions", "structure"), ("major-mode", "major"), ("minor-mode", "minor"))
     pictures = (tuple(shown[file] for one in row if (file := f"{name}-{one}.webp") in shown) for row in rows)
@@ -200,7 +191,6 @@ def _michell(design: Design, shown: Mapping[str, PaperPicture]) -> PaperComparis
 
 
 def _ratios(design: Design, folder: Path) -> PaperComparison:
-    """The same design with little and much anisotropy."""
     rows = []
     for show, name in (("major_mode", "major mode 1"), ("minor_mode", "minor mode 1"), ("structure", "structure")):
         row = []
@@ -216,7 +206,6 @@ def _ratios(design: Design, folder: Path) -> PaperComparison:
 
 
 def _one_family(design: Design, folder: Path, shown: Mapping[str, PaperPicture]) -> PaperComparison:
-    """Stripes along the von Mises stress, between those of the two families."""
     value = as_mode(design.surface, design.statics.answers.stress.largest)
     modes = Modes(np.zeros(1), value[:, None])
     changed = overridden(design.preset, {"pattern.major.mode": 1, "pattern.minor.mode": 1})

@@ -1,4 +1,4 @@
-"""One picture of a figure of the paper, in its file: what is shown, how large, and from where it is seen."""
+"""One picture of a figure of the paper, in its file: content, size, and view."""
 
 from dataclasses import dataclass
 from pathlib import Path
@@ -11,10 +11,10 @@ from dsfab.render.previewer import Previewer
 from dsfab.render.scene import Bytes
 
 SMALL, LARGE = (560, 420), (1120, 840)
-"""Pixels of the pictures of the steps, and of the structure: twice what the page gives them, for sharp screens."""
+"""Sizes (pixels) of the pictures of the steps and of the structure: twice their size on the page, for sharp screens."""
 
 LIGHT = LightQuality(8, 24, 5, 896, 512, (0.006, 0.035))
-"""Between a picture that stands alone and one of a hundred."""
+"""Light quality between that of a single picture and that of a sweep's pictures."""
 
 VIEWS = {
     "pavilion": "25,35",
@@ -26,20 +26,20 @@ VIEWS = {
     "mouse": "40,40",
     "boys_surface": "30,25",
 }
-"""From where a figure is seen, if its best side (see `dsfab.render.view`) hides what its caption says."""
+"""Views of figures whose default view (see `dsfab.render.view`) hides their subject."""
 
 MARKS = ("loads", "supports", "person", "gradients")
-"""What is drawn beside a surface; gradients on modes alone."""
+"""Marks beside a surface; only modes have gradients."""
 SCALE = {"pavilion": "tree"}
-"""What stands beside a figure in place of a person, as in the paper."""
+"""Marks in place of a person, as in the paper."""
 
 
 @dataclass(frozen=True, eq=False)
 class PaperPicture:
-    """A picture in its file, or why there is none.
+    """A picture in its file, or the reason for its absence.
 
-    file  : its name in the page's folder; '' without one.
-    title : what it is.     words: what it tells, or why it is not there.     bar: what explains its colours.
+    file  : its name in the page's folder; '' without a picture.
+    title : its subject.     words: its caption, or the reason.     bar: legend of its colours.
     """
 
     file: str
@@ -51,7 +51,7 @@ class PaperPicture:
 
 @dataclass(frozen=True, eq=False)
 class PaperComparison:
-    """Pictures side by side, in rows, as the paper compares them."""
+    """Pictures side by side, in rows, as in the paper."""
 
     title: str
     words: str
@@ -59,7 +59,7 @@ class PaperComparison:
 
 
 def paper_picture(design: Design, folder: Path, show: str, stem: str, title: str = "") -> PaperPicture:
-    """One picture of a design, in a file named by `stem` and what it shows."""
+    """Draw a design into a file named by `stem` and `show`."""
     size = LARGE if show == "structure" and not title else SMALL
     title = title or _title(design, show)
     file = f"{stem}-{show.replace('_', '-')}.webp"
@@ -74,14 +74,14 @@ def paper_picture(design: Design, folder: Path, show: str, stem: str, title: str
 
 
 def previewer_of(design: Design, show: str = "structure") -> Previewer:
-    """What draws a figure from its side, with what stands beside it; to be closed."""
+    """Return a previewer of a figure from its view, with its marks; the caller closes it."""
     name = design.preset.name
     marks = {*MARKS} - {"person"} | {SCALE.get(name, "person")}
     return Previewer(design, show=show, view=VIEWS.get(name, "iso"), marks=marks)
 
 
 def save_picture(pixels: Bytes, path: Path) -> None:
-    """As WebP, small and without a seam to be seen."""
+    """Write WebP, at a quality without visible seams."""
     from PIL import Image
 
     Image.fromarray(pixels).save(path, format="WEBP", quality=82, method=6)

@@ -16,13 +16,9 @@ from dsfab.results import DiffusionResult
 from dsfab.study.verdict.estimates import quantile
 from dsfab.surface import Surface, hat_gradients
 
-SOFT = 1e-9
-"""Of the stiffness of the field, against a constant: pieces of a surface have no common height."""
-
 
 class DrawnFamily(NamedTuple):
-    """A family on a mode: its diffusion tensors D (m, 3, 3), the number and the values (n,) of its mode, and how many
-    stripes there are for each unit of it."""
+    """A family on a mode: diffusion tensors D (m, 3, 3), number and values (n,) of the mode, and its frequency."""
 
     D: Floats
     number: int
@@ -31,7 +27,7 @@ class DrawnFamily(NamedTuple):
 
 
 def drawn_families(design: Design) -> tuple[DrawnFamily, DrawnFamily]:
-    """Both families of a design on modes that are given by number."""
+    """Return both families of a design on numbered modes."""
     found, pattern = design.diffusion, design.preset.pattern
     major, minor = (
         DrawnFamily(D, number := int(own.mode), modes.mode(number), own.frequency)
@@ -44,7 +40,7 @@ def drawn_families(design: Design) -> tuple[DrawnFamily, DrawnFamily]:
 
 
 def integrated_design(design: Design) -> Design:
-    """A design on modes that are given by number, both replaced by integrated fields, with as many stripes a metre."""
+    """Return a design on numbered modes with both modes replaced by integrated fields of equal stripe density."""
     surface, tensors, modes = design.surface, design.diffusion.tensors, []
     for family in drawn_families(design):
         field = integrated_field(surface, across(family.D), ~tensors.isotropic)
@@ -55,33 +51,33 @@ def integrated_design(design: Design) -> Design:
 
 
 def along(D: Floats) -> Floats:
-    """(m, 3) unit directions in which tensors D (m, 3, 3) let the most through: stripes run along them."""
+    """Return (m, 3) unit directions of the largest diffusion of tensors D (m, 3, 3); stripes run along them."""
     return np.asarray(np.linalg.eigh(D)[1][:, :, 2])
 
 
 def across(D: Floats) -> Floats:
-    """(m, 3) unit directions in the faces' planes in which tensors D (m, 3, 3) let the least through.
-
-    Of the three eigenvalues 0, 1 and r that is the one in the middle; stripes lie across it.
-    """
+    """Return (m, 3) unit directions in the faces' planes of the least diffusion of tensors D (m, 3, 3). They belong to
+    the middle one of the eigenvalues 0, 1 and r; stripes lie across them."""
     return np.asarray(np.linalg.eigh(D)[1][:, :, 1])
 
 
 def integrated_field(surface: Surface, direction: Floats, clear: Bools) -> Floats:
-    """(n,) metres: the field u whose gradient is nearest to the directions, in the mean square over clear faces.
+    """Return (n,) metres: the field u whose gradient is nearest to the directions, in the mean square over clear faces.
 
-    direction : (m, 3) units up to sign.    clear : (m,) faces that have one; on others the field is as flat as can be.
+    direction : (m, 3) units up to sign.    clear : (m,) faces with a direction; on other faces the field is as flat as
+    possible.
     """
     wanted = signed(surface, direction) * clear[:, None]
     pull = np.einsum("mik,mk->mi", hat_gradients(surface), wanted) * surface.areas[:, None]
     K = diffusion_operator(surface, np.broadcast_to(np.eye(3), (surface.m, 3, 3)))
-    K = csr_array(K + SOFT * K.diagonal().mean() * eye_array(surface.n))
+    # a weak spring, because a constant on each piece of the surface is free
+    K = csr_array(K + 1e-9 * K.diagonal().mean() * eye_array(surface.n))
     b: Floats = np.bincount(surface.F.ravel(), pull.ravel(), minlength=surface.n).astype(np.float64)
     return np.asarray(factorise(K, surface.V)(b))
 
 
 def signed(surface: Surface, direction: Floats) -> Floats:
-    """(m, 3) the directions with signs that agree from face to face along that tree of faces which turns the least."""
+    """Return (m, 3) directions whose signs agree between faces along the tree of faces with the least turns."""
     i, j = surface.edges.pairs.T // 3
     dot = np.einsum("ek,ek->e", direction[i], direction[j])
     turn = coo_array((1.0 + 1e-6 - np.abs(dot), (i, j)), shape=(surface.m, surface.m)).tocsr()
@@ -97,31 +93,22 @@ def signed(surface: Surface, direction: Floats) -> Floats:
 
 
 def typical_slope(surface: Surface, value: Floats) -> float:
-    """The median over the area of the length of the gradient of (n,) values, per metre."""
+    """Return the median over the area of the gradient's length of (n,) values, per metre."""
     slope = np.linalg.norm(np.einsum("mik,mi->mk", hat_gradients(surface), value[surface.F]), axis=1)
     return quantile(slope, surface.areas, 0.5)
 
 
 NEAR = 0.5
-"""Of the distance asked: nearer to another line a line ends."""
-
-SHORT = 1.0
-"""Lines shorter than this many distances are left out; their place counts as taken."""
-
-ROUND = 3.0
-"""Distances along a line after which it is looked for whether it comes back to itself."""
-
-TURN = 0.5
-"""Cosine of the largest turn from face to face: at a sharper one the directions are none."""
+"""A line ends at this distance from another line, over the distance of lines."""
 
 End = Literal["boundary", "inside", "round"]
 
 
 @dataclass(frozen=True, eq=False)
 class StressLine:
-    """points : (k, 3) metres, in order; the first again at the end where it came round.
-    faces  : (k - 1,) the face of each piece.
-    loose  : how many of its ends lie inside the surface.
+    """points : (k, 3) metres, in order; a closed line repeats the first at its end.
+    faces  : (k - 1,) the face of each segment.
+    loose  : number of ends inside the surface.
     """
 
     points: Floats
@@ -130,12 +117,12 @@ class StressLine:
 
     @property
     def length(self) -> float:
-        """Metres."""
+        """Length in metres."""
         return float(np.linalg.norm(np.diff(self.points, axis=0), axis=1).sum())
 
 
 def traced(design: Design) -> tuple[list[StressLine], list[StressLine]]:
-    """The lines of both families, as far apart as the stripes are in the median, of a design on modes by number."""
+    """Return the lines of both families of a design on numbered modes, at the median distance of its stripes."""
     surface, clear = design.surface, ~design.diffusion.tensors.isotropic
     major, minor = (
         stress_lines(surface, along(one.D), clear, 1 / (one.frequency * typical_slope(surface, one.mode)))
@@ -145,7 +132,8 @@ def traced(design: Design) -> tuple[list[StressLine], list[StressLine]]:
 
 
 def stress_lines(surface: Surface, direction: Floats, clear: Bools, apart: float) -> list[StressLine]:
-    """Lines along a direction (m, 3), units up to sign, in faces that are clear (m,), about `apart` metres apart."""
+    """Return lines along directions (m, 3), units up to sign, in clear faces (m,), about `apart` metres apart. Lines
+    shorter than `apart` are left out, but their place counts as taken."""
     walk = _Walk(surface, direction, clear, apart)
     centres = surface.centroids
     distance = np.where(clear, np.inf, 0.0)
@@ -153,7 +141,7 @@ def stress_lines(surface: Surface, direction: Floats, clear: Bools, apart: float
     while (seed := int(np.argmax(distance))) >= 0 and distance[seed] > apart:
         line = walk.line(seed)
         distance = np.minimum(distance, cKDTree(np.vstack([line.points, centres[seed]])).query(centres)[0])
-        if line.length > SHORT * apart:
+        if line.length > apart:
             lines.append(line)
             walk.others = cKDTree(np.vstack([each.points for each in lines]))
     return lines
@@ -161,8 +149,6 @@ def stress_lines(surface: Surface, direction: Floats, clear: Bools, apart: float
 
 @dataclass(eq=False)
 class _Walk:
-    """Through the faces of a surface, along their directions, away from the lines that are there."""
-
     surface: Surface
     direction: Floats
     clear: Bools
@@ -170,7 +156,7 @@ class _Walk:
     others: cKDTree | None = None
 
     def line(self, seed: int) -> StressLine:
-        """From the middle of a face, both ways."""
+        """Return the line through the centre of a face, in both directions."""
         start = self.surface.centroids[seed]
         ahead, faces, end = self._half(seed, start, self.direction[seed])
         if end == "round":
@@ -180,7 +166,7 @@ class _Walk:
         return StressLine(np.array(behind[:0:-1] + ahead), (*back[::-1], *faces), loose)
 
     def _half(self, face: int, start: Floats, t: Floats) -> tuple[list[Floats], list[int], End]:
-        """Points from the start on, the face of each piece, and where the line ends."""
+        """Return points from the start on, the face of each segment, and the kind of end."""
         points, runs, faces, entered = [start], [0.0], list[int](), -1
         while True:
             half_edge, p = self._exit(face, points[-1], t, entered)
@@ -189,7 +175,8 @@ class _Walk:
             runs.append(runs[-1] + float(np.linalg.norm(p - points[-1])))
             points.append(p)
             faces.append(face)
-            passed = int(np.searchsorted(runs, runs[-1] - ROUND * self.apart))
+            # a closed line returns after at least three distances
+            passed = int(np.searchsorted(runs, runs[-1] - 3 * self.apart))
             if (back := self._came_back(points[:passed], p)) is not None:
                 came = back * 2 < passed
                 return ([*points, start], [*faces, face], "round") if came else (points, faces, "inside")
@@ -199,13 +186,13 @@ class _Walk:
             if not self.clear[face := entered // 3] or self._is_near(p):
                 break
             turned = self.direction[face] * np.sign(self.direction[face] @ t)
-            if turned @ t < TURN:
+            if turned @ t < 0.5:  # directions that turn by over 60 degrees are not reliable
                 break
             t = turned
         return points, faces, "inside"
 
     def _came_back(self, passed: list[Floats], p: Floats) -> int | None:
-        """Which of the points that a line passed long ago it has come near to again, if any."""
+        """Return the index of an earlier point near the line's end, if any."""
         if not passed:
             return None
         far = np.linalg.norm(np.array(passed) - p, axis=1)
@@ -213,7 +200,8 @@ class _Walk:
         return best if far[best] < NEAR * self.apart else None
 
     def _exit(self, face: int, p: Floats, t: Floats, entered: int) -> tuple[int, Floats]:
-        """The half-edge by which a ray leaves a face, and where; -1 where it would go back through where it came."""
+        """Return the half-edge through which a ray leaves a face, and the point; -1 if it would leave through its
+        entry."""
         corners = self.surface.V[self.surface.F[face]]
         outward = np.cross(np.roll(corners, -1, axis=0) - corners, self.surface.normals[face])
         speed = outward @ t
@@ -230,7 +218,7 @@ class _Walk:
 
 
 def ribbons(surface: Surface, lines: list[StressLine], width: float, lift: float) -> tuple[Floats, Ints]:
-    """Lines as flat bands above the surface: (n, 3) vertices, metres, and (m, 3) faces."""
+    """Return lines as flat bands above the surface: (n, 3) vertices, metres, and (m, 3) faces."""
     V, F, count = [], [], 0
     for line in lines:
         normal = surface.normals[[*line.faces, line.faces[-1]]]

@@ -1,4 +1,4 @@
-"""The figures of the paper, made: numbers and sentences about each, and its pictures."""
+"""The reproduced figures of the paper: measures and sentences about each, and its pictures."""
 
 import time
 from collections.abc import Mapping, Sequence
@@ -18,28 +18,25 @@ from dsfab.reproduction.renditions import Rendition, renditions
 from dsfab.results import Piece
 
 STEPS = ("loads", "directions", "vonmises", "major_mode", "major", "minor_mode", "minor")
-"""What is shown of every figure beside its structure, in the order of the method."""
+"""Pictures of every figure beside its structure, in the order of the method."""
 
 
 RUNS = 3
-"""Seconds are medians of so many runs."""
-
-FINER = 0.8
-"""A mesh that is too coarse for a shape is made with edges so many times as long."""
+"""Number of runs whose median gives the seconds."""
 
 WAYS = {
     "letter": "The paper to the letter",
     "preset": "The preset",
     "stripes": "dsfab's stripes",
 }
-"""What each rendition is called."""
+"""Titles of the renditions."""
 
 
 @dataclass(frozen=True, eq=False)
 class RenditionPicture:
-    """A rendition of a figure, its picture, and what was found of the paper's claim, or ''.
+    """A rendition of a figure, its picture, and the result for the paper's claim, or ''.
 
-    edge : metres, of the mesh that was used; 0 where it could not be made.
+    edge : metres, of its mesh; 0 without a design.
     """
 
     rendition: Rendition
@@ -50,10 +47,10 @@ class RenditionPicture:
 
 @dataclass(frozen=True, eq=False)
 class FigurePictures:
-    """A figure as it came out; `error` says why it could not be made, and the rest is empty then.
+    """A reproduced figure; `error` is the reason for a failure, and the rest is empty then.
 
-    seconds : see `processor_seconds`.      carried: how the loads reach the supports.
-    coarser : its edges are so many times as long as the preset's own.
+    seconds : see `processor_seconds`.      carried: sentence on how the loads reach the supports.
+    coarser : factor on the preset's edges.
     """
 
     figure: PaperFigure
@@ -75,9 +72,9 @@ class FigurePictures:
 
 
 def make_figure(figure: PaperFigure, folder: Path, coarser: float = 1.0) -> FigurePictures:
-    """Make a figure and write its pictures into `folder`; what cannot be made says so in its place.
+    """Make a figure and write its pictures into `folder`; failed parts contain their errors.
 
-    coarser : the preset's edges times this, or less where no such mesh has all details: quicker, and rougher.
+    coarser : factor on the preset's edges, which falls until the mesh has all details: quicker, and rougher.
     """
     try:
         design, coarser = coarsened(load_preset(figure.preset), coarser)
@@ -93,15 +90,15 @@ def make_figure(figure: PaperFigure, folder: Path, coarser: float = 1.0) -> Figu
 
 
 def _told(way: RenditionPicture) -> RenditionPicture:
-    """What is told of a rendition, without the design, which is large: figures come from other processes."""
+    """Remove the design, which is large, because figures come from other processes."""
     design = way.rendition.design
     edge = float(design.preset.surface.model_dump()["edge"]) if design else 0.0
     return replace(way, rendition=replace(way.rendition, design=None), edge=edge)
 
 
 def processor_seconds(design: Design) -> dict[str, float]:
-    """By row of the paper's Table 2: seconds of the processor, all cores together, the median of `RUNS` runs from the
-    surface to the modes. Other programs on the same cores hardly change them, but the clock of the processor does."""
+    """Return processor seconds by row of the paper's Table 2, all cores together: the median of `RUNS` runs. A run
+    leads from the surface to the modes. Other programs on the same cores hardly change these seconds."""
     runs = []
     for _ in range(RUNS):
         log = Log(None, clock=time.process_time)
@@ -111,10 +108,10 @@ def processor_seconds(design: Design) -> dict[str, float]:
 
 
 def coarsened(preset: Preset, coarser: float) -> tuple[Design, float]:
-    """A preset up to its pattern with edges so many times as long as its own, or as many as leave the shape its details
-    and its loads a vertex; and how many these are.
+    """Return a preset up to its pattern with edges `coarser` times as long, and the actual factor.
 
-    Raises DsfabError for what fails on the preset's own mesh as well.
+    The factor falls by a fifth at a time, until the shape has its details and each load a vertex. Raises DsfabError if
+    the preset's own mesh fails as well.
     """
     edge = preset.surface.model_dump()["edge"]
     while True:
@@ -123,11 +120,10 @@ def coarsened(preset: Preset, coarser: float) -> tuple[Design, float]:
         except SurfaceError:
             if coarser <= 1:
                 raise
-            coarser = max(FINER * coarser, 1.0)
+            coarser = max(0.8 * coarser, 1.0)
 
 
 def _pictured(figure: PaperFigure, made: Rendition, folder: Path, shipped: PaperPicture) -> RenditionPicture:
-    """With its picture: that of the preset is there already."""
     if made.name == "preset":
         return RenditionPicture(made, replace(shipped, title=WAYS[made.name]), finding(figure.claim, made))
     if made.design is None:
@@ -138,7 +134,6 @@ def _pictured(figure: PaperFigure, made: Rendition, folder: Path, shipped: Paper
 
 
 def _carried(made: Rendition) -> tuple[str, tuple[str, ...]]:
-    """How the cut sheet carries its loads, in a sentence, and what was noted; nothing needs to be thickened."""
     if made.design is None:
         return f"it cannot be built: {made.refused}", ()
     slicing, notes = made.design.slicing, made.design.notes

@@ -25,11 +25,11 @@ Row = Mapping[str, Any]
 
 OURS = ("row", "design", "stripes")
 OTHERS = (("isotropic", "the best isotropic stripes"), ("thinner", "a thinner sheet"))
-"""Whose stiffness is told over whose."""
+"""`OURS` and these rivals: the pairs whose stiffness is compared."""
 
 
 def claim_section(rows: Sequence[Row]) -> str:
-    """The section of the page about the sphere; '' without rows."""
+    """Return the section of the page about the sphere; '' without rows."""
     if not rows:
         return ""
     known = {(row["name"], row["volume"]): row for row in rows}
@@ -53,8 +53,8 @@ def claim_section(rows: Sequence[Row]) -> str:
 
 
 def stiffness(own: Row | None, rival: Row | None) -> tuple[float, float, float] | None:
-    """How many times as stiff one is as another, and the least and the most of it by the bounds of both; None where
-    either does not carry its loads."""
+    """Return the ratio of stiffness of two rows, and its lower and upper bound; None if either does not carry its
+    loads."""
     if not own or not rival or not own["compliance_J"] or not rival["compliance_J"]:
         return None
     ratio = rival["compliance_J"] / own["compliance_J"]
@@ -63,7 +63,7 @@ def stiffness(own: Row | None, rival: Row | None) -> tuple[float, float, float] 
 
 
 def _cell(row: Row | None) -> str:
-    """A compliance with its bound, in italics where the verdict is not that it passes; why is its title."""
+    """Return a compliance with its bound, in italics unless its verdict is pass; its title is the reason."""
     if not row or not row["compliance_J"]:
         reason = (row or {}).get("error") or "not judged"
         return f'<td title="{escape(reason, quote=True)}">not carried</td>'
@@ -75,7 +75,6 @@ def _cell(row: Row | None) -> str:
 
 
 def _words(known: Mapping[tuple[str, float], Row], shares: Sequence[float]) -> Iterator[str]:
-    """A line for each of ours over isotropic stripes and over a thinner sheet, whoever wins."""
     for name in OURS:
         for other, called in OTHERS:
             told = []
@@ -90,7 +89,6 @@ def _words(known: Mapping[tuple[str, float], Row], shares: Sequence[float]) -> I
 
 
 def _verdicts(rows: Sequence[Row]) -> str:
-    """How well the numbers are known, and what is not."""
     judged = [row for row in rows if row["compliance_J"]]
     sure = [row for row in judged if row["verdict"] == "pass"]
     if not sure:
@@ -113,11 +111,11 @@ COLUMNS = (
     ("off the stress", "degrees between members and principal directions, of the family that is further off"),
     ("P95 / P5 spacing", "1 where members are evenly spaced, of the family that is less even"),
 )
-"""What is measured, and what it means."""
+"""Measures and their meaning."""
 
 
 def measured(made: FigurePictures, coarser: float) -> str:
-    """The pictures of the renditions, a table of what was measured, departures, and the command."""
+    """Return the pictures of the renditions, a table of measures, departures, and the command."""
     if not made.ways:
         return ""
     name = made.figure.preset
@@ -135,12 +133,12 @@ def measured(made: FigurePictures, coarser: float) -> str:
 
 
 def again(name: str, coarser: float) -> str:
-    """The command that makes a figure of the page again, with all that is measured on it."""
+    """Return the command that reproduces a figure of the page with all its measures."""
     return f"<code>{escape(f'dsfab reproduce {name}' + (f' --coarser {coarser:g}' if coarser != 1 else ''))}</code>"
 
 
 def rendition_facts(made: Rendition) -> tuple[str, ...]:
-    """The cells of a rendition under `COLUMNS`, in words."""
+    """Return the cells of a rendition under `COLUMNS` as text."""
     if made.refused:
         return ("none", *("" for _ in COLUMNS[1:]))
     pieces = f"{made.pieces} ({made.loose} loose)" if made.loose else f"{made.pieces}"
@@ -161,12 +159,10 @@ def _row(made: Rendition) -> str:
 
 
 def _ratio(x: float) -> str:
-    """A ratio of compliances in words."""
     return "no load" if np.isnan(x) else "not carried" if np.isinf(x) else f"{x:.3g}"
 
 
 def _built(made: FigurePictures) -> str:
-    """Where each departs from the paper, and how its structure is built."""
     lines = []
     for way in made.ways:
         one = way.rendition
@@ -190,7 +186,6 @@ def picture_cell(shown: PaperPicture, name: str, kind: str = "") -> str:
 
 
 def _bar(bar: Bar) -> str:
-    """The scale of colours, with what stands at its ends."""
     colours = ", ".join(f"rgb({r:.0f}, {g:.0f}, {b:.0f})" for r, g, b in bar.colours)
     left, right = (f"{label} {name}".strip() for label, name in zip(bar.labels[::2], bar.names, strict=True))
     strip = f'<i style="background: linear-gradient(to right, {colours})"></i>'
@@ -201,9 +196,6 @@ PAGE_NAME = "index.html"
 
 TIMED = ("membrane", "bending", "statics", "stress", "diffusion", "modes")
 """The columns of Table 2 in seconds."""
-
-FACTS_AT = 4
-"""The words about a figure fill the place after its structure and three pictures: then families begin a row."""
 
 PARAMETERS = (
     ("&gamma;", "force magnitude"),
@@ -222,7 +214,7 @@ PARAMETERS = (
 
 @dataclass(frozen=True)
 class PageFacts:
-    """What the page says about itself: how much coarser than the presets it is, what made it, and how busy that was."""
+    """Facts about the page: how much coarser its meshes are than the presets', the machine, and its load."""
 
     coarser: float
     machine: str
@@ -230,7 +222,7 @@ class PageFacts:
 
 
 def page(figures: Sequence[FigurePictures], about: PageFacts, volumes: Sequence[Mapping[str, Any]] = ()) -> str:
-    """The whole page; its pictures are files beside it. volumes : rows of sphere_volumes.json, whose chart is shown."""
+    """Return the whole page; its pictures are files beside it. volumes : rows of sphere_volumes.json for the chart."""
     compared = [
         _comparison(one, again(figure.figure.preset, about.coarser)) for figure in figures for one in figure.comparisons
     ]
@@ -240,7 +232,7 @@ def page(figures: Sequence[FigurePictures], about: PageFacts, volumes: Sequence[
 
 
 def pictures_of(folder: Path) -> set[str]:
-    """Names of the pictures that the page in a folder shows; of an earlier page, for none of them to be left behind."""
+    """Return names of the pictures on the page in a folder, so that a new page can remove old pictures."""
     try:
         return set(re.findall(r'src="([\w.-]+\.webp)"', (folder / PAGE_NAME).read_text(encoding="utf-8")))
     except (OSError, UnicodeDecodeError):
@@ -285,7 +277,8 @@ def _section(made: FigurePictures, coarser: float) -> str:
     if made.error:
         return f"{head}{why(f'Not made: {made.error}')}</section>"
     shown = [picture_cell(one, figure.preset, "large" if i == 0 else "") for i, one in enumerate(made.shown)]
-    cells = "".join([*shown[:FACTS_AT], _facts(made, coarser), *shown[FACTS_AT:]])
+    # after the structure and three pictures, so that families begin a row
+    cells = "".join([*shown[:4], _facts(made, coarser), *shown[4:]])
     return f'{head}{measured(made, coarser)}<div class="steps">{cells}</div>{_tables(made)}</section>'
 
 
@@ -333,7 +326,6 @@ def _timing(who: str, vertices: int, triangles: int, seconds: dict[str, float | 
 
 
 def _comparison(one: PaperComparison, command: str) -> str:
-    """command : what makes it again."""
     rows = "".join(
         f'<div class="compared" style="--across: {len(row)}">{"".join(picture_cell(s, one.title) for s in row)}</div>'
         for row in one.rows
@@ -366,20 +358,17 @@ section > .why { aspect-ratio: auto; padding: 2rem; }
 .tables th:first-child, .tables td:first-child { padding-left: 0; } .tables td + td { padding-left: .6rem; }
 @media print { section { break-inside: avoid; } }
 """
-"""What is its own: four pictures in a row, the structure as large as four."""
+"""Style of this page: four pictures in a row, the structure as large as four."""
 
 
 SMALL_NAME = "small.html"
-
-QUALITY = 60
-"""Of the pictures, in WebP's hundred."""
 
 LINKED = re.compile(r'<a href="[\w.-]+\.webp">(<img[^>]*>)</a>')
 PICTURE = re.compile(r'src="([\w.-]+\.(?:webp|svg))"')
 
 
 def small_page(text: str, folders: Sequence[Path]) -> str:
-    """A page with its pictures, of half as many pixels a side, in the text; they lead to no larger ones.
+    """Return a page that contains its pictures, at half their width and height, without links to larger ones.
 
     text : the page whose pictures lie in one of the `folders`.
     """
@@ -395,7 +384,7 @@ def small_page(text: str, folders: Sequence[Path]) -> str:
 
 
 def _data(path: Path) -> str:
-    """A picture as an address that holds it; drawings keep every line."""
+    """Return a picture as a data URL; SVG drawings stay unchanged."""
     if path.suffix == ".svg":
         return f"data:image/svg+xml;base64,{base64.b64encode(path.read_bytes()).decode()}"
     from PIL import Image
@@ -404,5 +393,5 @@ def _data(path: Path) -> str:
     with Image.open(path) as picture:
         size = max(picture.width // 2, 1), max(picture.height // 2, 1)
         half = picture.convert("RGB").resize(size, Image.Resampling.LANCZOS)
-    half.save(buffer, format="WEBP", quality=QUALITY, method=6)
+    half.save(buffer, format="WEBP", quality=60, method=6)
     return f"data:image/webp;base64,{base64.b64encode(buffer.getvalue()).decode()}"

@@ -1,4 +1,4 @@
-"""The results of the paper: which preset makes each figure, and what its tables say about it.
+"""Results of the paper: the preset of each figure, and its rows in the paper's tables.
 
 A. Madan, A. Jacobson, D. I. W. Levin, Diffusion Structures for Architectural Stripe Pattern Generation. Table 1 holds
 the parameters, Table 2 the sizes and seconds (a dual-core i5 laptop of 2015). Captions are in our own words.
@@ -22,7 +22,7 @@ class Parameters:
 
 @dataclass(frozen=True)
 class Timings:
-    """A row of Table 2: vertices, triangles, and seconds; bending is None where the paper has none."""
+    """A row of Table 2: vertices, triangles, and seconds; bending is None if the paper omits it."""
 
     vertices: int
     triangles: int
@@ -38,13 +38,13 @@ class Timings:
 class PaperFigure:
     """A picture of the paper.
 
-    label    : as the paper counts and letters its figures.
-    preset   : the preset that makes it.
-    caption  : what is to be seen.
+    label    : number and letter in the paper.
+    preset   : the preset of the figure.
+    caption  : content of the figure.
     row      : its parameters; None for the unloaded camel, which Table 1 leaves out.
     timings  : shared by the figures that share a mesh.
-    stand_in : why the surface is not the paper's, or '' where it is given by a formula.
-    claim    : what the paper says is to be seen, for it to be measured: web, beam, beams (between loads), grid; or ''.
+    stand_in : why the surface is not the paper's, or '' for a surface from a formula.
+    claim    : the paper's claim, as a check: web, beam, beams (between loads), grid; or ''.
     """
 
     label: str
@@ -57,7 +57,6 @@ class PaperFigure:
 
 
 def _row(gamma: float, r: float, a: int, b: int, u: float, w: float, phases: tuple[float, float]) -> Parameters:
-    """Modes a and b, frequencies u and w, thresholds 0."""
     return Parameters(gamma, r, (a, b), (0.0, 0.0), (u, w), phases)
 
 

@@ -1,8 +1,5 @@
-"""A figure of the paper made in three ways, and what is measured of each: to the letter, by its preset, and best.
-
-All three have the same surface, supports and loads. What is measured is told beside the picture, so that no caption
-has to be believed.
-"""
+"""Three renditions of a figure of the paper, with their measures: to the letter, by its preset, and dsfab's stripes.
+All three have the same surface, supports and loads."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass
@@ -25,7 +22,7 @@ LETTER: Mapping[str, Any] = {
     "pattern.rim": 0.0,
     "pattern.width": {"rule": "plain"},
 }
-"""What the paper says, where a preset may depart from it; modes, frequencies and phases are those of Table 1 anyway."""
+"""The paper's settings where presets may depart from it; modes, frequencies and phases are those of Table 1 anyway."""
 
 DEPARTURES: Mapping[str, tuple[Any, str]] = {
     "diffusion.labelling": (
@@ -36,28 +33,29 @@ DEPARTURES: Mapping[str, tuple[Any, str]] = {
     "pattern.keep": (0.0, "material kept around loads and supports"),
     "pattern.rim": (0.0, "a rim kept along the boundary"),
 }
-"""By key: the paper's value, and in words what another one means."""
+"""By key: the paper's value, and a text for any other value."""
 
 SHARES = (0.3, 0.5)
-"""Between these shares of material stripes are made: a preset of modes may leave less, or next to no opening, and where
-over half is kept stripes are no lattice any more."""
+"""Range of the share of material of stripes. A preset on modes may leave less, or almost no openings; above half,
+stripes no longer form a lattice."""
 
 
 @dataclass(frozen=True, eq=False)
 class Rendition:
-    """A figure in one way, and what was measured; `refused` says why there is nothing, and the numbers are nan then.
+    """A rendition of a figure and its measures; `refused` is the reason for a failure, and the measures are nan then.
 
     name : letter, preset or stripes.           departures : from the paper, in words.
-    settings     : what is set besides the preset, by key: with these `dsfab build` makes it again.
-    share        : of the surface that is kept, all that is drawn.     pieces : of it;    loose : that reach no support.
-    carried      : share of the loads that stand on pieces which reach a support; nan without loads.
-    over_uncut   : compliance over that of the uncut sheet, of one solve each with the elements that rank (the cut sheet
-                   up to 15 % off); infinite where the loads are not carried.
-    over_thinner : the same over that of a thinner sheet of the same mass.
-    deviation    : degrees off the principal directions, of the family that is further off.
-    evenness     : P95 over P5 of the spacing, of the family that is less even.
-    crossing     : degrees, the smallest angle between members that cross.
-    uncarried    : why the loads are not carried, where `over_uncut` is infinite.
+    settings     : changes to the preset, by key: `dsfab build` reproduces the rendition with them.
+    share        : kept share of the surface, loose pieces included.     pieces : of it;    loose : pieces without
+                   support.
+    carried      : share of the loads on pieces with a support; nan without loads.
+    over_uncut   : compliance over that of the uncut sheet, by one solve each with the elements that rank (the cut sheet
+                   up to 15 % off); infinite if the loads are not carried.
+    over_thinner : compliance over that of a thinner sheet of the same mass.
+    deviation    : degrees off the principal directions, of the worse family.
+    evenness     : P95 over P5 of the spacing, of the worse family.
+    crossing     : degrees, the smallest angle between crossing members.
+    uncarried    : why the loads are not carried, if `over_uncut` is infinite.
     """
 
     name: str
@@ -78,14 +76,14 @@ class Rendition:
 
     @property
     def command(self) -> str:
-        """What makes this structure from the shipped preset, without the preset's name."""
+        """Options that make this structure from the shipped preset."""
         return "".join(f" --set {quote(f'{key}={_toml(value)}')}" for key, value in self.settings.items())
 
 
 def renditions(design: Design) -> tuple[Rendition, ...]:
-    """The paper to the letter, the preset as it is, and evenly spaced stripes.
+    """Return the paper to the letter, the preset unchanged, and evenly spaced stripes.
 
-    These have as much material as the preset, where that is within `SHARES`.
+    Stripes have as much material as the preset, within `SHARES`.
 
     design : up to its pattern, of a preset of the paper.
     """
@@ -93,7 +91,7 @@ def renditions(design: Design) -> tuple[Rendition, ...]:
     letter = measured_rendition("letter", design, LETTER, uncut)
     shipped = measured_rendition("preset", design, {}, uncut)
     share = float(np.clip(np.nan_to_num(shipped.share, nan=0.5), *SHARES))
-    # frequency 0 lets stripes be a twelfth of the surface's side apart: those of a preset on modes have none
+    # frequency 0 spaces stripes by a twelfth of the surface's side, because presets on modes have no spacing
     stripes = {
         "pattern.method": "stripes",
         "pattern.width": {"rule": "graded", "solid_fraction": round(share, 3)},
@@ -104,7 +102,7 @@ def renditions(design: Design) -> tuple[Rendition, ...]:
 
 
 def departures(preset: Preset) -> tuple[str, ...]:
-    """In words, where a preset is not the paper to the letter."""
+    """Return texts about the settings in which a preset is not the paper to the letter."""
     told = []
     for key, (paper, words) in DEPARTURES.items():
         section, name = key.split(".")
@@ -118,14 +116,15 @@ def departures(preset: Preset) -> tuple[str, ...]:
 def measured_rendition(
     name: str, old: Design, settings: Mapping[str, Any], known: dict[str, float] | None = None
 ) -> Rendition:
-    """One rendition, measured; with the stages of `old` before the first section that the settings change.
+    """Return a measured rendition; it shares the stages of `base_design` before the first changed section.
 
-    known : compliance of the uncut sheet by law, of renditions of the same surface, for which it is added.
+    uncut_compliance : compliance of the uncut sheet by law, which this function fills for renditions of the same
+                       surface.
     """
     try:
         preset = overridden(old.preset, dict(settings)) if settings else old.preset
         design = draft(preset, old=old)
-        # pieces that reach no support are a result here: they are counted before they are dropped
+        # loose pieces are a result here: count them before they are dropped
         drawn = draft(overridden(preset, {"slicing.loose": "keep"}), old=design)
         listed, quality = drawn.slicing.pieces, design.quality(symmetry=False)
     except DsfabError as error:
@@ -151,9 +150,9 @@ def measured_rendition(
 
 
 def _carried(drawn: Design) -> float:
-    """Share of the loads on pieces that reach a support; nan without loads.
+    """Return the share of the loads on pieces with a support; nan without loads.
 
-    drawn : with its loose pieces. A load whose own material was cut away stands on what is nearest, as everywhere.
+    design : with its loose pieces. A load without material of its own stands on the nearest material.
     """
     if not any(load.force.any() for load in drawn.statics.loads(drawn.preset.followed).values()):
         return np.nan
@@ -170,8 +169,8 @@ def _carried(drawn: Design) -> float:
 
 
 def _compliances(design: Design, share: float, known: dict[str, float]) -> tuple[float, float, str]:
-    """Of the cut sheet, over the uncut sheet and over a thinner one of the same share; nan without loads, infinite with
-    the reason where they are not carried."""
+    """Return the cut sheet's compliance over the uncut sheet's and over a thinner one's, and the reason of a failure.
+    nan without loads; infinite if the loads are not carried."""
     statics, weights = design.preset.statics, design.preset.followed
     whole = design.statics.loads(weights)
     if not any(load.force.any() for load in whole.values()):
@@ -191,7 +190,6 @@ def _compliances(design: Design, share: float, known: dict[str, float]) -> tuple
 
 
 def _toml(value: Any) -> str:
-    """A value as --set takes it, without a space."""
     if isinstance(value, Mapping):
         return "{" + ",".join(f"{key}={_toml(each)}" for key, each in value.items()) + "}"
     return f'"{value}"' if isinstance(value, str) else f"{value:g}"

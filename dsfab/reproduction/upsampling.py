@@ -21,16 +21,6 @@ if TYPE_CHECKING:
     from matplotlib.axes import Axes
 
 
-ROUNDS = 6
-"""Of division at most: where lines of two families cross, no division leaves one line alone."""
-
-MANY = 200_000
-"""Triangles of a divided mesh that is not divided further."""
-
-FINE = 9
-"""Places on a side of a triangle at which material is compared."""
-
-
 class StripedField(NamedTuple):
     """A family's stripes, and the values x (n,) of its mode."""
 
@@ -39,11 +29,11 @@ class StripedField(NamedTuple):
 
 
 class UpsampledCut(NamedTuple):
-    """A cut after some rounds of division; before them it is the cut of the mesh as it is.
+    """A cut after `rounds` of division; 0 is the cut of the unchanged mesh.
 
     triangles : of the cut sheet, material and void.
-    crowded   : triangles of the divided mesh that more than one line passes through.
-    wrong     : share of the surface that is material in one of this and the exact cut only.
+    crowded   : triangles of the divided mesh with more than one line.
+    wrong     : share of the surface that is material in only one of this and the exact cut.
     """
 
     rounds: int
@@ -53,14 +43,14 @@ class UpsampledCut(NamedTuple):
 
 
 class CutComparison(NamedTuple):
-    """The paper's way, round by round, and the triangles of the exact cut of the same stripes."""
+    """The paper's cut, round by round, and the number of triangles of the exact cut of the same stripes."""
 
     upsampled: tuple[UpsampledCut, ...]
     exact: int
 
 
-def compared_cuts(design: Design, rounds: int = ROUNDS) -> CutComparison:
-    """The stripes of a design on modes, in plain widths, cut in both ways."""
+def compared_cuts(design: Design, rounds: int = 6) -> CutComparison:
+    """Return both cuts of a design's stripes on modes, in plain widths."""
     settings = (design.preset.pattern.major, design.preset.pattern.minor)
     families = [
         StripedField(Stripes(one.frequency, float(own.phase), own.threshold), one.mode)
@@ -69,11 +59,9 @@ def compared_cuts(design: Design, rounds: int = ROUNDS) -> CutComparison:
     return cuts_of(design.surface, families, rounds)
 
 
-def cuts_of(surface: Surface, families: Sequence[StripedField], rounds: int = ROUNDS) -> CutComparison:
-    """The same of any surface and any stripes.
-
-    It ends before `rounds` where no triangle is crowded any more, or there are `MANY`.
-    """
+def cuts_of(surface: Surface, families: Sequence[StripedField], rounds: int = 6) -> CutComparison:
+    """Return both cuts of any stripes on any surface. Division ends before `rounds` if no triangle is crowded any more,
+    or the mesh has over 200 000 triangles. Where families cross, triangles stay crowded."""
     exact = _cut(surface, [one.x for one in families], [one.stripes.levels(one.x) for one in families])
     found: list[UpsampledCut] = []
     for number in range(rounds + 1):
@@ -81,19 +69,18 @@ def cuts_of(surface: Surface, families: Sequence[StripedField], rounds: int = RO
         value = [one.stripes.value(one.x) for one in families]
         sheet = _cut(surface, value, [np.zeros(1)] * len(families))
         found.append(UpsampledCut(number, sheet.surface.m, int(crowded.sum()), _wrong(surface, families, value)))
-        if not crowded.any() or surface.m > MANY:
+        if not crowded.any() or surface.m > 200_000:
             break
         surface, families = _divided(surface, families, crowded)
     return CutComparison(tuple(found), exact.surface.m)
 
 
 def _cut(surface: Surface, fields: Sequence[Floats], levels: Sequence[Floats]) -> Sheet:
-    """Along these levels, to the last bit."""
     return sheet_of(cut_polygons(surface, fields, levels, snap=0.0))
 
 
 def lines_through(surface: Surface, families: Sequence[StripedField]) -> Ints:
-    """(m,) how many edges of stripes pass through each triangle."""
+    """Return (m,) the number of stripe edges through each triangle."""
     count = np.zeros(surface.m, dtype=np.int64)
     for stripes, x in families:
         levels, corners = stripes.levels(x), x[surface.F]
@@ -104,7 +91,7 @@ def lines_through(surface: Surface, families: Sequence[StripedField]) -> Ints:
 
 
 def _divided(surface: Surface, families: Sequence[StripedField], crowded: Bools) -> tuple[Surface, list[StripedField]]:
-    """Crowded triangles in four; their neighbours in two or three, so that corners meet corners."""
+    """Split crowded triangles into four, and their neighbours into two or three, so that the mesh stays conforming."""
     edges = surface.edges
     marked = np.zeros(len(edges.ends), dtype=bool)
     marked[edges.of[crowded]] = True
@@ -113,11 +100,12 @@ def _divided(surface: Surface, families: Sequence[StripedField], crowded: Bools)
     return Surface(V, F), [one._replace(x=np.append(one.x, one.x[ends].mean(axis=1))) for one in families]
 
 
-def _wrong(surface: Surface, families: Sequence[StripedField], value: Sequence[Floats]) -> float:
-    """Share of the surface where the interpolated stripe value (n,) and that of the interpolated mode disagree."""
-    i, j = np.meshgrid(*[np.arange(FINE)] * 2, indexing="ij")
-    inside = i + j < FINE
-    u, v = (i[inside] + 1 / 3) / FINE, (j[inside] + 1 / 3) / FINE
+def _wrong(surface: Surface, families: Sequence[StripedField], value: Sequence[Floats], side: int = 9) -> float:
+    """Return the share of the surface where the interpolated stripe value (n,) contradicts that of the interpolated
+    mode. Each triangle is sampled at `side` points along its side."""
+    i, j = np.meshgrid(*[np.arange(side)] * 2, indexing="ij")
+    inside = i + j < side
+    u, v = (i[inside] + 1 / 3) / side, (j[inside] + 1 / 3) / side
     weight = np.stack([1 - u - v, u, v])
     told, true = (np.zeros((surface.m, len(u)), dtype=bool) for _ in range(2))
     for (stripes, x), s in zip(families, value, strict=True):
@@ -126,12 +114,8 @@ def _wrong(surface: Surface, families: Sequence[StripedField], value: Sequence[F
     return float(surface.areas @ (told != true).mean(axis=1) / surface.area)
 
 
-INCHES = 8.6
-"""As wide is the chart, however many pixels it has: words are as large as those of the page."""
-
-
 def upsampled_beside_exact(design: Design, folder: Path) -> PaperComparison:
-    """The same stripes in plain widths, cut after more and more rounds of division, and at once."""
+    """Compare cuts of the same stripes in plain widths: after more and more rounds of division, and exact."""
     title = "Adaptive upsampling beside the exact cut"
     try:
         found = compared_cuts(design)
@@ -163,7 +147,8 @@ def _write_chart(found: CutComparison, path: Path) -> None:
     from PIL import Image
 
     wide, tall = drawing.LARGE
-    figure = Figure((INCHES, INCHES * tall / wide), dpi=wide / INCHES, layout="constrained")
+    inches = 8.6  # width of the chart, so that its text is as large as that of the page
+    figure = Figure((inches, inches * tall / wide), dpi=wide / inches, layout="constrained")
     _draw(figure.subplots(), found)
     buffer = io.BytesIO()
     figure.savefig(buffer, format="png")

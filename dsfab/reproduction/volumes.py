@@ -1,4 +1,4 @@
-"""The paper's claim, tested: on a sphere, the compliance of diffusion structures and isotropic ones over mass."""
+"""Test of the paper's claim: on a sphere, the compliance of diffusion structures and isotropic stripes over mass."""
 
 import json
 from collections.abc import Mapping, Sequence
@@ -12,11 +12,11 @@ if TYPE_CHECKING:
     from dsfab.study.judges import Judge
 
 NAME = "sphere_volumes"
-"""Of the files: .json, .svg and .png."""
+"""Name of the files: .json, .svg and .png."""
 
 PRESET = "sphere_graded"
 EDGE = 0.08
-"""Metres, of its mesh here: of a finer one the third mesh of a verdict would not fit into the memory."""
+"""Edge of its mesh in metres; the third verdict mesh of a finer mesh would exceed the memory."""
 MEMORY = 9e9
 """Bytes that a verdict may take."""
 ON_MODES = {
@@ -25,7 +25,7 @@ ON_MODES = {
     "pattern.major": {"mode": 1, "frequency": 14.0, "phase": 0.875},
     "pattern.minor": {"mode": 3, "frequency": 14.0, "phase": 0.5625},
 }
-"""The claim is one about stripes on modes; the phases were found by "auto"."""
+"""The claim is about stripes on modes; a search ("auto") set the phases."""
 ROW = {
     "pattern.method": "modes",
     "pattern.keep": 0.0,
@@ -33,11 +33,11 @@ ROW = {
     "pattern.major": {"mode": 1, "frequency": 10.0, "phase": 0.0},
     "pattern.minor": {"mode": 1, "frequency": 10.0, "phase": 0.0},
 }
-"""Table 1's row of the sphere as it stands: nothing kept, plain widths, no phase tuned; but labelled by sign."""
+"""Table 1's row of the sphere: no kept regions, plain widths, phase 0; but labelled by sign."""
 LETTER = {**ROW, "diffusion.labelling": "magnitude", "statics.law": "stvk"}
-"""The same to the letter of the paper."""
+"""The same row to the letter of the paper."""
 SHARES = (0.3, 0.5, 0.7)
-"""Of the surface that is kept; each takes some minutes."""
+"""Kept shares of the surface; each takes a few minutes."""
 
 RIVALS = {
     "letter": "Table 1's row to the letter, labelled by magnitude",
@@ -49,14 +49,15 @@ RIVALS = {
     "thinner": "whole sheet, uniformly thinner",
     "full": "whole sheet, uncut (heavier)",
 }
-"""Whose compliance is told of the sphere, and what each is called."""
+"""Structures of the sphere's chart, with their names."""
 
 
 def sphere_volumes(folder: Path, progress: Progress, coarser: float = 1.0, shares: Sequence[float] = SHARES) -> None:
-    """Write the data and the chart: the graded design, isotropic ones and a thinner sheet, and the `sphere_rivals`, all
-    judged on finer and finer meshes; of the isotropic pairs the best one, found by one solve of each.
+    """Write the data and the chart: the graded design, isotropic stripes, a thinner sheet, and the `sphere_rivals`.
 
-    coarser : edges this many times as long as `EDGE`.
+    All are judged on finer and finer meshes; one solve of each isotropic pair selects the best pair.
+
+    coarser : factor on `EDGE`.
     """
     from dsfab.study import compare_at, full_at_many_shares
 
@@ -74,7 +75,7 @@ def sphere_volumes(folder: Path, progress: Progress, coarser: float = 1.0, share
 
 
 def sphere_draft(changes: Mapping[str, Any], coarser: float = 1.0) -> Design:
-    """The sphere with these changes, up to its pattern; corners are sharp, for round ones are made of needles."""
+    """Return the sphere with these changes, up to its pattern; its corners are sharp, because fillets make needles."""
     from dsfab.design import draft
     from dsfab.preset.file import load_preset, overridden
 
@@ -83,7 +84,7 @@ def sphere_draft(changes: Mapping[str, Any], coarser: float = 1.0) -> Design:
 
 
 def sphere_rivals(coarser: float = 1.0) -> dict[str, Design]:
-    """By name: the graded design with plain widths, Table 1's row in two ways, and evenly spaced stripes."""
+    """Return by name: the graded design with plain widths, Table 1's row in two ways, and evenly spaced stripes."""
     plain = {**ON_MODES, "pattern.width": {"solid_fraction": 0.5}}
     ways: dict[str, Mapping[str, Any]] = {"plain": plain, "row": ROW, "letter": LETTER, "stripes": {}}
     return {name: sphere_draft(how, coarser) for name, how in ways.items()}
@@ -92,9 +93,9 @@ def sphere_rivals(coarser: float = 1.0) -> dict[str, Design]:
 def rival_rows(
     rivals: Mapping[str, Design], share: float, design: float | None, judge: "Judge"
 ) -> list[dict[str, Any]]:
-    """What `compare_at` tells of each with this share of the surface.
+    """Return the row of `compare_at` for each rival with this share of the surface.
 
-    design : joules of the design that all are compared with; None where it does not carry its loads.
+    design : compliance (J) of the reference design; None if it does not carry its loads.
     """
     from dsfab.study import compare_at
 

@@ -1,4 +1,4 @@
-"""Stage 2, statics: how the surface carries the load."""
+"""Stage 2, statics: how the surface carries its loads."""
 
 from collections.abc import Mapping
 
@@ -140,9 +140,9 @@ __all__ = [
 def solve_statics(
     sheet: SheetModel, load: LoadCase, elements: Elements = PAPER, spread: SpreadLoad | None = None
 ) -> Equilibrium:
-    """Displacements, reactions and compliance of a thin elastic sheet (paper, section 3.1).
+    """Return displacements, reactions and compliance of a thin elastic sheet (paper, section 3.1).
 
-    Flat sheets loaded in their plane are solved in 2D, without bending.    spread : see `equilibrium`.
+    A flat sheet loaded in its plane is solved in 2D, without bending.    spread : see `equilibrium`.
 
     Raises StaticsError for mechanisms and for loads that act on nothing.
     """
@@ -153,12 +153,12 @@ def solve_statics(
 def solve_for(
     sheet: SheetModel, loads: Mapping[str, LoadCase], use: Quantity | Aid, bars: bool = False
 ) -> dict[str, Equilibrium]:
-    """`solve_cases` by the elements of a use, with ribs that twist as `bars` or as a thin sheet.
+    """Return `solve_cases` by the elements of a use, with ribs that twist as `bars` or as a thin sheet.
 
-    On a sheet with needles of faces, which its cut may have left, elements that are one order more accurate may not be
-    solved: then it is by those that bear needles (see `Equilibrium.elements`).
+    Needles among faces, which a cut may leave, may stop the more accurate elements: then elements that bear needles
+    solve the sheet (see `Equilibrium.elements`).
 
-    Raises StaticsError as `solve_cases` does.
+    Raises StaticsError as `solve_cases`.
     """
     elements = elements_of(use)
     try:
@@ -177,13 +177,13 @@ def solve_cases(
     combinations: Mapping[str, Mapping[str, float]] | None = None,
     bars: bool = False,
 ) -> dict[str, Equilibrium]:
-    """`solve_statics` for several load cases on the same supports, by name, from one factorisation.
+    """Return `solve_statics` for several load cases on the same supports, by name, from one factorisation.
 
-    spreads      : by case, see `equilibrium`; all of the cases, or None.
-    combinations : by name, the factor of each case in it; they follow the cases in the answer.
-    bars         : whether ribs that bend twist as the rectangular bars that they are, see `torsion_loss`.
+    spreads      : by case, see `equilibrium`; of all cases, or None.
+    combinations : by name, the factor of each case; they follow the cases in the result.
+    bars         : whether ribs that bend twist as rectangular bars, see `torsion_loss`.
 
-    Raises StaticsError as `solve_statics` does, for cases on different supports, and for combinations of unknown cases.
+    Raises StaticsError as `solve_statics`, for cases on different supports, and for combinations of unknown cases.
     """
     sums = dict(combinations or {})
     for name, factors in sums.items():

@@ -15,12 +15,13 @@ from dsfab.surface.mesh import Surface
 
 
 def hinges(surface: Surface) -> Ints:
-    """(i, 4) vertices of every pair of faces that share an edge: edge start, edge end, and the two opposite vertices.
+    r"""Return vertices (i, 4) of every pair of faces that share an edge: edge start, edge end, and both opposite
+    vertices.
 
           2
-         / \\
+         / \
         0---1      0 -> 1 runs counter-clockwise in the face of vertex 2
-         \\ /
+         \ /
           3
     """
     h0, h1 = surface.edges.pairs.T
@@ -31,10 +32,11 @@ def hinges(surface: Surface) -> Ints:
 
 
 def angle_gradients(surface: Surface, hinge: Ints) -> tuple[Floats, Floats]:
-    """Gradients of the angles between the faces of each hinge, (i, 4, 3) per metre, and weights l^2 / (A1 + A2), (i,).
+    """Return gradients (i, 4, 3) of the angles between the faces of hinges, per metre, and weights l^2 / (A1 + A2),
+    (i,).
 
-    With heights h2, h3 of the opposite vertices over the edge, the angle changes by n2 / h2 and n3 / h3 when these move
-    along their normals; the edge's ends take up the rest so that no rigid motion changes the angle.
+    With heights h2, h3 of the opposite vertices over the edge, the angle changes by n2 / h2 and n3 / h3 if these move
+    along their normals; the ends of the edge balance this so that no rigid motion changes the angle.
     """
     p0, p1, p2, p3 = (surface.V[hinge[:, k]] for k in range(4))
     edge = p1 - p0
@@ -50,20 +52,20 @@ def angle_gradients(surface: Surface, hinge: Ints) -> tuple[Floats, Floats]:
 
 
 Index = npt.NDArray[np.integer[Any]]
-"""Indices of 4 bytes where they suffice: there are as many as entries of the matrix."""
+"""Indices of 4 bytes if they suffice: a matrix has as many as entries."""
 
 CORNERS = ((0, 1), (0, 2), (1, 2), (0, 3), (1, 3), (2, 3))
-"""The pairs of corners of a hinge, in the order of `VertexPairs.of_hinge`."""
+"""Pairs of corners of a hinge, in the order of `VertexPairs.of_hinge`."""
 
 
 @dataclass(frozen=True, eq=False)
 class VertexPairs:
-    """Which vertices a stiffness couples, once for a mesh, and where their blocks stand in the matrix.
+    """Vertices that a stiffness couples, once for a mesh, and the positions of their blocks in the matrix.
 
     ends     : (p, 2) pairs of different vertices, the smaller first, in ascending order: all edges, and the opposite
-               vertices of all hinges where these are asked for.
+               vertices of all hinges if needed.
     of_edge  : (e,) the pair of each edge.
-    opposite : (i,) the pair across each hinge, p where its two faces have the same corners; empty without hinges.
+    opposite : (i,) the pair across each hinge, p if its two faces have the same corners; empty without hinges.
     """
 
     n: int
@@ -73,7 +75,7 @@ class VertexPairs:
 
     @classmethod
     def of(cls, surface: Surface, hinge: Ints | None = None) -> Self:
-        """hinge : (i, 4) of `hinges`, or None for the edges alone."""
+        """Return the pairs of edges, and of hinges (i, 4) if given."""
         n, ends = surface.n, surface.edges.ends
         edge = ends[:, 0] * n + ends[:, 1]
         if hinge is None:
@@ -85,7 +87,7 @@ class VertexPairs:
         return cls(n, np.stack(np.divmod(keys, n), axis=1), np.searchsorted(keys, edge), opposite)
 
     def of_hinge(self, surface: Surface, hinge: Ints) -> Ints:
-        """(6, i) the pairs between the corners of each hinge, as in `CORNERS`."""
+        """Return the pairs (6, i) between the corners of each hinge, as in `CORNERS`."""
         edge = self.of_edge[surface.edges.of.ravel()]
         h0, h1 = surface.edges.pairs.T
         next0, next1 = (next_half_edge(h) for h in (h0, h1))
@@ -96,8 +98,10 @@ class VertexPairs:
 
     @cached_property
     def _places(self) -> tuple[Index, Index, Index]:
-        """Row pointers and columns of the matrix in blocks, and the number of each block: p above the diagonal, the
-        same p below it, then n on it."""
+        """Row pointers and columns of the matrix in blocks, and the number of each block.
+
+        Blocks: p above the diagonal, the same p below it, then n on it.
+        """
         low, high = self.ends.T.astype(np.int32)
         own, pair = np.arange(self.n, dtype=np.int32), np.arange(len(low), dtype=np.int32)
         # in this order the columns of each row ascend by themselves
@@ -108,9 +112,9 @@ class VertexPairs:
         return begin, column[order], number
 
     def matrix(self, blocks: "PairBlocks") -> csr_array:
-        """(3 n, 3 n) the stiffness of these blocks; the columns of each row ascend."""
+        """Return the stiffness (3 n, 3 n) of these blocks; the columns of each row ascend."""
         begin, column, number = self._places
-        # block by block: the places of single entries would take a third of the memory of the matrix
+        # block by block: positions of single entries would take a third of the memory of the matrix
         every = np.concatenate([blocks.between.T, _turned(blocks.between).T, blocks.own.T])
         values = every[number].reshape(-1, 3, 3)
         return csr_array(bsr_array((values, column, begin), (3 * self.n, 3 * self.n)).tocsr())
@@ -118,8 +122,7 @@ class VertexPairs:
 
 @dataclass(frozen=True, eq=False)
 class PairBlocks:
-    """A stiffness as blocks of 3 x 3 on pairs of vertices; stiffnesses on the same pairs are added before any matrix
-    is made of them.
+    """A stiffness as 3 x 3 blocks on pairs of vertices; stiffnesses on the same pairs are added before assembly.
 
     between : (9, p) the blocks of `pairs.ends`, row by row, smaller vertex first, N/m.
     own     : (9, n) the blocks on the diagonal, symmetric.
@@ -131,7 +134,7 @@ class PairBlocks:
 
     @classmethod
     def of(cls, pairs: VertexPairs, between: Floats) -> Self:
-        """No element resists a shift: the blocks on the diagonal are minus the sums of the others in their rows."""
+        """Add the diagonal: no element resists a shift, so that its blocks are minus the sums of their rows."""
         low, high = np.ascontiguousarray(pairs.ends.T)
         own = np.empty((3, 3, pairs.n))
         for entry, upper, lower in zip(own.reshape(9, -1), between, _turned(between), strict=True):
@@ -144,22 +147,22 @@ class PairBlocks:
         return type(self)(self.pairs, self.between + other.between, self.own + other.own)
 
     def matrix(self) -> csr_array:
-        """(3 n, 3 n) the stiffness, N/m; all of a mesh with the same pairs are stored alike."""
+        """Return the stiffness (3 n, 3 n), N/m; matrices with the same pairs have the same storage."""
         return self.pairs.matrix(self)
 
 
 def _turned(blocks: Floats) -> Floats:
-    """Blocks (9, k) of 3 x 3, transposed."""
+    """Transpose blocks (9, k) of 3 x 3."""
     return blocks.reshape(3, 3, -1).transpose(1, 0, 2).reshape(9, -1)
 
 
 def summed_blocks(u: Floats, v: Floats, at: Ints, count: int) -> Floats:
-    """(9, count) sums of the blocks u v^T of u, v (3, k) over the pairs `at` (k,); number `count` is no pair."""
+    """Return sums (9, count) of the blocks u v^T of u, v (3, k) over pairs (k,); number `count` is no pair."""
     return np.stack([np.bincount(at, u[a] * v[b], count + 1)[:count] for a in range(3) for b in range(3)])
 
 
 def upwards(a: Floats, b: Floats, ascending: Bools) -> tuple[Floats, Floats]:
-    """a, b (3, k) where the pair's first vertex is the smaller one, else b, a."""
+    """Return a, b (3, k) if the pair's first vertex is the smaller one, else b, a."""
     return np.where(ascending, a, b), np.where(ascending, b, a)
 
 
@@ -168,7 +171,7 @@ _HINGES: WeakKeyDictionary[Surface, VertexPairs] = WeakKeyDictionary()
 
 
 def vertex_pairs(surface: Surface, hinge: Ints | None = None) -> VertexPairs:
-    """`VertexPairs.of`, hinge (i, 4), computed once for a surface that lives."""
+    """Return the pairs of edges, and of hinges (i, 4) if given, computed once for each surface."""
     kept = _EDGES if hinge is None else _HINGES
     if surface not in kept:
         kept[surface] = VertexPairs.of(surface, hinge)
@@ -176,7 +179,7 @@ def vertex_pairs(surface: Surface, hinge: Ints | None = None) -> VertexPairs:
 
 
 def added(A: csr_array, B: csr_array) -> csr_array:
-    """A + B, both (u, u); where both are stored alike, only their values are added."""
+    """Return A + B, both (u, u); matrices with the same storage add their values only."""
     if A.shape == B.shape and np.array_equal(A.indptr, B.indptr) and np.array_equal(A.indices, B.indices):
         return csr_array((A.data + B.data, A.indices, A.indptr), shape=A.shape)
     return csr_array(A + B)

@@ -12,7 +12,7 @@ from dsfab.surface.mesh import Surface
 
 
 def curvatures(surface: Surface) -> Floats:
-    """(m, 3, 12) curvature (xx, yy, 2 xy) of each face for unit moves of its corners and rotations of its edges.
+    """Return the curvature (m, 3, 12), (xx, yy, 2 xy), of each face for unit moves of corners and rotations of edges.
 
     With t the direction of a half-edge j -> k, m = t x n pointing out of the face, w = u . n and omega the rotation
     about the edge in its global direction (s = +-1 against the half-edge's), the curvature is constant [Morley 1968;
@@ -33,7 +33,9 @@ def curvatures(surface: Surface) -> Floats:
 
 
 def half_edge_frames(surface: Surface) -> tuple[Floats, Floats, Floats]:
-    """Lengths (m, 3) of the half-edges, and their direction t and outward normal m in the face's frame, (m, 3, 2)."""
+    """Return lengths (m, 3) of half-edges, and their direction t and outward normal m in the face's frame, (m, 3,
+    2).
+    """
     frame = tangents(surface)
     P = surface.V[surface.F]
     edge = np.einsum("mck,mak->mca", np.roll(P, -1, axis=1) - P, frame)
@@ -43,7 +45,7 @@ def half_edge_frames(surface: Surface) -> tuple[Floats, Floats, Floats]:
 
 
 def midedge_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
-    """K_b of the energy sum_f A/2 kappa : D kappa over the unknowns of `elements`, N/m.
+    """Return K_b of the energy sum_f A/2 kappa : D kappa over the unknowns of `elements`, N/m.
 
     D : (3, 3) moments from curvatures, N m, or (m, 3, 3) of each face. Converges to Kirchhoff's plate on every mesh,
     from the soft side: a plate of 16 x 16 cells sags 1.3 % (simply supported) to 8 % (clamped) too much.
@@ -54,14 +56,14 @@ def midedge_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_ar
 
 
 GAUSS = (0.5 - 0.5 / np.sqrt(3), 0.5 + 0.5 / np.sqrt(3))
-"""Two-point quadrature on an edge from 0 to 1: exact for the cubics met here."""
+"""Two-point quadrature on an edge from 0 to 1, exact for cubics."""
 
 CONDENSED = 12 * (np.eye(3) - 0.25)
-"""A times the inverse mass matrix of the linear hats on a triangle of area A."""
+"""A times the inverse mass matrix of the hats on a triangle of area A."""
 
 
 def moment_loads(surface: Surface) -> Floats:
-    """(m, 3 hats, 3, 12): the moment equation of each face, for unit moments (xx, yy, xy) on each hat function.
+    """Return the moment equation of each face, (m, 3 hats, 3, 12), for unit moments (xx, yy, xy) on each hat function.
 
     Columns: deflections w of the corners, bubbles of the half-edges, rotations and slopes of the half-edges. A row is
 
@@ -92,11 +94,10 @@ def moment_loads(surface: Surface) -> Floats:
 
 
 def hhj_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
-    """K_b over the unknowns of `elements`, N/m; the moments are eliminated on each face.
+    """Return K_b over the unknowns of `elements`, N/m, with the moments eliminated on each face.
 
     D : (3, 3) moments from curvatures, N m, or (m, 3, 3) of each face. The *decoupled* form: the bubble along an edge's
-    mean normal bends the faces, those along and across the edge stretch them; coupling all three locks on coarse thin
-    curved meshes.
+    mean normal bends the faces, the other two stretch them; coupling all three locks on coarse thin curved meshes.
     """
     rows = moment_loads(surface)
     normal, of = surface.normals, surface.edges.of
@@ -118,7 +119,7 @@ def hhj_stiffness(surface: Surface, D: Floats, elements: Elements) -> csr_array:
 
 
 def bending_stiffness(surface: Surface, material: Material, thickness: float, elements: Elements = PAPER) -> csr_array:
-    """K_b, N/m, symmetric positive semidefinite, over the unknowns of `elements` ((3 n, 3 n) by default).
+    """Return K_b, N/m, symmetric positive semidefinite, over the unknowns of `elements` ((3 n, 3 n) by default).
 
     Raises ValueError for elements without bending.
     """
@@ -132,11 +133,11 @@ def bending_stiffness(surface: Surface, material: Material, thickness: float, el
 
 
 def hinge_blocks(surface: Surface, material: Material, thickness: float) -> PairBlocks:
-    """K_b of the energy 1/2 sum_e D l_e^2 / (A1 + A2) (theta_e - theta_e0)^2, N/m [Wardetzky et al. 2007].
+    """Return K_b of the energy 1/2 sum_e D l_e^2 / (A1 + A2) (theta_e - theta_e0)^2, N/m [Wardetzky et al. 2007].
 
     At rest its Hessian is w g g^T with g = grad theta, hence positive semidefinite on curved sheets too. It gives good
     *directions* but does not converge to Kirchhoff's plate on general meshes: at 80 x 80 cells the centre of a clamped
-    plate moves by 0.56 (one diagonal) to 1.21 (crossed) of the true value.
+    plate moves by 0.56 (one diagonal) to 1.21 (crossed) of the exact value.
     """
     hinge = hinges(surface)
     gradients, weight = angle_gradients(surface, hinge)

@@ -1,14 +1,14 @@
 """Bending moments on each face from a solved sheet, for every kind of bending.
 
-The sign: a moment is positive where the sheet curves towards its normal (as a bowl that holds water does, seen from
-the side that the normals point to). Then the side of the normals is compressed and the other one stretched.
+A moment is positive if the sheet curves towards its normal (as a bowl that holds water does, seen from the side that
+the normals point to). Then the side of the normals is compressed and the opposite one stretched.
 """
 
 import numpy as np
 
 from dsfab.core.arrays import Floats
 from dsfab.statics.assembly import angle_gradients, hinges
-from dsfab.statics.bending import GAUSS, half_edge_frames
+from dsfab.statics.bending import CONDENSED, GAUSS, half_edge_frames
 from dsfab.statics.elements import Elements, edge_frames, half_edge_signs, voigt
 from dsfab.statics.model import Material
 from dsfab.statics.solve import Equilibrium
@@ -17,11 +17,11 @@ from dsfab.surface.mesh import Surface
 
 
 def facet_number(surface: Surface, thickness: float) -> float:
-    """L^2 / (R h) of a typical face: length of an edge times the angle of its fold over the thickness, the median.
+    """Return L^2 / (R h) of a typical face, the median: edge length times fold angle over the thickness.
 
-    Loads that are spread over the flat faces of a curved sheet bend each between its edges, as in a real polyhedron.
-    On spheres under pressure, by `hhj`, the largest stress was too high by 0.8 to 0.9 of this number, a typical one by
-    0.05 of it, and the energy by the share 1.1 of its square. `midedge` has no unknown that feels it.
+    Loads on the flat faces of a curved sheet bend each between its edges, as in a real polyhedron. On spheres under
+    pressure, by `hhj`, the largest stress was too high by 0.8 to 0.9 of this number, a typical one by 0.05 of it, and
+    the energy by the share 1.1 of its square. `midedge` has no unknown that feels it.
     """
     faces = surface.edges.pairs // 3
     if not len(faces):
@@ -34,16 +34,19 @@ def facet_number(surface: Surface, thickness: float) -> float:
 def face_moments(
     surface: Surface, material: Material, thickness: float, elements: Elements, answer: Equilibrium
 ) -> Floats:
-    """(m, 3 corners, 3) moments per length (xx, yy, xy) at the corners of each face, in its tangent frame, newtons.
+    """Return moments per length (m, 3 corners, 3), (xx, yy, xy), at the corners of each face, in its tangent frame,
+    newtons.
 
     answer : made with `elements`. A sheet that was solved in its plane (no bending) has none.
 
-    `midedge` : constant on each face. Means are right to the order of the mesh width.
-    `hhj`     : linear on each face: the moments that were eliminated from the equations, recovered [Hellan 1967].
-    `hinge`   : constant, from the changed angles of the face's hinges. For pictures only: on a plate bent to a given
-                parabola the mean over many faces is right to 2 %, but single faces scatter by 8 % of it (rows of
-                staggered triangles) to 60 % (random ones, and twist on squares that are halved by diagonals), and the
-                statics themselves are off by a factor (see `hinge_stiffness`). Faces on a free edge lack its share.
+    `midedge` : constant on each face. Means are right to the order of the mesh width. `hhj`     : linear on each face:
+    the eliminated moments, recovered [Hellan 1967]. `hinge`   : constant, from the changed angles of the face's hinges.
+    For pictures only: on a plate bent to a parabola
+                the mean over many faces is right to 2 %, but single faces scatter by 8 % (rows of staggered triangles)
+                to
+                60 % (random ones, and twist on squares halved by diagonals), and the statics themselves are off by a
+                factor
+                (see `hinge_blocks`). Faces on a free edge lack its share.
     """
     if elements.bending is None:
         return np.zeros((surface.m, 3, 3))
@@ -55,7 +58,7 @@ def face_moments(
 
 
 def hinge_energy(surface: Surface, material: Material, thickness: float, answer: Equilibrium) -> Floats:
-    """(m,) joules: the energy of each hinge (`hinge_stiffness`), half of it to either face."""
+    """Return the energy of each face (m,), J: half the energy of each of its hinges (`hinge_blocks`)."""
     hinge = hinges(surface)
     gradients, weight = angle_gradients(surface, hinge)
     turned = np.einsum("ikx,ikx->i", gradients, answer.u[hinge])
@@ -65,12 +68,14 @@ def hinge_energy(surface: Surface, material: Material, thickness: float, answer:
 
 
 def _deflection(surface: Surface, answer: Equilibrium) -> Floats:
-    """(m, 3) how far the corners of each face move along its normal, metres."""
+    """Return how far the corners of each face move along its normal (m, 3), metres."""
     return np.asarray(np.einsum("mcx,mx->mc", answer.u[surface.F], surface.normals))
 
 
 def _midedge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
-    """(m, 3) curvature (xx, yy, 2 xy), 1/m: `dsfab.statics.bending.curvatures` applied, without forming it."""
+    """Return the curvature (m, 3), (xx, yy, 2 xy), 1/m: `dsfab.statics.bending.curvatures` applied, without forming
+    it.
+    """
     length, t, out = half_edge_frames(surface)
     w, rotation = _deflection(surface, answer), answer.on_edges["rotation"][surface.edges.of]
     step = (np.roll(w, -1, axis=1) - w)[:, :, None] * voigt(t, out)
@@ -79,7 +84,7 @@ def _midedge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
 
 
 def _hinge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
-    """(m, 3) curvature (xx, yy, 2 xy), 1/m.
+    """Return the curvature (m, 3), (xx, yy, 2 xy), 1/m.
 
     Across each edge lies a normal half way between those of its faces, so a face's own share is half of the angle:
     kappa = 1/A sum over half-edges of  l theta / 2  m m^T     [Grinspun et al. 2006].
@@ -89,7 +94,7 @@ def _hinge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
     angle = np.einsum("ikx,ikx->i", angle_gradients(surface, hinge)[0], answer.u[hinge])
     half = np.zeros(3 * surface.m)
     half[pairs[:, 0]] = angle / 2
-    # the second face may be listed the other way round: then its own normal sees the angle with the other sign
+    # the second face may be listed in reverse: then its own normal sees the angle with the opposite sign
     along = half_edge_signs(surface).ravel()
     half[pairs[:, 1]] = -angle / 2 * along[pairs[:, 0]] * along[pairs[:, 1]]
     bent = (half.reshape(-1, 3) * length)[:, :, None] * voigt(out, out)
@@ -97,7 +102,8 @@ def _hinge_curvature(surface: Surface, answer: Equilibrium) -> Floats:
 
 
 def _linear_moments(surface: Surface, D: Floats, answer: Equilibrium) -> Floats:
-    """(m, 3, 3) moments of `hhj` at the corners: (12 / A) (I - J / 4) D r, r the work of unit moments on each hat.
+    """Return moments (m, 3, 3) of `hhj` at the corners: (12 / A) (I - J / 4) D r, r the work of unit moments on each
+    hat.
 
     r is `dsfab.statics.bending.moment_loads` times the unknowns, without forming the 108 numbers of each face.
     """
@@ -121,5 +127,4 @@ def _linear_moments(surface: Surface, D: Floats, answer: Equilibrium) -> Floats:
             gap = tilt[:, c] + (curl * bubble).sum(axis=1) + turn[:, c] + (2 * x - 1) * on["slope"][of[:, c]]
             jump = (gap * length[:, c] / 2)[:, None] * voigt(out[:, c], out[:, c])
             work -= at[:, None] * jump[:, None, :]
-    spread = 12 * (np.eye(3) - 0.25)
-    return np.asarray(np.einsum("ab,mbi->mai", spread, work @ D) / surface.areas[:, None, None])
+    return np.asarray(np.einsum("ab,mbi->mai", CONDENSED, work @ D) / surface.areas[:, None, None])

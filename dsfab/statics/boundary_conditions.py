@@ -1,4 +1,4 @@
-"""Boundary conditions of a sheet: supports, springs, spread loads, and rigid motions that supports leave free."""
+"""Boundary conditions of a sheet: supports, springs, spread loads, and checks for free rigid motions."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
@@ -16,7 +16,7 @@ from dsfab.surface.loads.load_case import Force, Line, Load, LoadCase
 from dsfab.surface.mesh import Surface
 
 RANK_TOLERANCE = 1e-9
-"""Rigid motions that move the supports by less than this share of the piece's own motion count as free."""
+"""A rigid motion is free if it moves the supports by less than this share of the piece's own motion."""
 
 MOTIONS = ("move along x", "move along y", "move along z", "turn about x", "turn about y", "turn about z")
 
@@ -35,9 +35,9 @@ def rigid_motions(points: Floats) -> Floats:
 def require_held(surface: Surface, load: LoadCase, fixed: Bools, clamped: Bools | None = None) -> None:
     """Raise StaticsError if a piece of the sheet can move without deforming.
 
-    fixed   : (n, 3) freedoms that do not move (the supports, and the normal of a sheet solved in its plane); the
-              springs of `load` stop a motion as well.
-    clamped : (e,) edges that do not turn about themselves.
+    fixed   : (n, 3) held freedoms (of supports, and the normal of a sheet solved in its plane); springs of `load` hold
+              too.
+    clamped : (e,) edges that do not rotate.
     """
     count, label = pieces(surface.F, surface.edges)
     stopped = fixed | (load.spring > 0)
@@ -67,7 +67,7 @@ def require_held(surface: Surface, load: LoadCase, fixed: Bools, clamped: Bools 
 
 
 def _remedy(surface: Surface, held: Ints) -> str:
-    """What keeps a piece from moving that is held at these vertices."""
+    """Return a remedy for a piece that moves, with these held vertices."""
     if len(held) >= FEW_VERTICES:
         return "the supports do not stop it; hold more directions"
     where = " and ".join(str(surface.V[k].round(3).tolist()) for k in held)
@@ -76,16 +76,16 @@ def _remedy(surface: Surface, held: Ints) -> str:
 
 
 def _parted(surface: Surface) -> str:
-    """What to do where pieces are parted by vertices at the same place; else nothing."""
+    """Return a hint to merge vertices if vertices at the same place separate pieces; else ''."""
     doubled = coincident(surface.V)
     return f", or merge its {doubled} vertices that lie where another one does" if doubled else ""
 
 
 def free_motions(V: Floats, vertices: Ints, fixed: Bools, clamped: Ints) -> list[str]:
-    """Names of the rigid motions of `vertices` that no fixed freedom and no clamped edge stops (a basis: shifts and
-    turns, each by its largest part).
+    """Return names of the rigid motions of `vertices` that no fixed freedom and no clamped edge stops.
 
-    clamped : (k, 2) ends of the edges that do not turn about themselves: a turn about w turns edge t by w . t.
+    A basis of shifts and rotations, each named by its largest part.
+    clamped : (k, 2) ends of the edges that do not rotate: a rotation about w rotates edge t by w . t.
     """
     motion = rigid_motions(V[vertices])
     at_supports = motion[fixed[vertices]]  # (number of fixed freedoms, 6)
@@ -94,7 +94,7 @@ def free_motions(V: Floats, vertices: Ints, fixed: Bools, clamped: Ints) -> list
     stopped = np.concatenate([at_supports, np.pad(along, ((0, 0), (3, 0))), np.zeros((6, 6))])
     _, values, basis = np.linalg.svd(stopped, full_matrices=False)
     null = basis[values <= RANK_TOLERANCE * max(values.max(), 1.0)]
-    # sort what shifts only from what turns: a turn about a line of supports shifts the centre as well
+    # separate shifts from rotations: a rotation about a line of supports shifts the centre as well
     mix, turns, _ = np.linalg.svd(null[:, 3:])
     turns = np.concatenate([turns, np.zeros(len(null) - len(turns))]) > RANK_TOLERANCE
     parts = np.abs(mix.T @ null)
@@ -111,32 +111,29 @@ def require_loads_on_faces(surface: Surface, load: LoadCase) -> None:
         raise StaticsError(f"{len(lost)} loaded vertices belong to no face (first: {first(lost)}); move these loads")
 
 
-MOSTLY = 0.5
-"""A bubble is held when more than this share of its squared direction lies in held directions."""
-
-
 def held_on_edges(surface: Surface, elements: Elements, fixed: Bools, clamped: Bools | None) -> Bools:
-    """(e, k) which edge unknowns of `elements` do not move.
+    """Return the edge unknowns (e, k) of `elements` that do not move.
 
     fixed   : (n, 3) held directions of the vertices.
-    clamped : (e,) edges that may not turn about themselves: built-in edges, and edges on a plane of symmetry.
+    clamped : (e,) edges that do not rotate: built-in edges, and edges on a plane of symmetry.
 
-    An edge is held along a direction where the sheet beside it is: on the boundary when both ends are, inside when all
-    corners of one of its faces are. The ears of a mesh (faces with two boundary edges) do not count as such faces:
-    their corners are held by the boundary alone. Edges of faces held in all directions do not turn either.
+    A boundary edge is held along a direction if both ends are; an inner edge if all corners of one of its faces are.
+    The ears of a mesh (faces with two boundary edges) do not count as such faces: their corners are held by the
+    boundary alone. Edges of faces held in all directions do not rotate. A bubble is held if more than half of its
+    squared direction lies in held directions.
     """
     faces, held = held_faces(surface, fixed), held_middles(surface, fixed)
     still = np.zeros(len(held), dtype=bool)
     still[surface.edges.of[faces.all(axis=1)]] = True
     if clamped is not None:
         still |= clamped
-    bubbles = np.einsum("edx,ex->ed", edge_frames(surface) ** 2, held.astype(float)) > MOSTLY
+    bubbles = np.einsum("edx,ex->ed", edge_frames(surface) ** 2, held.astype(float)) > 0.5
     columns = [bubbles[:, BUBBLES.index(name)] if name in BUBBLES else still for name in elements.on_edges]
     return np.stack(columns, axis=1) if columns else np.zeros((len(held), 0), dtype=bool)
 
 
 def held_middles(surface: Surface, fixed: Bools) -> Bools:
-    """(e, 3) directions in which the middles of edges are held when the vertices are held as (n, 3) `fixed` says."""
+    """Return held directions (e, 3) of the middles of edges, from those of the vertices, `fixed` (n, 3)."""
     edges, faces = surface.edges, held_faces(surface, fixed)
     held = fixed[edges.ends].all(axis=1) & edges.boundary[:, None]
     for axis in range(3):
@@ -145,13 +142,13 @@ def held_middles(surface: Surface, fixed: Bools) -> Bools:
 
 
 def held_faces(surface: Surface, fixed: Bools) -> Bools:
-    """(m, 3) directions in which whole faces are held when the vertices are held as (n, 3) `fixed` says; no ears."""
+    """Return held directions (m, 3) of faces, without ears, from those of the vertices, `fixed` (n, 3)."""
     ears = surface.edges.boundary[surface.edges.of].sum(axis=1) >= 2
     return np.asarray(fixed[surface.F].all(axis=1) & ~ears[:, None])
 
 
 def require_clampable(surface: Surface, elements: Elements, clamped: Bools | None) -> None:
-    """Raise StaticsError when edges (e,) are clamped that have no rotation; a sheet solved in its plane needs none."""
+    """Raise StaticsError if clamped edges (e,) have no rotation; a sheet solved in its plane needs none."""
     if clamped is None:
         return
     if clamped.shape != (len(surface.edges.ends),):
@@ -166,13 +163,14 @@ def require_clampable(surface: Surface, elements: Elements, clamped: Bools | Non
 
 
 def all_clamped(load: LoadCase) -> Bools | None:
-    """(e,) edges that may not turn; None where the supports name none."""
+    """Return edges (e,) that do not rotate; None if the supports name none."""
     return load.clamped if len(load.clamped) else None
 
 
 def with_springs(K: csr_array, load: LoadCase) -> csr_array:
-    """K (u, u), N/m, with the spring supports of `load` on the diagonal of its first 3 n unknowns; K itself without
-    any."""
+    """Return K (u, u), N/m, with the springs of `load` on the diagonal of its first 3 n unknowns; K itself without
+    any.
+    """
     if not load.spring.any():
         return K
     springs = np.zeros(K.shape[0])
@@ -197,26 +195,26 @@ class SpreadLoad:
 
     @classmethod
     def on(cls, surface: Surface, face: object = 0.0, edge: object = 0.0) -> Self:
-        """From anything that broadcasts to (m, 3) Pa and (e, 3) N/m."""
+        """Return a load that broadcasts to (m, 3) Pa and (e, 3) N/m."""
         shapes = (surface.m, 3), (len(surface.edges.ends), 3)
         return cls(*(np.broadcast_to(np.asarray(v, float), s) for v, s in zip((face, edge), shapes, strict=True)))
 
     @classmethod
     def total(cls, parts: Mapping[str, Self], factors: Mapping[str, float]) -> Self:
-        """The sum of the named parts, each multiplied with its factor."""
+        """Return the sum of the named parts, each times its factor."""
         weight = {name: factors.get(name, 0.0) for name in parts}
         face, edge = (np.sum([f * getattr(parts[k], on) for k, f in weight.items()], axis=0) for on in ("face", "edge"))
         return cls(face, edge)
 
     def vertex_forces(self, surface: Surface) -> Floats:
-        """(n, 3) newtons: a third of each face's force to its corners, half of each edge's to its ends."""
+        """Return forces (n, 3), N: a third of each face's force at its corners, half of each edge's at its ends."""
         force = np.zeros((surface.n, 3))
         np.add.at(force, surface.F.ravel(), np.repeat(self.face * surface.areas[:, None] / 3, 3, axis=0))
         np.add.at(force, surface.edges.ends.ravel(), np.repeat(self.edge * _lengths(surface) / 2, 2, axis=0))
         return force
 
     def bubble_forces(self, surface: Surface, elements: Elements) -> Floats:
-        """(e, k) newtons on the edge unknowns of `elements`: the work of the load on each bubble.
+        """Return forces (e, k), N, on the edge unknowns of `elements`: the work of the load on each bubble.
 
         The integral of 4 phi_j phi_k is A / 3 on a face and 2 l / 3 on its edge.
         """
@@ -231,7 +229,7 @@ class SpreadLoad:
 
 
 def spread_load(surface: Surface, loads: Sequence[Load], weight: float = 0.0) -> SpreadLoad:
-    """What among `loads` is spread over faces and along lines; forces on picked vertices stay on the vertices.
+    """Return the part of `loads` on faces and lines; forces on picked vertices are not part of it.
 
     weight : of the sheet, newtons per square metre, as for `LoadCase.build`.
     """
@@ -245,6 +243,5 @@ def spread_load(surface: Surface, loads: Sequence[Load], weight: float = 0.0) ->
 
 
 def _lengths(surface: Surface) -> Floats:
-    """(e, 1) metres."""
     a, b = (surface.V[surface.edges.ends[:, i]] for i in range(2))
     return np.asarray(np.linalg.norm(b - a, axis=1, keepdims=True))

@@ -19,24 +19,18 @@ Bending = Literal["hinge", "midedge", "hhj"]
 BUBBLES = ("along", "across", "normal")
 """Edge bubbles, in the order of the rows of an edge frame."""
 
-FOLDED = 0.3
-"""The mean normal of an edge's faces counts as lost when it is shorter than this: they fold by over 145 degrees."""
-
-TIE = 0.01
-"""Extra weight of an edge's first face where its faces have no mean normal: three leaves at 120 degrees are a tie."""
-
 
 @dataclass(frozen=True)
 class Elements:
     """A choice of elements.
 
     membrane : `constant` strain (3 unknowns a vertex), `quadratic` (two bubbles an edge more), or `hybrid` (the same
-               unknowns, stresses in equilibrium inside): the last two are for what is reported, since constant strain
-               is 5 to 15 % too stiff in bending within the plane of slender parts. `hybrid` has a third to a half of
-               the errors of `quadratic`; `quadratic` is the common six-node triangle of other programs.
+               unknowns, stresses in equilibrium inside). Reports use the last two: constant strain is 5 to 15 % too
+               stiff for bending of slender parts in their plane. `hybrid` has a third to a half of the errors of
+               `quadratic`, which is the common six-node triangle of other programs.
     bending  : `hinge` (the paper's; good for directions, does not converge to the plate on general meshes), `midedge`
                (one rotation an edge; converges, from the soft side), `hhj` (two rotations and a bubble an edge; one
-               order more accurate, the one for what is reported), or None for a sheet that is solved in its plane.
+               order more accurate, for reports), or None for a sheet that is solved in its plane.
     """
 
     membrane: Membrane = "constant"
@@ -44,7 +38,7 @@ class Elements:
 
     @classmethod
     def named(cls, name: str) -> Self:
-        """The pair that is written as `name`, such as "quadratic+hhj". Raises StaticsError for any other text."""
+        """Return the pair with this name, such as "quadratic+hhj". Raises StaticsError for any other text."""
         pairs = [cls(membrane, bending) for membrane in get_args(Membrane) for bending in get_args(Bending)]
         found = next((pair for pair in pairs if str(pair) == name), None)
         if found is None:
@@ -56,7 +50,7 @@ class Elements:
 
     @property
     def in_plane(self) -> "Elements":
-        """The same without bending."""
+        """The same elements without bending."""
         return replace(self, bending=None)
 
     @property
@@ -67,11 +61,13 @@ class Elements:
         return bending + membrane + (("normal",) if self.bending == "hhj" else ())
 
     def unknowns(self, surface: Surface) -> int:
-        """Length of the vector of unknowns: 3 n displacements, then the edges' unknowns group by group."""
+        """Return the length of the vector of unknowns: 3 n displacements, then the edges' unknowns group by group."""
         return 3 * surface.n + len(self.on_edges) * len(surface.edges.ends)
 
     def columns(self, surface: Surface, *names: str) -> Ints:
-        """(m, 9 + 3 len(names)) unknowns of each face: x, y, z of its corners, then `names` on its half-edges."""
+        """Return unknowns (m, 9 + 3 len(names)) of each face: x, y, z of its corners, then `names` on its
+        half-edges.
+        """
         corners = (3 * surface.F[:, :, None] + np.arange(3)).reshape(-1, 9)
         count = len(surface.edges.ends)
         groups = [3 * surface.n + self.on_edges.index(name) * count + surface.edges.of for name in names]
@@ -79,11 +75,11 @@ class Elements:
 
 
 PAPER = Elements("constant", "hinge")
-"""The elements of the paper. Which pair answers what is in `dsfab.statics.elements`."""
+"""The elements of the paper; `USES` selects a pair for each result."""
 
 
 def half_edge_signs(surface: Surface) -> Floats:
-    """(m, 3) +1 where a half-edge runs in its edge's global direction (from the smaller vertex), else -1."""
+    """Return +1 (m, 3) if a half-edge runs in its edge's global direction (from the smaller vertex), else -1."""
     return np.where(np.roll(surface.F, -1, axis=1) > surface.F, 1.0, -1.0)
 
 
@@ -91,7 +87,7 @@ _FRAMES: WeakKeyDictionary[Surface, Floats] = WeakKeyDictionary()
 
 
 def edge_frames(surface: Surface) -> Floats:
-    """`_edge_frames`, computed once for a surface that lives."""
+    """Return rows t, m, n (e, 3, 3) of each edge, computed once for each surface: see `_computed_edge_frames`."""
     found = _FRAMES.get(surface)
     if found is None:
         found = _FRAMES[surface] = _edge_frames(surface)
@@ -100,12 +96,11 @@ def edge_frames(surface: Surface) -> Floats:
 
 
 def _edge_frames(surface: Surface) -> Floats:
-    """(e, 3, 3) rows t, m, n of each edge: its direction, across it in the sheet, and normal to the sheet.
+    """Return rows t, m, n (e, 3, 3) of each edge: its direction, across it in the sheet, and normal to the sheet.
 
     n is the mean of the faces' normals weighted by area, after turning the second face so that the two agree: a face
-    turned over changes nothing, and Moebius strips need no exception. Where there is no such mean (three faces on an
-    edge, or two that fold back onto each other) n is the line nearest to all normals: the first eigenvector of
-    sum A n n^T.
+    turned over changes nothing, and Moebius strips need no exception. Without such a mean (three faces on an edge, or
+    two folded by over 145 degrees) n is the line nearest to all normals: the first eigenvector of sum A n n^T.
     """
     edges = surface.edges
     t = surface.V[edges.ends[:, 1]] - surface.V[edges.ends[:, 0]]
@@ -116,28 +111,29 @@ def _edge_frames(surface: Surface) -> Floats:
     n = signed[edges.order[edges.start[:-1]]]
     n[edges.count == 2] -= signed[edges.pairs[:, 1]]
     area = np.bincount(edges.of.ravel(), np.repeat(surface.areas, 3))
-    lost = np.flatnonzero((edges.count > 2) | (np.linalg.norm(n, axis=1) < FOLDED * area))
+    lost = np.flatnonzero((edges.count > 2) | (np.linalg.norm(n, axis=1) < 0.3 * area))
     if len(lost):
         tensors = np.zeros((len(edges.ends), 3, 3))
         np.add.at(tensors, edges.of.ravel(), np.repeat(_outer(surface.normals, area_normal), 3, axis=0))
         first = edges.order[edges.start[lost]] // 3
-        tensors[lost] += TIE * _outer(surface.normals[first], area_normal[first])
+        # a small extra weight decides between three leaves at 120 degrees
+        tensors[lost] += 0.01 * _outer(surface.normals[first], area_normal[first])
         n[lost] = np.linalg.eigh(tensors[lost])[1][:, :, -1]
     n = n / np.linalg.norm(n, axis=1, keepdims=True)
     return np.stack([t, np.cross(n, t), n], axis=1)
 
 
 def voigt(a: Floats, b: Floats) -> Floats:
-    """(..., 3) symmetric part of a b^T for a, b (..., 2), as (xx, yy, 2 xy)."""
+    """Return the symmetric part (..., 3) of a b^T for a, b (..., 2), as (xx, yy, 2 xy)."""
     return np.stack([a[..., 0] * b[..., 0], a[..., 1] * b[..., 1], a[..., 0] * b[..., 1] + a[..., 1] * b[..., 0]], -1)
 
 
 def assembled(blocks: Floats, columns: Ints, size: int) -> csr_array:
-    """(size, size) sum of the blocks (m, c, c) of faces whose unknowns are `columns` (m, c).
+    """Return the sum (size, size) of blocks (m, c, c) of faces whose unknowns are `columns` (m, c).
 
-    As one product S^T Z, with Z all blocks' rows below each other and S the selection of unknowns: each entry is added
-    once, without sorting the 100 to 300 triplets of every face. S^T is turned into rows before the product, which would
-    else turn the much larger Z into columns.
+    As one product S^T Z, with Z all blocks' rows below each other and S the selection of unknowns: this adds each entry
+    once, without sorting the 100 to 300 triplets of every face. S^T becomes row-major before the product, which would
+    otherwise convert the much larger Z.
     """
     m, c = columns.shape
     columns = columns.astype(np.int32 if max(m * c * c, size) < 2**31 else np.int64)
@@ -150,7 +146,7 @@ def assembled(blocks: Floats, columns: Ints, size: int) -> csr_array:
 
 
 def padded(K: csr_array, size: int) -> csr_array:
-    """K (u, u) with rows and columns of zeros behind, as many as make `size` of them."""
+    """Return K (u, u) with rows and columns of zeros appended up to `size`."""
     indptr = np.concatenate([K.indptr, np.full(size - K.shape[0], K.indptr[-1])])
     return csr_array((K.data, K.indices, indptr), shape=(size, size))
 
@@ -160,20 +156,20 @@ def _outer(a: Floats, b: Floats) -> Floats:
 
 
 Quantity = Literal["compliance", "compliance_once", "displacement", "stress", "frequency", "buckling", "six_nodes"]
-"""What is reported."""
+"""Quantities in reports."""
 
 Aid = Literal["needles", "spread", "ranking", "directions"]
-"""What is not reported itself, but leads to what is."""
+"""Uses of elements that support reports without appearing in them."""
 
 
 @dataclass(frozen=True)
 class Use:
-    """What a pair of elements is for.
+    """The purpose of a pair of elements.
 
     pair      : the elements (without bending for a sheet that is solved in its plane).
-    tolerance : largest relative error on the finest mesh of a verification test; None for what is not reported, and
-                not tested therefore.
-    about     : what it is for, in words.
+    tolerance : largest relative error on the finest mesh of a verification test; None if no report uses and no test
+                checks it.
+    about     : the purpose in words.
     """
 
     pair: Elements
@@ -198,21 +194,21 @@ USES: Mapping[Quantity | Aid, Use] = MappingProxyType(
         "directions": Use(PAPER, None, "directions of the stress, as in the paper"),
     }
 )
-"""The bounds of compliances are calibrated for their pairs (`dsfab.study.verdict.estimates`): they change together."""
+"""Bounds of compliances are calibrated for their pairs (`dsfab.study.verdict.estimates`): change them together."""
 
 REPORTED: tuple[Elements, ...] = tuple(dict.fromkeys(use.pair for use in USES.values() if use.tolerance is not None))
-"""Every pair that something is reported from."""
+"""Every pair that a report uses."""
 
 
 def elements_of(use: Quantity | Aid) -> Elements:
-    """The pair of elements for a use. Raises KeyError for a use that is not in the table."""
+    """Return the pair of elements for a use. Raises KeyError for an unknown use."""
     return USES[use].pair
 
 
 def tolerance_of(quantity: Quantity) -> float:
-    """The relative error that a reported quantity may have on the finest mesh of a verification test."""
+    """Return the accepted relative error of a reported quantity on the finest mesh of a verification test."""
     tolerance = USES[quantity].tolerance
-    assert tolerance is not None  # what is reported has one
+    assert tolerance is not None  # every quantity has a tolerance
     return tolerance
 
 
@@ -221,23 +217,23 @@ NEEDLE = 0.02
 
 
 def _longest_edges(surface: Surface) -> Floats:
-    """(m,) metres, of each triangle."""
+    """Return the longest edge of each triangle (m,), metres."""
     corners = surface.V[surface.F]
     return np.asarray(np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1))
 
 
 def heights(surface: Surface) -> Floats:
-    """(m,) the smallest height of each triangle, metres."""
+    """Return the smallest height of each triangle (m,), metres."""
     return np.asarray(2 * surface.areas / _longest_edges(surface))
 
 
 def flatness(surface: Surface) -> Floats:
-    """(m,) smallest height of each triangle over its longest edge: 0.87 when equilateral, 0 when collapsed."""
+    """Return the smallest height of each triangle over its longest edge (m,): 0.87 if equilateral, 0 if collapsed."""
     return np.asarray(2 * surface.areas / _longest_edges(surface) ** 2)
 
 
 def needles_told(surface: Surface) -> str:
-    """How many needles there are and where the worst is, for a sentence; empty when there are none."""
+    """Return a clause with the number of needles and the place of the worst; '' without any."""
     shape = flatness(surface)
     count = int((shape < NEEDLE).sum())
     if not count:

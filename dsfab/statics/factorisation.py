@@ -1,4 +1,4 @@
-"""The factor of a stiffness, kept where it is needed again, and solutions that are refined to what the numbers hold."""
+"""Factorisation of a stiffness, with a cache for repeated solves, and iterative refinement of solutions."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -15,17 +15,17 @@ from dsfab.statics.boundary_conditions import rigid_motions
 from dsfab.surface.mesh import Surface
 
 ACCURATE = 1e-9
-"""Solutions with a larger residual are refined: a tenth of what is promised, for the residual is itself rounded."""
+"""Relative residual above which solutions are refined: a tenth of the accepted one, because rounding affects it too."""
 
 REFINEMENTS = 6
-"""Steps at most; two or three reach what the numbers hold."""
+"""Most steps of refinement; two or three reach the precision of the numbers."""
 
 ROWS = 1 << 16
-"""Rows of a stiffness that are multiplied at a time in longer numbers: whole, it would take three times its memory."""
+"""Rows of a stiffness multiplied at a time in longer numbers: all of it would take three times its memory."""
 
 
 class Map(Protocol):
-    """What `refined_solution` asks of a matrix: products, and itself in longer numbers."""
+    """A matrix for `refined_solution`: products, and a copy in longer numbers."""
 
     def __matmul__(self, x: Any, /) -> Any: ...
 
@@ -34,9 +34,9 @@ class Map(Protocol):
 
 @dataclass(frozen=True, eq=False)
 class Scaled:
-    """diag(scale) K diag(scale) on the unknowns `free` as a map, without a matrix of its own: see `Factor`.
+    """diag(scale) K diag(scale) on the unknowns `free` as a linear map, without a matrix of its own: see `Factor`.
 
-    dtype : of the numbers that are multiplied.
+    dtype : of the numbers in the product.
     """
 
     K: csr_array
@@ -57,7 +57,7 @@ class Scaled:
         return np.concatenate([self.K[i : i + ROWS].astype(self.dtype) @ x for i in starts])
 
     def astype(self, dtype: Any) -> Self:
-        """The same in other numbers."""
+        """Return the same map with other numbers."""
         return type(self)(self.K, self.free, self.scale.astype(dtype), dtype)
 
 
@@ -65,7 +65,7 @@ class Scaled:
 class Factor:
     """A factorised stiffness.
 
-    K     : the stiffness that was factorised, of all unknowns.
+    K     : the stiffness of all unknowns.
     free  : (N,) the unknowns that move.            scale : (N,) 1 / sqrt of their diagonal.
     solve : the function b -> inner^-1 b.
     """
@@ -77,19 +77,19 @@ class Factor:
 
     @property
     def map(self) -> Scaled:
-        """`inner` for products alone, in no memory."""
+        """`inner` as a linear map, without memory of its own."""
         return Scaled(self.K, self.free, self.scale)
 
     @cached_property
     def inner(self) -> csr_array:
-        """(N, N) the stiffness of the free unknowns with a unit diagonal: made when it is asked for."""
+        """Stiffness (N, N) of the free unknowns with a unit diagonal."""
         return _restricted(self.K, self.free, self.scale)
 
 
 def factored(surface: Surface, K: csr_array, held: Bools) -> Factor:
-    """K (u, u) without unknowns held (u,) and without those that have no stiffness (vertices of no face).
+    """Factorise K (u, u) without held unknowns (u,) and without those of no stiffness (vertices of no face).
 
-    Raises StaticsError when it is not positive definite.
+    Raises StaticsError if it is not positive definite.
     """
     diagonal = K.diagonal()
     free = np.flatnonzero(~held & (diagonal > 0))
@@ -101,7 +101,7 @@ def factored(surface: Surface, K: csr_array, held: Bools) -> Factor:
     if K.shape[0] == 3 * surface.n:
         rigid = rigid_motions(surface.V).reshape(-1, 6)[free] / scale[:, None]
     try:
-        # made where it is used and gone before the factor takes its memory
+        # the matrix is freed before the factor takes its memory
         return Factor(K, free, scale, factorise(partial(_restricted, K, free, scale), points, node, rigid=rigid))
     except NotPositiveDefinite as error:
         raise StaticsError(
@@ -114,30 +114,29 @@ FactorOf = Callable[[Surface, csr_array, Bools], Factor]
 
 
 class KeptFactor:
-    """`factored` that remembers the last `count`: the same stiffness with the same unknowns held is factorised once."""
+    """A cache of the last `count` factors: the same stiffness with the same held unknowns is factorised once."""
 
     def __init__(self, count: int = 1) -> None:
         self._kept: list[tuple[csr_array, Bools, Factor]] = []
         self._count = count
 
     def __call__(self, surface: Surface, K: csr_array, held: Bools) -> Factor:
-        """See `factored`."""
         for matrix, same, factor in self._kept:
             if _same(matrix, K) and np.array_equal(same, held):
                 return factor
-        del self._kept[: len(self._kept) + 1 - self._count]  # its memory is needed for the next
+        del self._kept[: len(self._kept) + 1 - self._count]  # frees memory for the next factor
         self._kept.append((K, held.copy(), factored(surface, K, held)))
         return self._kept[-1][2]
 
 
 def _same(A: csr_array, B: csr_array) -> bool:
-    """Whether two matrices are equal entry by entry, and stored alike."""
+    """Return whether two matrices have equal entries in the same storage."""
     pairs = ((A.indptr, B.indptr), (A.indices, B.indices), (A.data, B.data))
     return A is B or all(np.array_equal(a, b) for a, b in pairs)
 
 
 def _restricted(K: csr_array, free: Ints, scale: Floats) -> csr_array:
-    """diag(scale) K diag(scale) on the unknowns that are free."""
+    """Return diag(scale) K diag(scale) on the free unknowns."""
     inner = csr_array(K[free][:, free])
     inner.data *= np.repeat(scale, np.diff(inner.indptr))
     inner.data *= scale[inner.indices]
@@ -145,11 +144,12 @@ def _restricted(K: csr_array, free: Ints, scale: Floats) -> csr_array:
 
 
 def refined_solution(K: Map, b: Floats, solve: Callable[[Floats], Floats]) -> tuple[Floats, Floats]:
-    """x with K x = b, b (N,) or (N, k), and its relative residual in the norm of the energy, sqrt(r . K^-1 r / b . x).
+    """Return x with K x = b, b (N,) or (N, k), and its relative residual in the norm of the energy, sqrt(r . K^-1 r /
+    b . x).
 
-    A solution above `ACCURATE` is improved by iterative refinement [Wilkinson 1963] with the residual in the longest
-    floating-point numbers of the machine: K is badly conditioned for thin sheets, and a residual in its own precision
-    would be all rounding. x is rounded to double after each step, and the residual told is that of x as it is returned.
+    A solution above `ACCURATE` is improved by iterative refinement [Wilkinson 1963] with residuals in the longest
+    floating-point numbers of the machine: thin sheets make K badly conditioned, and a residual in its own precision
+    would be mostly rounding. x is rounded to double after each step, and the residual is that of the returned x.
     """
     x = solve(b)
     r = b - K @ x
@@ -174,7 +174,7 @@ def refined_solution(K: Map, b: Floats, solve: Callable[[Floats], Floats]) -> tu
 
 
 def _energy_share(r: Floats, step: Floats, b: Floats, x: Floats) -> Floats:
-    """sqrt(|r . K^-1 r| / b . x) of each column; 0 where the load does no work."""
+    """Return sqrt(|r . K^-1 r| / b . x) of each column; 0 if the load does no work."""
     energy = np.sum(b * x, axis=0)
     share = np.abs(np.sum(r * step, axis=0)) / np.where(energy > 0, energy, np.inf)
     return np.asarray(np.sqrt(share))

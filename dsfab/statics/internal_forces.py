@@ -14,23 +14,20 @@ from dsfab.statics.elements import assembled, heights
 from dsfab.statics.stress import SMOOTH, SheetStress, averaged, principal_values
 from dsfab.surface import Surface, connected, hat_gradients, next_half_edge
 
-PINNED = 1e-9
-"""Of the diagonal, added to it: M is known up to a constant on each smooth part, which its slope does not see."""
-
 CROWDED = 0.25
-"""A face lower than this share of the size of typical ones is a splinter of the cut. Moments have errors there whose
-slopes mean nothing (on a tower 5000 instead of 120 kN/m): what they balance is spread as far around it. Shorter ways
-let more of these errors through, longer ones miss shear in ribs."""
+"""A face lower than this share of a typical size is a splinter of the cut, where moments have meaningless slopes (on a
+tower 5000 instead of 120 kN/m): their load is spread as far around it. A shorter distance lets more of these errors
+through, a longer one misses shear in ribs."""
 
 
 @dataclass(frozen=True, eq=False)
 class ShearRecovery:
-    """What all load cases of a sheet share.
+    """The recovery of shear forces, shared by all load cases of a sheet.
 
     columns : (m, 6) the unknown of M at each corner and in the middle of each half-edge; (m, 3) the corners alone.
-    sign    : (m, 6) -1 where the normal of the face is opposite to that of the face that tells the sign of M there.
+    sign    : (m, 6) -1 if the normal of the face is opposite to that of the face which defines the sign of M there.
     rim     : (m, 3) 1 on half-edges of free edges and of folds, which shear does not pass; else 0.
-    spread  : (N, N) what goes where of a load on each unknown; columns sum to 1.
+    spread  : (N, N) distribution of a load on each unknown; columns sum to 1.
     """
 
     surface: Surface
@@ -42,8 +39,9 @@ class ShearRecovery:
 
     @classmethod
     def of(cls, surface: Surface, linear: bool = True) -> Self:
-        """linear : whether moments are linear on each face; where they are constant, M is linear on it, else
-        quadratic."""
+        """Return the recovery for a surface. linear : whether moments are linear on each face: M is then quadratic,
+        else linear.
+        """
         one, other = _smooth_pairs(surface)
         rim = np.ones(3 * surface.m)
         rim[one], rim[other] = 0.0, 0.0
@@ -56,15 +54,15 @@ class ShearRecovery:
         points[columns] = np.concatenate([ends, (ends + np.roll(ends, -1, axis=1)) / 2], axis=1)[:, :each]
         blocks = _stiffness(surface, linear) * sign[:, :, None] * sign[:, None, :]
         K = assembled(blocks, columns, size)
-        K = csr_array(K + diags_array(PINNED * K.diagonal()))
+        K = csr_array(K + diags_array(1e-9 * K.diagonal()))  # fixes a free constant on each smooth part
         spread = _spread(surface, columns, sign, points)
         return cls(surface, columns, sign, rim.reshape(-1, 3), spread, factorise(K, points))
 
     def forces(self, moments: Floats, twist: Floats) -> Floats:
-        """(m, 3) newtons per metre in space, tangent to each face: the mean of q on it.
+        """Return the mean of q on each face (m, 3), N/m, in space, tangent to the face.
 
-        moments : (m, 3 corners, 3) newtons, as elements have them, in `SheetStress.frame`.
-        twist   : the same, of which m_nt is taken on free edges and folds.
+        moments : (m, 3 corners, 3) newtons, of the elements, in `SheetStress.frame`.
+        twist   : the same, whose m_nt counts on free edges and folds.
         """
         each = self.columns.shape[1]
         work = np.einsum("mai,maij->mj", -moments, moment_loads(self.surface)[..., :6]) + self._at_rims(twist)
@@ -77,7 +75,6 @@ class ShearRecovery:
         return np.asarray(np.einsum("mc,mcx->mx", M, mean))
 
     def _at_rims(self, twist: Floats) -> Floats:
-        """(m, 6) integrals of m_nt dv/dt for hats and bubbles 4 phi_i phi_j; m_nt is linear on each half-edge."""
         _, t, out = half_edge_frames(self.surface)
         xx, yy, xy = out[..., 0] * t[..., 0], out[..., 1] * t[..., 1], (out * t[..., ::-1]).sum(axis=2)
         begin, end = (
@@ -88,14 +85,14 @@ class ShearRecovery:
 
 
 def _smooth_pairs(surface: Surface) -> tuple[Ints, Ints]:
-    """(i,) the two half-edges of each edge whose faces lean by less than 30 degrees from each other."""
+    """Return both half-edges (i,) of each edge whose faces lean by less than 30 degrees from each other."""
     one, other = surface.edges.pairs.T
     lean = np.abs(np.einsum("ix,ix->i", surface.normals[one // 3], surface.normals[other // 3]))
     return one[lean > SMOOTH], other[lean > SMOOTH]
 
 
 def _unknowns(surface: Surface, one: Ints, other: Ints) -> tuple[Ints, Floats]:
-    """`columns` and `sign` (m, 6): what faces share that meet in smooth edges, whose half-edges are one, other (i,)."""
+    """Return `columns` and `sign` (m, 6) of faces that share unknowns across smooth edges, with half-edges (i,)."""
     begins = surface.F.ravel()
     alike = begins[one] == begins[other]  # both faces run through their edge the same way
     next_one, next_other = next_half_edge(one), next_half_edge(other)
@@ -112,7 +109,7 @@ def _unknowns(surface: Surface, one: Ints, other: Ints) -> tuple[Ints, Floats]:
 
 
 def _stiffness(surface: Surface, linear: bool) -> Floats:
-    """(m, 6, 6) or (m, 3, 3) integrals of grad v . grad v, exact by the middles of the edges."""
+    """Return integrals (m, 6, 6) or (m, 3, 3) of grad v . grad v, exact by the middles of the edges."""
     slope = hat_gradients(surface)
     if not linear:
         return np.asarray(np.einsum("m,mix,mjx->mij", surface.areas, slope, slope))
@@ -128,7 +125,9 @@ def _stiffness(surface: Surface, linear: bool) -> Floats:
 
 
 def _spread(surface: Surface, columns: Ints, sign: Floats, points: Floats) -> csr_array:
-    """`ShearRecovery.spread`: from unknowns on splinters to those nearby, in proportion to the area around them."""
+    """Return `ShearRecovery.spread`: from unknowns on splinters to their neighbours, in proportion to the area
+    around these.
+    """
     size, each = len(points), columns.shape[1]
     weight = np.array([1 / 12] * 3 + [1 / 4] * 3) if each == 6 else np.full(3, 1 / 3)
     area = np.bincount(columns.ravel(), (surface.areas[:, None] * weight).ravel(), size)
@@ -149,9 +148,6 @@ def _spread(surface: Surface, columns: Ints, sign: Floats, points: Floats) -> cs
     return csr_array((np.concatenate([share, np.ones(len(still))]), (rows, of)), shape=(size, size))
 
 
-UPRIGHT = 0.99
-"""A face's normal is along global x from this cosine on (8 degrees): then its local x follows global y."""
-
 CONVENTION = (
     "local x: global x seen along the face's normal (global y where the normal is within 8 degrees of global x); "
     "local y: normal cross local x; the normal is that of the face's corners, counter-clockwise",
@@ -161,12 +157,13 @@ CONVENTION = (
     "of, positive q_x acts against the normal",
     "a free edge carries a line force as large as m_xy there besides (Kirchhoff): a sum over a section needs both",
 )
-"""What the numbers mean, for the head of files."""
+"""Definitions of the numbers, for the head of files."""
 
 
 class PrincipalForces(NamedTuple):
     """values : (m, 2), the algebraically larger first.    angle : (m,) degrees from local x to the first, towards
-    local y, from -90 to 90.    direction : (m, 3) unit vectors of the first; the second is the normal cross it."""
+    local y, from -90 to 90.    direction : (m, 3) unit vectors of the first; the second is the normal cross it.
+    """
 
     values: Floats
     angle: Floats
@@ -182,7 +179,7 @@ class SectionForces:
     m     : (m, 3) moments x, y and twist xy, N m/m.
     q     : (m, 2) shear forces across the sheet, on sections across local x and local y, N/m.
     corners : (m, 3, 3) n at the corners of each face, as its elements have it: it bends ribs in the sheet.
-    corner_moments : (m, 3, 3) m there; on a free edge its twist is the line force that q is balanced with.
+    corner_moments : (m, 3, 3) m there; on a free edge its twist is the line force that balances q.
     """
 
     frame: Floats
@@ -200,7 +197,7 @@ class SectionForces:
             lock(self, name, np.float64, (len(self.frame), width))
 
     def principal(self, what: str) -> PrincipalForces:
-        """Principal values and directions of `n` or of `m` [Mohr 1882]."""
+        """Return principal values and directions of `n` or of `m` [Mohr 1882]."""
         values, axes = principal_values(getattr(self, what), self.frame)
         angle = np.degrees(np.arctan2(*np.einsum("mx,max->am", axes[:, 0], self.frame)[::-1]))
         return PrincipalForces(values, angle, axes[:, 0])
@@ -209,16 +206,18 @@ class SectionForces:
 def section_forces(
     surface: Surface, thickness: float, stress: SheetStress, recovery: ShearRecovery | None = None
 ) -> SectionForces:
-    """n, m and q of a sheet, thickness in metres, from its stress.
+    """Return n, m and q of a sheet, thickness in metres, from its stress.
 
-    recovery : of the same surface, for the same kind of bending; made once for many cases.
+    recovery : of the same surface, for the same kind of bending; many cases share it.
 
-    n is the mean of each face, t times the stress of the middle surface: what its elements balance. m is the mean of
-    moments averaged around each vertex: a curved sheet of flat faces bends each of them by its own load, which
-    averaging takes out. q balances moments (`dsfab.statics.internal_forces`): errors of Navier's plate fall as
-    h^1.5, .3 % of
-    all shear at 32 cells, where slopes of moments had 1.7 %; what passes sections of cut sheets is all there to .1 %,
-    on a slab whose ribs are thinner than a face to 2.5 %.
+    n is the mean of each face, t times the stress of the middle surface, which its elements balance. m is the mean of
+    moments averaged around each vertex: each flat face of a curved sheet bends under its own load, which averaging
+    removes.
+    q balances moments (`dsfab.statics.internal_forces`): errors of Navier's plate fall as h^1.5, to .3 % of all shear
+    at
+    32 cells, where slopes of moments had 1.7 %. Sections of cut sheets are right to .1 %, or to 2.5 % on a slab with
+    ribs
+    thinner than a face.
     """
     own, scale = stress.frame, thickness**2 / 6
     moments = scale * averaged(surface, own, stress.bending, sided=True)
@@ -238,16 +237,17 @@ def section_forces(
 
 
 def local_frames(surface: Surface) -> Floats:
-    """(m, 2, 3) local x and local y of each face, unit vectors, see `CONVENTION`."""
+    """Return local x and local y of each face, (m, 2, 3), unit vectors, see `CONVENTION`."""
     normal = surface.normals
-    axis = np.where((np.abs(normal[:, 0]) > UPRIGHT)[:, None], np.eye(3)[1], np.eye(3)[0])
+    # within 8 degrees of global x, local x follows global y
+    axis = np.where((np.abs(normal[:, 0]) > 0.99)[:, None], np.eye(3)[1], np.eye(3)[0])
     x = axis - np.einsum("mi,mi->m", axis, normal)[:, None] * normal
     x /= np.linalg.norm(x, axis=1, keepdims=True)
     return np.stack([x, np.cross(normal, x)], axis=1)
 
 
 def _turned(plane: Floats, turn: Floats) -> Floats:
-    """(m, 3) tensors (xx, yy, xy) in a frame that is `turn` (m, 2, 2) of theirs."""
+    """Return tensors (m, 3), (xx, yy, xy), in a frame rotated by `rotation` (m, 2, 2)."""
     xx, yy, xy = plane.T
     full = turn @ np.stack([np.stack([xx, xy], axis=1), np.stack([xy, yy], axis=1)], axis=1) @ turn.transpose(0, 2, 1)
     return np.stack([full[:, 0, 0], full[:, 1, 1], full[:, 0, 1]], axis=1)

@@ -20,25 +20,25 @@ AIRY: tuple[Mapping[tuple[int, int], float], ...] = (
     {(3, 0): 1}, {(2, 1): 1}, {(1, 2): 1}, {(0, 3): 1},
     {(4, 0): 1, (0, 4): -1}, {(3, 1): 1}, {(1, 3): 1}, {(4, 0): 1, (2, 2): -6, (0, 4): 1},
 )  # fmt: skip
-"""Airy's functions of the stresses, by powers of x and y: all biharmonic polynomials of degree 2 to 4.
+"""Airy functions of the stresses, by powers of x and y: all biharmonic polynomials of degree 2 to 4.
 
-They look alike from every direction, so the element does not depend on how its corners are numbered. Nine stresses are
-needed (twelve edge displacements less three rigid motions); those of degree 2 and 3 are seven. Of the four of degree 4
-two would do, but one such pair, r^2 (x^2 - y^2) and r^2 x y, lets a right isosceles triangle collapse; with the other
-the weakest strain of that triangle keeps 0.19 of its energy in the quadratic one, with all four 0.22. Without
-compatibility there would be one more, r^4, which changes nothing that a table shows."""
+As a full space they do not depend on the numbering of corners. Nine stresses are needed (twelve edge displacements less
+three rigid motions); degrees 2 and 3 give seven. Two of degree 4 would do, but the pair r^2 (x^2 - y^2), r^2 x y lets a
+right isosceles triangle collapse; with the other pair its weakest strain keeps 0.19 of the energy of the quadratic
+element, with all four 0.22. Without compatibility r^4 would be a fifth, which changes no reported digit.
+"""
 
 SHARES = np.repeat([0.223381589678011, 0.109951743655322], 3)
 _NEAR, _FAR = 0.108103018168070, 0.816847572980459
 POINTS = np.concatenate([np.full((3, 3), (1 - x) / 2) + (3 * x - 1) / 2 * np.eye(3) for x in (_NEAR, _FAR)])
-"""Barycentric coordinates of six points, and `SHARES` of the area: exact for degree 4 [Dunavant 1985]."""
+"""Barycentric coordinates of six points, whose weights are `SHARES` of the area: exact for degree 4 [Dunavant 1985]."""
 
 UNMIXED = 12 * (np.eye(3) - 0.25)
-"""Inverse of the integrals of products of two hats over a triangle of area 1."""
+"""Inverse of the mass matrix of the hats on a triangle of area 1."""
 
 
 def _stresses(functions: Sequence[Mapping[tuple[int, int], float]]) -> Floats:
-    """(6 monomials, 3, k) coefficients of the stresses (xx, yy, xy) = (phi_yy, phi_xx, -phi_xy) [Airy 1863]."""
+    """Return coefficients (6 monomials, 3, k) of the stresses (xx, yy, xy) = (phi_yy, phi_xx, -phi_xy) [Airy 1863]."""
     found = np.zeros((len(MONOMIALS), 3, len(functions)))
     for k, function in enumerate(functions):
         for (a, b), factor in function.items():
@@ -56,7 +56,7 @@ STRESSES = _stresses(AIRY)
 
 
 def hybrid_rigidity(surface: Surface, C: Floats) -> Floats:
-    """(m, 9, 9) D of each face, for strains (xx, yy, 2 xy) at its first, second and third corner, in its tangent frame.
+    """Return D (m, 9, 9) of each face, for strains (xx, yy, 2 xy) at its three corners, in its tangent frame.
 
     C : (3, 3) stress, or force per length, from strain: plane stress or plane strain of an isotropic material.
     """
@@ -76,11 +76,11 @@ def hybrid_rigidity(surface: Surface, C: Floats) -> Floats:
 
 
 def hybrid_stress(surface: Surface, C: Floats, strain: Floats) -> Floats:
-    """(m, 3 corners, 3) stress (xx, yy, xy) of each face: the linear part of the quadratic stress (its projection).
+    """Return the stress (m, 3 corners, 3), (xx, yy, xy), of each face: the linear part of the quadratic stress.
 
-    strain : (m, 3 corners, 3) of the quadratic triangle. Mean stress, and energy as half of the mean product of the two
-             linear fields, are those of the element without any loss; on the edge of a hole the linear part is nearer
-             than the quadratic stress itself.
+    strain : (m, 3 corners, 3) of the quadratic triangle. The projection keeps the element's mean stress, and its energy
+             as half the mean product of both linear fields; on the edge of a hole it is more accurate than the
+             quadratic stress.
     """
     work = (hybrid_rigidity(surface, C) @ strain.reshape(-1, 9, 1)).reshape(-1, 3, 3)
     return np.asarray(UNMIXED @ work / surface.areas[:, None, None])
@@ -89,7 +89,7 @@ def hybrid_stress(surface: Surface, C: Floats, strain: Floats) -> Floats:
 def membrane_stiffness(
     surface: Surface, material: Material, thickness: float, law: Law = "plane_stress", elements: Elements = PAPER
 ) -> csr_array:
-    """K_m, N/m, symmetric positive semidefinite, over the unknowns of `elements` ((3 n, 3 n) by default).
+    """Return K_m, N/m, symmetric positive semidefinite, over the unknowns of `elements` ((3 n, 3 n) by default).
 
     `constant`: the constant-strain triangle [Turner et al. 1956], block by block (`VertexPairs`).
     `quadratic`: the linear-strain triangle [Fraeijs de Veubeke 1965], three-point quadrature (exact); its edge bubbles
@@ -105,8 +105,8 @@ def membrane_stiffness(
 
 
 def constant_blocks(surface: Surface, C: Floats, elements: Elements) -> PairBlocks:
-    """The constant-strain triangles, C (3, 3) N/m, on the pairs of vertices that bending by hinges couples, where
-    `elements` have it, else on the edges.
+    """Return the constant-strain triangles, C (3, 3) N/m, on vertex pairs of edges, or of hinges if `elements` have
+    these.
 
     Between corners with hat gradients g and f, and the projector P onto the face, the block of an isotropic C is
 
@@ -132,7 +132,7 @@ def constant_blocks(surface: Surface, C: Floats, elements: Elements) -> PairBloc
 
 
 def _across(surface: Surface) -> Floats:
-    """(3 corners, 3, m) normal x opposite edge of each corner: its hat gradient times twice the area, metres."""
+    """Return the hat gradients (3 corners, 3, m) times twice the area, metres: normal x opposite edge."""
     P = surface.V[surface.F].transpose(1, 2, 0)
     edge = np.roll(P, -2, axis=0) - np.roll(P, -1, axis=0)
     n = surface.normals.T
@@ -147,7 +147,7 @@ def _across(surface: Surface) -> Floats:
 
 
 def mean_strain(surface: Surface, u: Floats, bubbles: Floats | None = None) -> Floats:
-    """(m, 3) mean in-plane strain (xx, yy, 2 xy) of each face in its tangent frame.
+    """Return the mean in-plane strain (m, 3), (xx, yy, 2 xy), of each face in its tangent frame.
 
     The paper's F = (x1 x2 x3) phi + n n_bar^T, linearised at rest: the normal's change cancels the transverse shear, so
     the strain is that of the constant-strain triangle in the face's tangent frame [Turner et al. 1956].
@@ -166,7 +166,9 @@ def mean_strain(surface: Surface, u: Floats, bubbles: Floats | None = None) -> F
 
 
 def corner_strains(surface: Surface) -> Floats:
-    """(m, 3, 9) strain of each face for unit displacements x, y, z of its corners, dimensionless per metre."""
+    """Return the strain (m, 3, 9) of each face for unit displacements x, y, z of its corners, dimensionless per
+    metre.
+    """
     t = tangents(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)  # (m, 3 corners, 2) hat gradients in the frame
     moved = voigt(slope[:, :, None, :], t.transpose(0, 2, 1)[:, None, :, :])  # (m, corner, xyz, strain)
@@ -174,8 +176,10 @@ def corner_strains(surface: Surface) -> Floats:
 
 
 def bubble_strains(surface: Surface, at: Floats) -> Floats:
-    """(m, 3, 6) strain at the point with barycentric coordinates `at` (3,), for unit bubbles along t on the three
-    half-edges, then along m; per metre."""
+    """Return the strain (m, 3, 6) at a point with barycentric coordinates `weights` (3,), per metre.
+
+    Columns: unit bubbles along t on the three half-edges, then along m.
+    """
     t = tangents(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)
     gradient = 4 * (at[:, None] * np.roll(slope, -1, axis=1) + np.roll(at, -1)[:, None] * slope)  # of 4 phi_j phi_k
@@ -184,7 +188,7 @@ def bubble_strains(surface: Surface, at: Floats) -> Floats:
 
 
 def _quadratic(surface: Surface, C: Floats, elements: Elements) -> csr_array:
-    # all three quadrature points below each other, B^T C B as R^T R: one product of 9 x 15 a face
+    # stack the three quadrature points, with B^T C B as R^T R: one product of 9 x 15 a face
     B = _strains_at(surface, (1 - np.eye(3)) / 2)
     R = (np.linalg.cholesky(C).T @ B).reshape(-1, 9, 15)
     blocks = R.transpose(0, 2, 1) @ R
@@ -199,7 +203,9 @@ def _hybrid(surface: Surface, C: Floats, elements: Elements) -> csr_array:
 
 
 def _strains_at(surface: Surface, points: Floats) -> Floats:
-    """(m, 3 points, 3, 15) strains at three points with barycentric coordinates (3, 3), of corners, then of bubbles."""
+    """Return strains (m, 3 points, 3, 15) at points with barycentric coordinates (3, 3), of corners, then of
+    bubbles.
+    """
     B = np.empty((surface.m, 3, 3, 15))
     B[..., :9] = corner_strains(surface)[:, None]
     for k, at in enumerate(points):

@@ -33,11 +33,10 @@ class Material:
             raise StaticsError(f"density = {self.density} kg/m3 must not be negative")
 
     def membrane(self, law: Law) -> Floats:
-        """(3, 3) stress from strain in the sheet's plane, Pa, for (xx, yy, 2 xy).
+        """Return the stress from strain in the sheet's plane (3, 3), Pa, for (xx, yy, 2 xy).
 
-        `plane_stress`: the sheet is free to get thinner or thicker, which is what a thin sheet does.
-        `stvk`: the paper's law to the letter (St. Venant-Kirchhoff, linearised); its F leaves the normal unstretched,
-        which is plane *strain*.
+        `plane_stress`: the thickness is free to change, as in a thin sheet. `stvk`: the paper's law literally (St.
+        Venant-Kirchhoff, linearised); its F leaves the normal unstretched: plane strain.
         """
         mu = self.young / (2 * (1 + self.poisson))
         lam = self.young * self.poisson / ((1 + self.poisson) * (1 - 2 * self.poisson))
@@ -70,7 +69,7 @@ class SheetModel:
     clamped: Bools | None = None
 
     def held(self, load: LoadCase) -> LoadCase:
-        """The load on this sheet, with all edges that may not turn."""
+        """Return the load with the clamped edges of this sheet."""
         if self.clamped is None:
             return load
         return replace(load, clamped=self.clamped | load.clamped if len(load.clamped) else self.clamped)
@@ -78,12 +77,12 @@ class SheetModel:
 
 @dataclass(frozen=True)
 class SheetMaterial:
-    """What a sheet is made of: material, thickness in metres, and law."""
+    """Material, thickness in metres, and law of a sheet."""
 
     material: Material
     thickness: float
     law: Law = "plane_stress"
 
     def on(self, surface: Surface) -> SheetModel:
-        """A sheet of it."""
+        """Return a sheet of this material."""
         return SheetModel(surface, self.material, self.thickness, self.law)

@@ -24,21 +24,21 @@ UPRIGHT = f"{HELD}, and their edges do not turn: on hinges it would fall over"
 
 @dataclass(frozen=True, eq=False)
 class ModeSupports:
-    """load : with the supports that a sheet vibrates and buckles on.   told : what was assumed of them, or ''."""
+    """load : with the supports for vibration and buckling.   told : assumptions about them, or ''."""
 
     load: LoadCase
     told: str = ""
 
 
 def mode_supports(surface: Surface, load: LoadCase, plane: bool | None = None) -> ModeSupports:
-    """The supports of a sheet that vibrates and buckles: those given, where it is not solved in its plane.
+    """Return the supports of a sheet that vibrates and buckles: its own, unless it is solved in its plane.
 
-    A sheet that is loaded in its plane is mostly given supports in the plane alone, which leave it free to fall over.
-    Where one of them holds a vertex or stands it on a spring, the sheet is held rigidly across its plane as well. Where
-    it could still turn about a line through all of them (a wall on its base, a cantilever), the free edges between such
-    vertices do not turn either: a support that holds a length of the sheet holds it upright.
+    Supports of a sheet loaded in its plane mostly leave it free to fall over. Its held vertices, and those on springs,
+    are then held across the plane as well. If the sheet could still rotate about a line through them (a wall on its
+    base, a cantilever), the free edges between such vertices are clamped too: a support along an edge holds the sheet
+    upright.
 
-    plane : whether it is solved in its plane; found from the load when left out.
+    plane : whether the sheet is solved in its plane; by default this follows from the load.
     """
     axis = flat_axis(surface, load)
     if axis is None or plane is False:
@@ -57,29 +57,21 @@ def mode_supports(surface: Surface, load: LoadCase, plane: bool | None = None) -
 
 
 FOR_FREQUENCIES, FOR_BUCKLING = elements_of("frequency"), elements_of("buckling")
-"""Elements unless others are named."""
+"""Default elements."""
 
 HATS = (np.eye(3) + 1) / 12
 """Integrals of products of two hats over a triangle of area 1."""
 
 BUBBLE_PAIRS = (np.eye(3) + 1) * 4 / 45
-"""The same of two edge bubbles 4 phi_j phi_k."""
+"""Integrals of products of two edge bubbles 4 phi_j phi_k."""
 
 HAT_BUBBLES = np.array([[2, 1, 2], [2, 2, 1], [1, 2, 2]]) / 15
-"""The same of hat i (row) and the bubble of half-edge c (column), which runs from corner c to the next."""
+"""Integrals of hat i (row) times the bubble of half-edge c (column), which runs from corner c to the next."""
 
-TENSION = 1e-9
-"""A sheet whose smallest principal stress is above minus this share of the largest stress has no compression."""
-
-NOTHING = 1e-10
-"""Modes whose 1 / factor is below this share of the largest are no modes: nothing presses or moves them."""
-
-RESTARTS = 500
-"""Lanczos gives up after so many restarts; sheets that are clearly compressed take a few."""
 
 ACCURATE = 1e-4
-"""Largest accepted relative residual of a mode, in the norm of the stiffness: the true value is no further off than
-that share [Parlett 1980, 4.5]. Rounding alone makes 3e-6 of it on the second mesh of a cut strip 200 thicknesses long.
+"""Largest accepted relative residual of a mode, in the norm of the stiffness, which bounds its relative error [Parlett
+1980, 4.5]. Rounding alone gives 3e-6 on the second mesh of a cut strip 200 thicknesses long.
 """
 
 
@@ -103,9 +95,7 @@ class Vibration:
 class Buckling:
     """Linear buckling.
 
-    factor : (k,) what the load is multiplied with to buckle the sheet, ascending; fewer than asked for, or none, where
-             so few parts of the sheet are compressed.
-
+    factor : (k,) load factors at buckling, ascending; fewer than requested, or none, if few parts are compressed.
     shapes : (k, n, 3) displacements, the largest of each 1.
     """
 
@@ -126,14 +116,15 @@ def frequencies(
     factor_of: FactorOf = factored,
     spring: Floats | None = None,
 ) -> Vibration:
-    """The lowest natural frequencies of small vibrations: K x = omega^2 M x, consistent mass without rotary inertia.
+    """Return the lowest natural frequencies of small vibrations: K x = omega^2 M x, consistent mass without rotary
+    inertia.
 
     sheet     : its mass is density x thickness per area.            fixed : (n, 3) held directions.
     spring    : (n, 3) stiffness of elastic supports, newtons per metre.
-    K         : the stiffness of the sheet (without springs) by the same elements, where it has been made already.
-    factor_of : makes its factor: with the `KeptFactor` of an `equilibrium` nothing is factorised again.
+    K         : stiffness of the sheet (without springs) by the same elements, if it exists.
+    factor_of : makes its factor: the cache of an `equilibrium` saves a factorisation.
 
-    Raises StaticsError for a material without density, for mechanisms, and for more modes than there are unknowns.
+    Raises StaticsError for a material without density, for mechanisms, and for more modes than unknowns.
     """
     surface, density = sheet.surface, sheet.material.density
     if not density > 0:
@@ -156,21 +147,20 @@ def buckling(
     K: csr_array | None = None,
     factor_of: FactorOf = factored,
 ) -> Buckling:
-    """The lowest positive load factors of linear buckling: K x = factor (-K_g) x.
+    """Return the lowest positive load factors of linear buckling: K x = factor (-K_g) x.
 
-    answer : of `solve_statics` under `load`, by any elements: its membrane stress loads the sheet, which stands as
-             `load` says (springs and clamped edges too). Loads keep their
-             direction (a pressure that turns with the sheet is not modelled), and displacements before buckling do not
-             count: thin shells buckle well below, at a fifth to a half for cylinders under axial load
+    answer : of `solve_statics` under `load`, by any elements: its membrane stress loads the sheet, supported as in
+             `load`. Loads keep their direction (a pressure does not rotate with the sheet), and displacements before
+             buckling do not count: thin shells buckle well below, cylinders under axial load at a fifth to a half
              [Koiter 1945; NASA SP-8007].
     K, factor_of : (u, u), as for `frequencies`.
 
-    Raises StaticsError for mechanisms, and when the modes cannot be found.
+    Raises StaticsError for mechanisms, and if the modes do not converge.
     """
     surface = sheet.surface
     resultant = sheet.thickness * stress(surface, sheet.material, answer.u, sheet.law, answer.bubbles)
     smallest = np.linalg.eigvalsh(resultant)[:, 0].min()
-    if smallest >= -TENSION * np.abs(resultant).max():  # then no mode exists, and looking for it would not end
+    if smallest >= -1e-9 * np.abs(resultant).max():  # without compression no mode exists: Lanczos would not end
         return Buckling(np.zeros(0), np.zeros((0, surface.n, 3)))
     minus_Kg = -geometric_stiffness(surface, resultant, elements)
     if K is None:
@@ -180,8 +170,7 @@ def buckling(
 
 
 def mass(surface: Surface, per_area: float, elements: Elements) -> csr_array:
-    """(u, u) M, kg, over the unknowns of `elements`: hats on the corners and bubbles on the edges; rotations weigh
-    nothing.
+    """Return M (u, u), kg, over the unknowns of `elements`: hats and edge bubbles; rotations have no mass.
 
     per_area : kg/m2. The sum over x, y and z of the corners' part is three times the mass of the sheet.
     """
@@ -191,7 +180,7 @@ def mass(surface: Surface, per_area: float, elements: Elements) -> csr_array:
 
 
 def geometric_stiffness(surface: Surface, resultant: Floats, elements: Elements) -> csr_array:
-    """K_g, N/m, over the unknowns of `elements`: the second variation of the work of a membrane stress,
+    """Return K_g, N/m, over the unknowns of `elements`: the second variation of the work of a membrane stress,
 
         x . K_g x  =  integral of  sum over i of  grad x_i . N grad x_i     [Zienkiewicz and Taylor 2000, vol. 2, 11]
 
@@ -210,7 +199,7 @@ def geometric_stiffness(surface: Surface, resultant: Floats, elements: Elements)
 
 
 def _on_unknowns(surface: Surface, shapes: Floats, elements: Elements) -> csr_array:
-    """The quadratic form sum over x, y, z of `shapes` (m, 6, 6) on three hats and three bubbles, over all unknowns."""
+    """Return the quadratic form of `shapes` (m, 6, 6), summed over x, y, z, on hats and bubbles, over all unknowns."""
     names = [name for name in BUBBLES if name in elements.on_edges]
     frames = edge_frames(surface)[surface.edges.of]
     axes = np.broadcast_to(np.tile(np.eye(3), (3, 1)), (surface.m, 9, 3))
@@ -229,10 +218,10 @@ def _largest(
     count: int,
     factor_of: FactorOf,
 ) -> tuple[Floats, Floats]:
-    """The largest positive mu (k,) of A x = mu K x, descending, and the vertices' part of x, (k, n, 3).
+    """Return the largest positive mu (k,) of A x = mu K x, descending, and the vertices' part of x, (k, n, 3).
 
-    Lanczos on K^-1 A in the product of K [Lehoucq et al. 1998, ARPACK]: K is positive where it is held, whatever A is,
-    and its factor is the only one. As in `equilibrium`, unknowns are scaled by the diagonal of K.
+    Lanczos on K^-1 A in the product of K [Lehoucq et al. 1998, ARPACK]: K is positive on held sheets whatever A is, and
+    only its factor is needed. As in `equilibrium`, the diagonal of K scales the unknowns.
     """
     clamped = all_clamped(load)
     require_clampable(surface, elements, clamped)
@@ -248,12 +237,13 @@ def _largest(
     solve = LinearOperator((N, N), matvec=factor.solve, dtype=np.float64)
     start = np.random.default_rng(0).standard_normal(N)  # the same preset gives the same numbers
     try:
-        mu, x = eigsh(inner, count, M=factor.inner, Minv=solve, which="LA", v0=start, maxiter=RESTARTS, tol=1e-10)
+        # clearly compressed sheets take a few restarts
+        mu, x = eigsh(inner, count, M=factor.inner, Minv=solve, which="LA", v0=start, maxiter=500, tol=1e-10)
     except ArpackNoConvergence as error:
         raise StaticsError("the modes do not converge: the load barely compresses the sheet, or not at all") from error
     off = inner @ x - mu * (factor.inner @ x)
     residual = np.sqrt(np.einsum("nk,nk->k", off, np.stack([factor.solve(c) for c in off.T], axis=1)).clip(0))
-    good = mu > NOTHING * np.abs(mu).max()
+    good = mu > 1e-10 * np.abs(mu).max()  # rounding gives smaller ones
     if not (residual[good] <= ACCURATE * mu[good]).all():
         raise StaticsError("the modes are not accurate: the sheet is too thin for its size or nearly a mechanism")
     order = np.argsort(-mu[good])
@@ -263,7 +253,7 @@ def _largest(
 
 
 def _normalised(shapes: Floats) -> Floats:
-    """Each shape (k, n, 3) with its longest vector 1 and the largest component positive; k may be 0."""
+    """Scale each shape (k, n, 3) so that its longest vector is 1, and its largest component is positive; k may be 0."""
     flat = shapes.reshape(len(shapes), 3 * shapes.shape[1])
     sign = np.sign(flat[np.arange(len(flat)), np.abs(flat).argmax(axis=1)])
     longest = np.linalg.norm(shapes, axis=2).max(axis=1)

@@ -26,7 +26,7 @@ class Resultant:
 
 
 def resultant(surface: Surface, force: Floats, torque: Floats | None = None) -> Resultant:
-    """Of forces (n, 3) at the vertices, newtons, and torques (e,) about the edges' directions, newton metres."""
+    """Return the resultant of forces (n, 3) at the vertices, N, and torques (e,) about the edges' directions, N m."""
     moment = np.cross(surface.V, force).sum(axis=0)
     if torque is not None and len(torque):
         ends = surface.V[surface.edges.ends]
@@ -36,10 +36,10 @@ def resultant(surface: Surface, force: Floats, torque: Floats | None = None) -> 
 
 
 def support_reactions(surface: Surface, supports: Sequence[Support], answer: Equilibrium) -> tuple[Resultant, ...]:
-    """What each support exerts on the sheet: the sums of `support_forces`, and torques.
+    """Return the resultant of each support on the sheet: the sums of `support_forces`, and torques.
 
-    The torque of an edge goes to the supports that clamp it; where none does, and yet it cannot turn, to
-    those that pick its ends. Together they balance the loads, unless edges were clamped away from all supports.
+    The torque of an edge goes to the supports that clamp it. If none does, and yet it cannot rotate, it goes to the
+    supports of its ends. Together they balance the loads, unless edges are clamped away from all supports.
     """
     forces = support_forces(surface, supports, answer)
     fixed = np.array([support.fixed(surface) for support in supports])  # (s, n, 3)
@@ -52,10 +52,9 @@ def support_reactions(surface: Surface, supports: Sequence[Support], answer: Equ
 
 
 def support_forces(surface: Surface, supports: Sequence[Support], answer: Equilibrium) -> Floats:
-    """(s, n, 3) newtons that each support exerts on each vertex.
+    """Return the forces (s, n, 3), N, of each support on each vertex.
 
-    A direction of a vertex that several supports hold is shared equally, one on several springs in proportion to their
-    stiffness.
+    Supports that hold the same direction of a vertex share it equally, springs in proportion to their stiffness.
     """
     fixed = np.array([support.fixed(surface) for support in supports])
     springs = np.array([support.springs(surface) for support in supports])
@@ -64,20 +63,20 @@ def support_forces(surface: Surface, supports: Sequence[Support], answer: Equili
 
 
 def _shares(parts: Floats) -> Floats:
-    """(s, ...) non-negative parts over their sum along the first axis; 0 where all are."""
+    """Return non-negative parts (s, ...) over their sum along the first axis; 0 if the sum is 0."""
     total = parts.sum(axis=0)
     return np.asarray(parts / np.where(total > 0, total, 1.0))
 
 
 @dataclass(frozen=True, eq=False)
 class SupportEntry:
-    """A support and what rests on it.
+    """A support and its reactions.
 
-    vertices : how many it holds.       place : (3,) their mean, metres.
+    vertices : number of vertices that it holds.       place : (3,) their mean, metres.
     length   : metres of edges along it: free edges, and those of a line within the sheet. 0 for points.
-    area     : m2 of the faces that it holds wholly.
+    area     : m2 of the faces with all corners held.
     holds    : 'xyz', 'z, clamped', 'spring xy'.
-    reaction : by case, (3,) newtons that it exerts on the sheet.
+    reaction : by case, (3,) newtons on the sheet.
     share    : by case, of the sum of the magnitudes of all reactions at the vertices; 0 to 1.
     """
 
@@ -96,10 +95,10 @@ class SupportEntry:
 
 @dataclass(frozen=True, eq=False)
 class LoadEntry:
-    """A load and what it amounts to.
+    """A load and its resultant.
 
     force    : (3,) its resultant, newtons.    total : the sum of the magnitudes of its forces, newtons.
-    area     : m2 of the faces that it acts on.    length : metres of the edges.    vertices : how many take part.
+    area     : m2 of the faces that it acts on.    length : metres of edges.    vertices : number of loaded vertices.
     """
 
     name: str
@@ -118,8 +117,10 @@ class LoadEntry:
 def support_entries(
     surface: Surface, supports: Sequence[Support], answers: Mapping[str, Equilibrium] | None = None
 ) -> tuple[SupportEntry, ...]:
-    """Each support, with its reactions under each case where `answers` has them. Raises SurfaceError for pickers that
-    pick nothing."""
+    """Return each support, with its reactions under each case if `answers` has them.
+
+    Raises SurfaceError for pickers that select nothing.
+    """
     reactions: dict[str, list[Floats]] = {}
     shares: dict[str, Floats] = {}
     for case, answer in (answers or {}).items():
@@ -140,9 +141,9 @@ def support_entries(
 
 
 def _extent(surface: Surface, picked: Bools) -> tuple[int, Floats, float, float]:
-    """How many vertices are picked (n,), their mean, metres of edges along them and m2 of faces among them.
+    """Return number and mean of picked vertices (n,), metres of edges along them and m2 of faces among them.
 
-    An edge within the sheet counts if no face beside it is picked wholly: it is of a line, not of a region.
+    An edge within the sheet counts if no face beside it is picked wholly: then the pick is a line, not a region.
     """
     faces, edges = surface.faces_of(picked), surface.edges
     inner = np.zeros(len(edges.ends), dtype=bool)
@@ -159,7 +160,7 @@ def _holds(support: Support) -> str:
 
 
 def load_entries(surface: Surface, loads: Sequence[Load], weight: float) -> tuple[LoadEntry, ...]:
-    """Each load by itself, without the factors of combinations.
+    """Return each load by itself, without the factors of combinations.
 
     weight : of the sheet, newtons per square metre, as for `LoadCase.build`.
     Raises SurfaceError for loads that act on nothing.

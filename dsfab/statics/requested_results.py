@@ -1,4 +1,4 @@
-"""`Answers`: what else a solved sheet tells, as far as it is asked for, from as few factorisations as possible."""
+"""Requested results of a solved sheet: stress, frequencies and buckling, from as few factorisations as possible."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -22,10 +22,10 @@ Found = TypeVar("Found")
 
 @dataclass(frozen=True)
 class Ask:
-    """What is asked about a sheet, besides what costs next to nothing.
+    """Requested results of a sheet, beyond those that cost almost nothing.
 
-    strength    : Pa that the largest stress is compared with; 0 where it does not matter.
-    frequencies : how many natural frequencies.      buckling : how many load factors.
+    strength    : Pa, compared with the largest stress; 0 for no comparison.
+    frequencies : number of natural frequencies.      buckling : number of load factors.
     """
 
     strength: float = 0.0
@@ -37,31 +37,34 @@ class Ask:
 
     @property
     def modes(self) -> int:
-        """How many shapes are asked for, in all."""
+        """Number of requested shapes, in all."""
         return self.frequencies + self.buckling
 
     def elements(self, given: Elements) -> Elements:
-        """Those that answer: the given ones where they are verified (`REPORTED`), else the pair for stress and modes.
+        """Return the elements for the results: the given ones if they are verified (`REPORTED`), else the pair for
+        stress.
 
-        Where nothing is asked, stress and energy are those of the given elements.
+        Without a request, stress and energy are by the given elements.
         """
         return elements_of("stress") if self and given not in REPORTED else given
 
     def factor_of(self, given: Elements) -> FactorOf:
-        """What makes the factor of the statics by these elements: it is kept where the modes need it again."""
+        """Return the function that factorises the statics by these elements, with a cache if the modes need the
+        factor again.
+        """
         return KeptFactor() if self.modes and self.elements(given) == given else factored
 
 
 @dataclass(frozen=True, eq=False)
 class Answers:
-    """What a sheet tells under one load.
+    """Results of a sheet under one load.
 
-    elements    : that answered (those of a sheet that was solved in its plane do not bend).
-    equilibrium : by these elements; where they are those of the statics, the same one.
+    elements    : that solved it (without bending if the sheet was solved in its plane).
+    equilibrium : by these elements; the one of the statics if these are the same.
     stress      : and energy, see `SheetStress`.
-    vibration, buckling : None where they were not asked for or could not be found.
-    refusals    : why not, one sentence each.
-    assumed     : what was assumed of the supports for vibration and buckling (`mode_supports`), or ''.
+    vibration, buckling : None without a request or without a result.
+    refusals    : reasons for missing results, one sentence each.
+    assumed     : assumptions about the supports for vibration and buckling (`mode_supports`), or ''.
     """
 
     elements: Elements
@@ -78,9 +81,9 @@ class SolvedCase:
     """A load case and its equilibrium.
 
     equilibrium : under `load` and `spread`, by `elements` or, without bending, `elements.in_plane`.
-    elements    : the pair that was chosen (with bending, even if the sheet was solved in its plane).
-    factor_of   : what it was made with (`Ask.factor_of`): nothing is factorised twice then.
-    plane       : whether the sheet was solved in its plane; found from `load` when left out.
+    elements    : the chosen pair (with bending, even if the sheet was solved in its plane).
+    factor_of   : that factorised it (`ResultRequest.factor_for`), to save a second factorisation.
+    plane       : whether the sheet was solved in its plane; by default this follows from `load`.
     """
 
     load: LoadCase
@@ -98,14 +101,14 @@ def sheet_answers(
     ask: Ask,
     again: FactorOf | None = None,
 ) -> Answers:
-    """Stress and energy of a solved sheet, and what else is asked.
+    """Return stress and energy of a solved sheet, and the other requested results.
 
-    stiffness : K over the unknowns of any elements; called again only where `ask.elements` are others, or where a
-                sheet that was solved in its plane must bend to vibrate or to buckle.
-    again     : makes all other factors; a `KeptFactor` of two serves several loads on the same supports.
+    stiffness     : K over the unknowns of any elements; called only if other elements give the results, or if a sheet
+                    that was solved in its plane must bend to vibrate or to buckle.
+    other_factors : makes all other factors; a `FactorCache` of two serves several loads on the same supports.
 
-    Vibration counts the mass of the sheet alone, not that of its loads. Raises StaticsError when the sheet cannot be
-    solved by the elements that answer; modes that cannot be found are refused in the result.
+    Vibration counts the mass of the sheet alone, not that of its loads. Raises StaticsError if those elements cannot
+    solve the sheet; modes that do not converge are refused in the result.
     """
     load, solved, factor_of, surface = case.load, case.equilibrium, case.factor_of, sheet.surface
     plane = flat_axis(surface, load) is not None if case.plane is None else case.plane
@@ -135,7 +138,7 @@ def sheet_answers(
 
 
 def _found(find: Callable[[], Found], missing: str, refusals: list[str]) -> Found | None:
-    """What `find` finds, or None and a sentence in `refusals`: a design is not lost for want of an answer about it."""
+    """Return the result of `find`, or None and a sentence in `refusals`: a missing result must not stop a design."""
     try:
         return find()
     except StaticsError as error:

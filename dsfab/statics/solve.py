@@ -1,4 +1,4 @@
-"""One linear solve: displacements, reactions, compliance, and the proof that they balance."""
+"""Displacements, reactions and compliance from linear solves, with checks of balance and residual."""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -25,26 +25,23 @@ from dsfab.statics.factorisation import FactorOf, factored, refined_solution
 from dsfab.surface.loads.load_case import LoadCase
 from dsfab.surface.mesh import Surface
 
-IN_PLANE = 1e-12
-"""A load with a smaller share across the plane of a flat sheet counts as lying in the plane."""
-
 
 @dataclass(frozen=True, eq=False)
 class Equilibrium:
-    """How a surface answers a load.
+    """The answer of a surface to a load.
 
     u          : (n, 3) displacements, metres.
-    reaction   : (n, 3) forces of the supports on the sheet, newtons, springs among them; zero where nothing is held.
+    reaction   : (n, 3) forces of the supports on the sheet, newtons, springs included; zero at free vertices.
     compliance : f . u over all unknowns, joules (twice the elastic energy); the smaller, the stiffer.
-    imbalance  : largest component of the sum of all forces (and of their moments over the size), loads and reactions
-                 together, relative to the sum of the loads' magnitudes.
+    imbalance  : largest component of the sum of loads and reactions (and of their moments over the size), relative to
+                 the sum of the loads' magnitudes.
     residual   : relative residual of K u = f in the norm of its energy, sqrt(r . K^-1 r / f . u): the relative error
-                 that the arithmetic left in u, in that norm, and a bound on that of the compliance.
+                 of arithmetic in u, in that norm, and a bound on that of the compliance.
     on_edges   : by name, the unknowns on edges (e,): `rotation` and `slope` in radians, `along`, `across` and `normal`
                  bubbles in metres (see `dsfab.statics.elements`); empty for the paper's elements.
-    torque     : (e,) moments of the supports on edges that cannot turn, about the edges' directions, newton metres;
-                 empty for elements without rotations.
-    elements   : what it was made with.
+    torque     : (e,) moments of the supports on clamped edges, about the edges' directions, newton metres; empty for
+                 elements without rotations.
+    elements   : that solved it.
     """
 
     u: Floats
@@ -65,7 +62,7 @@ class Equilibrium:
 
     @cached_property
     def largest_displacement(self) -> float:
-        """Metres."""
+        """Largest displacement, metres."""
         return float(np.linalg.norm(self.u, axis=1).max())
 
     @property
@@ -77,10 +74,10 @@ class Equilibrium:
 
 
 def flat_axis(surface: Surface, *loads: LoadCase) -> int | None:
-    """The coordinate axis across a flat sheet whose loads lie in its plane (then it is solved in 2D), else None."""
+    """Return the axis across a flat sheet whose loads lie in its plane (then it is solved in 2D), else None."""
     for axis in range(3):
         flat = np.ptp(surface.V[:, axis]) <= 1e-9 * surface.size
-        if flat and all(np.abs(load.force[:, axis]).max() <= IN_PLANE * np.abs(load.force).max() for load in loads):
+        if flat and all(np.abs(load.force[:, axis]).max() <= 1e-12 * np.abs(load.force).max() for load in loads):
             return axis
     return None
 
@@ -96,13 +93,13 @@ def equilibrium(
     """Solve K u = f with the supported freedoms projected out and the springs of supports added.
 
     K        : stiffness, N/m, over the unknowns of `elements`: x, y, z of vertex 0, of vertex 1, ..., then the edges'.
-    elements : the pair that K was made with (without bending for a sheet solved in its plane).
-    spread   : the part of the load that is spread over faces and edges. Its share on the vertices is in `load` already;
-               it is named again because bubbles carry it as well.
-    factor_of : makes the factor: `factored`, or a `KeptFactor` for those who need it again.
+    elements : the pair of K (without bending for a sheet solved in its plane).
+    spread   : the part of the load on faces and edges, which bubbles carry too; its share on vertices is in `load`
+               already.
+    factor_of : makes the factor: `stiffness_factor`, or a `FactorCache` if it is needed again.
 
-    Raises StaticsError when the supports leave a motion free, when a load acts on nothing, when edges are clamped that
-    have no rotations, or when the solution does not balance the loads.
+    Raises StaticsError if the supports leave a motion free, if a load acts on nothing, if edges without rotations are
+    clamped, or if the solution does not balance the loads.
     """
     return equilibria(surface, K, [load], elements, [spread] if spread else None, (), factor_of)[0]
 
@@ -116,13 +113,13 @@ def equilibria(
     sums: Sequence[Sequence[float]] = (),
     factor_of: "FactorOf | None" = None,
 ) -> tuple[Equilibrium, ...]:
-    """The `equilibrium` of each load, from one factorisation: k loads on the same supports, then sums of them.
+    """Return the `equilibrium` of each load on the same supports, then of sums of them, from one factorisation.
 
     K    : (u, u), see `equilibrium`.
-    sums : what each combination multiplies the loads with, k factors each. A combination is not solved but summed, and
-           its residual is the bound that follows from those of its parts.
+    sums : factors of the k loads in each combination. A combination is summed, not solved; its residual is the bound
+           that follows from those of its parts.
 
-    Raises StaticsError as `equilibrium` does, and for loads on different supports.
+    Raises StaticsError as `equilibrium`, and for loads on different supports.
     """
     _require_same_supports(loads)
     fixed, turning = _supported(surface, loads, elements)
@@ -151,7 +148,7 @@ def _require_same_supports(loads: Sequence[LoadCase]) -> None:
 
 
 def _supported(surface: Surface, loads: Sequence[LoadCase], elements: Elements) -> tuple[Bools, Bools | None]:
-    """(n, 3) held directions and (e,) edges that do not turn, None without rotations; raises StaticsError."""
+    """Return held directions (n, 3) and clamped edges (e,), None without rotations. Raises StaticsError."""
     first = loads[0]
     clamped = all_clamped(first)
     require_clampable(surface, elements, clamped)
@@ -175,11 +172,11 @@ def _answer(
     compliance: float,
     residual: float,
 ) -> Equilibrium:
-    """What the unknowns x say; `off` is K x - f without the springs: the forces of all supports."""
+    """Return the equilibrium of unknowns x; `off` is K x - f without the springs: the forces of all supports."""
     corners, edges = np.split(x, [3 * surface.n])
     forces, on_edges = np.split(off, [3 * surface.n])
     u = corners.reshape(-1, 3)
-    # springs answer with -k u; K x - f says the same but for the residual, which belongs in the imbalance
+    # springs exert -k u; K x - f differs from that by the residual, which belongs in the imbalance
     reaction = np.where(load.fixed, forces.reshape(-1, 3), 0.0) - load.spring * u
     imbalance = _imbalance(surface, load.force, reaction, _torque(elements, on_edges))
     torque = _torque(elements, np.where(held[3 * surface.n :], on_edges, 0.0))
@@ -195,7 +192,7 @@ def _summed(
     F: Floats,
     X: Floats,
 ) -> Equilibrium:
-    """The sum of solved cases, each multiplied with its factor."""
+    """Return the sum of solved cases, each times its factor."""
     parts = list(zip(factors, answers, strict=True))
     reaction = np.sum([a * part.reaction for a, part in parts], axis=0)
     torque = np.sum([a * part.torque for a, part in parts], axis=0)
@@ -210,7 +207,7 @@ def _summed(
 
 
 def _require_solved(surface: Surface, imbalance: float, residual: float) -> None:
-    """Raise StaticsError for a solution that does not balance the loads or does not solve the equations."""
+    """Raise StaticsError if a solution does not balance the loads or does not solve the equations."""
     if imbalance <= BALANCE and residual <= RESIDUAL:
         return
     needles = f"; {told}" if (told := needles_told(surface)) else ""
@@ -227,9 +224,9 @@ def _require_solved(surface: Surface, imbalance: float, residual: float) -> None
 
 
 def _solution(surface: Surface, K: csr_array, F: Floats, held: Bools, factor_of: FactorOf) -> tuple[Floats, Floats]:
-    """All unknowns (N, k) under forces F (N, k) and relative residuals (k,), from one factorisation.
+    """Return unknowns (N, k) under forces F (N, k) and relative residuals (k,), from one factorisation.
 
-    Unknowns without stiffness stay where they are.
+    Unknowns without stiffness stay 0.
     """
     U = np.zeros(F.shape)
     if not (~held & (K.diagonal() > 0)).any():
@@ -242,7 +239,7 @@ def _solution(surface: Surface, K: csr_array, F: Floats, held: Bools, factor_of:
 
 
 def _torque(elements: Elements, on_edges: Floats) -> Floats:
-    """(e,) moments that held edges exert on the sheet, N m; the other unknowns do not move with a rigid sheet."""
+    """Return moments (e,), N m, of held edges on the sheet; a rigid motion does not move the other unknowns."""
     if "rotation" not in elements.on_edges:
         return np.zeros(0)
     return np.asarray(on_edges.reshape(len(elements.on_edges), -1)[elements.on_edges.index("rotation")])

@@ -1,4 +1,4 @@
-"""Stiffness of a whole sheet, membrane and bending together, also with stiffer and softer faces."""
+"""Stiffness of a whole sheet, membrane and bending together, also with a scale for each face."""
 
 from collections.abc import Callable, Sequence
 from contextlib import AbstractContextManager, nullcontext
@@ -21,14 +21,14 @@ from dsfab.statics.solve import flat_axis
 from dsfab.surface import LoadCase, Surface
 
 Row = Callable[[str], AbstractContextManager[object]]
-"""Takes the time of what is done inside, under a name."""
+"""Opens a timing row by name for the enclosed block."""
 
 
 def sheet_stiffness(sheet: SheetModel, elements: Elements, row: Row = nullcontext) -> csr_array:
-    """(N, N) K, N/m, over the unknowns of `elements`: membrane and, where they have it, bending.
+    """Return K (N, N), N/m, over the unknowns of `elements`: membrane and, if they have it, bending.
 
-    row : is opened as "membrane", then as "bending". The paper's elements stand on the same pairs of vertices: their
-          blocks are added, and the one matrix that is made of them counts as bending.
+    row : opened as "membrane", then as "bending". Both of the paper's elements use the same vertex pairs: their blocks
+          are added, and the time of the resulting matrix counts as bending.
     """
     surface, material, thickness = sheet.surface, sheet.material, sheet.thickness
     if elements == PAPER:
@@ -48,9 +48,9 @@ def sheet_stiffness(sheet: SheetModel, elements: Elements, row: Row = nullcontex
 class FaceStiffness:
     """K = sum over the faces of s_f K_f on the free unknowns: constant strain and, out of the plane, mid-edge bending.
 
-    blocks : (m, c, c) K_f, N/m.       unknown : (m, c) the free unknown of each row, `count` where it is held.
-    places : (nnz, m) from factors s (m,) to the values of K.     indices, indptr : where they stand.
-    springs : (nnz,) what the supports add.    points, node : positions, and the point of each free unknown.
+    blocks : (m, c, c) K_f, N/m.       unknown : (m, c) the free unknown of each row, `count` if it is held.
+    places : (nnz, m) matrix from factors s (m,) to the values of K.     indices, indptr : its sparse pattern.
+    springs : (nnz,) values of the supports.    points, node : positions, and the point of each free unknown.
     force  : (count, k) newtons.
     """
 
@@ -67,7 +67,7 @@ class FaceStiffness:
 
     @classmethod
     def of(cls, sheet: SheetModel, loads: Sequence[LoadCase]) -> Self:
-        """Of a sheet under loads. Raises StaticsError when supports leave a motion free or a load acts on nothing."""
+        """Return K of a sheet. Raises StaticsError if supports leave a motion free or a load acts on nothing."""
         surface = sheet.surface
         axis = flat_axis(surface, *loads)
         elements = elements_of("ranking")
@@ -94,13 +94,14 @@ class FaceStiffness:
         return cls(blocks, unknown, count, places, indices, indptr, springs, points, node, np.asarray(force[numbers]))
 
     def matrix(self, scale: Floats) -> csr_array:
-        """(count, count) K for the factors `scale` (m,)."""
+        """Return K (count, count) for the factors `scale` (m,)."""
         values = self.places @ scale + self.springs
         return csr_array((values, self.indices, self.indptr), shape=(self.count, self.count))
 
     def factor(self, scale: Floats, earlier: Factor | None = None) -> Factor:
-        """The factor of K at face scales (m,); an `earlier` one lends its analysis. Raises StaticsError for a
-        mechanism."""
+        """Return the factor of K at face scales (m,), with the analysis of an `earlier` one. Raises StaticsError
+        for a mechanism.
+        """
         try:
             if earlier is None:
                 return factorise(self.matrix(scale), self.points, self.node)
@@ -113,7 +114,7 @@ class FaceStiffness:
         return earlier
 
     def energies(self, x: Floats) -> Floats:
-        """(m, k) u . K_f u of each face for solutions x (count, k), joules (twice the energy)."""
+        """Return u . K_f u (m, k) of each face for solutions x (count, k), joules (twice the energy)."""
         moved = np.concatenate([x, np.zeros((1, x.shape[1]))])[self.unknown]
         return np.asarray(np.einsum("mck,mck->mk", moved, self.blocks @ moved))
 
@@ -121,7 +122,9 @@ class FaceStiffness:
 def face_blocks(
     surface: Surface, material: Material, thickness: float, law: Law, elements: Elements
 ) -> tuple[Floats, Ints]:
-    """(m, c, c) stiffness of each face, N/m, and (m, c) its unknowns: c = 9 in the plane, 12 with mid-edge bending."""
+    """Return the stiffness (m, c, c) of each face, N/m, and its unknowns (m, c): c = 9 in the plane, 12 with
+    mid-edge bending.
+    """
     names = ("rotation",) if elements.bending else ()
     columns = elements.columns(surface, *names)
     blocks = np.zeros((surface.m, columns.shape[1], columns.shape[1]))
@@ -134,7 +137,7 @@ def face_blocks(
 
 
 def _held(surface: Surface, loads: Sequence[LoadCase], elements: Elements, axis: int | None) -> Bools:
-    """(N,) unknowns that do not move; raises StaticsError for what is not held."""
+    """Return held unknowns (N,). Raises StaticsError for a free motion."""
     fixed = loads[0].fixed.copy()
     if axis is not None:
         fixed[:, axis] = True
@@ -149,7 +152,9 @@ def _held(surface: Surface, loads: Sequence[LoadCase], elements: Elements, axis:
 
 
 def _places(blocks: Floats, unknown: Ints, count: int) -> tuple[csr_array, Ints, Ints, Ints]:
-    """The matrix from factors of faces to values of K, the columns and row pointers of K, and where its diagonal is."""
+    """Return the matrix from face factors to values of K, columns and row pointers of K, and positions of its
+    diagonal.
+    """
     m, c = unknown.shape
     row, column = np.repeat(unknown, c, axis=1).ravel(), np.tile(unknown, (1, c)).ravel()
     both = np.flatnonzero((row < count) & (column < count))

@@ -21,7 +21,7 @@ from dsfab.surface.mesh import Surface
 def stress(
     surface: Surface, material: Material, u: Floats, law: Law = "plane_stress", bubbles: Floats | None = None
 ) -> Floats:
-    """Membrane (Cauchy) stress (m, 3, 3), Pa, symmetric and tangent to each face, of displacements u (n, 3), metres.
+    """Return the membrane (Cauchy) stress (m, 3, 3), Pa, symmetric and tangent, of displacements u (n, 3), metres.
 
     bubbles : (e, 2) metres, `Equilibrium.bubbles`: with them it is the mean on each face of the linear stress of
               `quadratic` elements; None for constant strain.
@@ -31,7 +31,7 @@ def stress(
 
 
 def tensors_in_space(surface: Surface, planar: Floats) -> Floats:
-    """(m, 3, 3) symmetric tensors of values xx, yy, xy (m, 3) in the frame of each face (`tangents`)."""
+    """Return symmetric tensors (m, 3, 3) of values xx, yy, xy (m, 3) in the frame of each face (`tangents`)."""
     xx, yy, xy = planar.T
     in_frame = np.stack([np.stack([xx, xy], axis=1), np.stack([xy, yy], axis=1)], axis=1)
     t = tangents(surface)
@@ -39,15 +39,15 @@ def tensors_in_space(surface: Surface, planar: Floats) -> Floats:
 
 
 def von_mises(sigma: Floats) -> Floats:
-    """(m,) von Mises equivalent stress, Pa, of stress tensors (m, 3, 3) [von Mises 1913]."""
+    """Return the von Mises equivalent stress (m,), Pa, of stress tensors (m, 3, 3) [von Mises 1913]."""
     deviator = sigma - np.trace(sigma, axis1=1, axis2=2)[:, None, None] * np.eye(3) / 3
     return np.asarray(np.sqrt(1.5 * np.einsum("mij,mij->m", deviator, deviator)))
 
 
 def membrane_strains(surface: Surface, answer: Equilibrium) -> Floats:
-    """(m, 3 corners, 3) in-plane strains (xx, yy, 2 xy) of the middle surface in each face's frame.
+    """Return in-plane strains (m, 3 corners, 3), (xx, yy, 2 xy), of the middle surface in each face's frame.
 
-    With edge bubbles they are those of the quadratic triangle, which `hybrid` elements do the same work on.
+    With edge bubbles they are those of the quadratic triangle, with which `hybrid` elements share the work.
     """
     t = tangents(surface)
     slope = np.einsum("mik,mak->mia", hat_gradients(surface), t)
@@ -64,32 +64,32 @@ def membrane_strains(surface: Surface, answer: Equilibrium) -> Floats:
 
 
 def membrane_stresses(surface: Surface, material: Material, law: Law, elements: Elements, strain: Floats) -> Floats:
-    """(m, 3 corners, 3) stress (xx, yy, xy), Pa, linear on each face, from `membrane_strains`."""
+    """Return the stress (m, 3 corners, 3), (xx, yy, xy), Pa, linear on each face, from `membrane_strains`."""
     C = material.membrane(law)
     return hybrid_stress(surface, C, strain) if elements.membrane == "hybrid" else np.asarray(strain @ C)
 
 
 SMOOTH = np.cos(np.radians(30))
-"""Faces that lean by more than 30 degrees from the mean normal at a vertex are across a fold there."""
+"""Cosine of 30 degrees: a face that leans more from the mean normal at a vertex lies across a fold."""
 
 
 WEIGHTS = np.array([1.0, 1.0, 1.0, 2.0, 2.0, 2.0])
-"""How often xx, yy, zz, yz, xz and xy stand in a symmetric tensor."""
+"""Number of entries xx, yy, zz, yz, xz and xy in a symmetric tensor."""
 
 HALVES = np.array([1.0, 1.0, 2.0])[:, None]
-"""The plane tensor of unit xy has a square of 2, those of xx and yy of 1."""
+"""Squared norms of unit plane tensors xx, yy and xy."""
 
 
 def averaged(surface: Surface, frame: Floats, values: Floats, sided: bool) -> Floats:
-    """(m, 3 corners, 3) plane tensors (xx, yy, xy), replaced by their mean over the faces around each vertex.
+    """Return plane tensors (m, 3 corners, 3), (xx, yy, xy), averaged over the faces around each vertex.
 
-    frame  : (m, 2, 3) of each face, that components refer to.
+    frame  : (m, 2, 3) of each face, for the components.
     values : (m, 3 corners, 3).
     sided  : whether they change sign with the side that the normal points to (bending does).
 
-    Jumps between faces are errors, and averaging removes most of them [Hinton and Campbell 1974]: at a built-in edge it
-    keeps what means of faces miss, and on curved sheets it removes the bending of each flat face by its own load, which
-    is large at corners and cancels around a vertex. Across folds nothing is averaged: the mean of the face stands.
+    Jumps between faces are errors, which averaging mostly removes [Hinton and Campbell 1974]. At a built-in edge it
+    keeps values that means of faces miss. On curved sheets it removes the bending of each flat face by its own load,
+    which is large at corners and cancels around a vertex. Across folds the mean of the face stays.
     """
     corner = surface.F.ravel()
     face = np.repeat(np.arange(surface.m), 3)
@@ -111,7 +111,7 @@ def averaged(surface: Surface, frame: Floats, values: Floats, sided: bool) -> Fl
 
 
 def _tensors(frame: Floats) -> Floats:
-    """(m, 3, 6) components xx, yy, zz, yz, xz, xy in space of the plane tensors xx, yy and xy of each frame."""
+    """Return components xx, yy, zz, yz, xz, xy in space of the plane tensors xx, yy and xy of each frame, (m, 3, 6)."""
     a, b = frame[:, 0], frame[:, 1]
     c, d = a[:, [1, 2, 0]], a[:, [2, 0, 1]]
     e, f = b[:, [1, 2, 0]], b[:, [2, 0, 1]]
@@ -120,7 +120,7 @@ def _tensors(frame: Floats) -> Floats:
 
 
 Layer = Literal["top", "middle", "bottom"]
-"""`top` is the surface on the side that a face's normal points to, half a thickness away; `bottom` the other one."""
+"""`top` is the surface on the side that a face's normal points to, half a thickness away; `bottom` the opposite one."""
 
 LAYERS: tuple[Layer, ...] = get_args(Layer)
 _SIDE = {"top": -1.0, "middle": 0.0, "bottom": 1.0}
@@ -143,18 +143,18 @@ class Peak(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class SheetStress:
-    """Stress in a thin sheet: linear through the thickness, and on each face constant or linear as the elements are.
+    """Stress in a thin sheet: linear through the thickness, and constant or linear on each face by its elements.
 
-    frame           : (m, 2, 3) two orthonormal directions of each face's plane, that components refer to.
+    frame           : (m, 2, 3) two orthonormal directions of each face's plane, for the components.
     membrane        : (m, 3 corners, 3) stress (xx, yy, xy) of the middle surface, Pa.
-    bending         : (m, 3 corners, 3) what bending adds at the bottom and takes away at the top, 6 M / h^2, Pa.
-    smooth_membrane, smooth_bending : the same `averaged` around each vertex, which von Mises stress is read from; where
-                      they are constant on each face, as they are.
+    bending         : (m, 3 corners, 3) stress that bending adds at the bottom and subtracts at the top, 6 M / h^2, Pa.
+    smooth_membrane, smooth_bending : the same as `vertex_averages`, for von Mises stress; unchanged if constant on
+    faces.
     membrane_energy : (m,) mean strain energy per area of each face, J/m2.
     bending_energy  : (m,) the same of bending; the sum of both over the sheet is half of its compliance.
 
-    Top and bottom belong to each face: a face that is listed the other way round has them swapped. On sheets without
-    two sides (a Moebius strip) there is no other way; `largest` does not depend on it.
+    Top and bottom belong to each face: they swap if its corners are listed in reverse, and no surface without two sides
+    (a Moebius strip) has a consistent choice. `largest` does not depend on it.
     """
 
     frame: Floats
@@ -179,51 +179,54 @@ class SheetStress:
             lock(self, name, np.float64, (m,))
 
     def at_corners(self, layer: Layer) -> Floats:
-        """(m, 3 corners, 3) stress (xx, yy, xy) in the frame of each face, Pa, averaged around each vertex."""
+        """Return the stress (m, 3 corners, 3), (xx, yy, xy), in each face's frame, Pa, averaged around each vertex."""
         return np.asarray(self.smooth_membrane + _SIDE[layer] * self.smooth_bending)
 
     def _mean(self, layer: Layer) -> Floats:
-        """(m, 3) stress (xx, yy, xy), the mean of each face."""
+        """Return the mean stress (m, 3), (xx, yy, xy), of each face."""
         return np.asarray((self.membrane + _SIDE[layer] * self.bending).mean(axis=1))
 
     def tensor(self, layer: Layer) -> Floats:
-        """(m, 3, 3) mean stress of each face, Pa, in space: symmetric and tangent to the face."""
+        """Return the mean stress (m, 3, 3) of each face, Pa, in space: symmetric and tangent to the face."""
         xx, yy, xy = self._mean(layer).T
         planar = np.stack([np.stack([xx, xy], axis=1), np.stack([xy, yy], axis=1)], axis=1)
         return np.asarray(self.frame.transpose(0, 2, 1) @ planar @ self.frame)
 
     def principal(self, layer: Layer) -> Principal:
-        """Principal values and directions of the mean stress of each face [Mohr 1882]."""
+        """Return principal values and directions of the mean stress of each face [Mohr 1882]."""
         return principal_values(self._mean(layer), self.frame)
 
     @cached_property
     def von_mises(self) -> Floats:
-        """(m, 3 layers) von Mises stress of each face, Pa, at the top, in the middle and at the bottom: the largest of
-        its corners (`at_corners`). At a built-in edge the mean of a face lags behind by half a face: 25 % on a plate of
-        16 x 16 `hhj` cells, where the corners are 2 % off."""
+        """Von Mises stress (m, 3 layers) of each face, Pa, the largest of its corners (`at_corners`).
+
+        At a built-in edge the mean of a face is too small: by 25 % on a plate of 16 x 16 `hhj` cells, where corners are
+        2 % off.
+        """
         return np.stack([plane_von_mises(self.at_corners(layer)).max(axis=1) for layer in LAYERS], axis=1)
 
     @cached_property
     def largest(self) -> Floats:
-        """(m,) the largest von Mises stress of the three layers, Pa."""
+        """Largest von Mises stress of the three layers (m,), Pa."""
         return np.asarray(self.von_mises.max(axis=1))
 
     @property
     def energy(self) -> Floats:
-        """(m,) strain energy per area, J/m2."""
+        """Strain energy per area (m,), J/m2."""
         return self.membrane_energy + self.bending_energy
 
     @cached_property
     def peak(self) -> Peak:
-        """Where the sheet is stressed most. Under a point load, and in a corner that is held, it grows with every
-        refinement of the mesh: no sheet bears a load on no area."""
+        """The most stressed face and layer. Under a point load and in a held corner it grows with every refinement
+        of the mesh.
+        """
         face = int(self.largest.argmax())
         row = self.von_mises[face]
         layer = LAYERS[int(row.argmax())] if row.max() > row[LAYERS.index("middle")] else "middle"
         return Peak(float(self.largest[face]), face, layer)
 
     def utilisation(self, strength: float) -> Floats:
-        """(m,) the largest von Mises stress over the strength, Pa: above 1 the material yields.
+        """Return the largest von Mises stress over the strength, Pa, (m,): above 1 the material yields.
 
         Raises StaticsError for a strength that is not positive.
         """
@@ -233,7 +236,9 @@ class SheetStress:
 
 
 def principal_values(plane: Floats, frame: Floats) -> Principal:
-    """Of symmetric tensors (m, 3) as (xx, yy, xy) in frames (m, 2, 3) [Mohr 1882]; the unit is theirs."""
+    """Return principal values and directions of tensors (m, 3), (xx, yy, xy), in frames (m, 2, 3) [Mohr 1882], in
+    their unit.
+    """
     xx, yy, xy = plane.T
     centre, radius = (xx + yy) / 2, np.hypot((xx - yy) / 2, xy)
     turn = np.arctan2(xy, (xx - yy) / 2) / 2
@@ -243,17 +248,17 @@ def principal_values(plane: Floats, frame: Floats) -> Principal:
 
 
 def plane_von_mises(stress: Floats) -> Floats:
-    """(...) von Mises equivalent of plane stress (..., 3) as (xx, yy, xy), Pa [von Mises 1913]."""
+    """Return the von Mises equivalent (...) of plane stress (..., 3) as (xx, yy, xy), Pa [von Mises 1913]."""
     xx, yy, xy = stress[..., 0], stress[..., 1], stress[..., 2]
     return np.asarray(np.sqrt(xx * xx - xx * yy + yy * yy + 3 * xy * xy))
 
 
 def sheet_stress(sheet: SheetModel, elements: Elements, answer: Equilibrium) -> SheetStress:
-    """The stress and the energy of a solved sheet.
+    """Return the stress and the energy of a solved sheet.
 
     answer : made with `elements`.
 
-    With `stvk` the stress across the sheet, which that law has and a thin sheet has not, is left out of von Mises.
+    `stvk` has a stress across the sheet, which a thin sheet has not; von Mises leaves it out.
     """
     surface, material, thickness, law = sheet.surface, sheet.material, sheet.thickness, sheet.law
     strain = membrane_strains(surface, answer)
@@ -272,5 +277,7 @@ def sheet_stress(sheet: SheetModel, elements: Elements, answer: Equilibrium) -> 
 
 
 def _mean_product(a: Floats, b: Floats) -> Floats:
-    """(m,) means over each face of a . b, both linear on it and given at its corners, (m, 3 corners, 3): exact."""
+    """Return exact means (m,) over each face of a . b, both linear on it, from their corner values (m, 3 corners,
+    3).
+    """
     return np.asarray((np.einsum("mci,mci->m", a, b) + np.einsum("mi,mi->m", a.sum(axis=1), b.sum(axis=1))) / 12)

@@ -1,4 +1,4 @@
-"""Ribs that are twisted: a bar of rectangular section is softer than the strip of a thin sheet that it is taken for."""
+"""Torsion of ribs: a bar with a rectangular section is softer than a strip of a thin sheet."""
 
 from typing import NamedTuple
 
@@ -13,30 +13,18 @@ from dsfab.statics.model import SheetModel
 from dsfab.surface import Surface, half_edges
 from dsfab.surface.fields import tangents
 
-NARROWEST = 0.01
-"""Thicknesses: ribs are taken to be no narrower, so that equations can be solved."""
-
-BORDER = 12
-"""Points on the border for a typical edge."""
-
 APART = np.radians(60)
-"""A disc touches the border in two places at least as far from each other, seen from its centre; nearer ones are a kink
-of one side [Ma, Bae and Choi 2012]."""
-
-STEPS = 20
-"""Of shrinking discs, at most; 5 to 8 are taken."""
-
-TOUCH = 1e-3
-"""Share of its radius by which the border may reach into a disc."""
+"""Least angle, from the centre of a disc, between two places where it touches the border; nearer places are a kink of
+one side [Ma, Bae and Choi 2012]."""
 
 
 def torsion_share(ratio: Floats) -> Floats:
-    """(...) of the torsional stiffness G w h^3 / 3 of a thin strip, what a rectangle has; ratio : w / h, (...).
+    """Return the torsional stiffness of a rectangle over G w h^3 / 3 of a thin strip; ratio : w / h, (...).
 
-    1 - .63 h / w (1 - h^4 / 12 w^4) where it is wider than thick, else the same with w and h exchanged, times w^2 / h^2
+    1 - .63 h / w (1 - h^4 / 12 w^4) if it is wider than thick, else the same with w and h exchanged, times w^2 / h^2
     [Saint-Venant 1855; Timoshenko and Goodier 1970, 109].
     """
-    ratio = np.maximum(ratio, NARROWEST)
+    ratio = np.maximum(ratio, 0.01)  # narrower ribs make equations that no solver can solve
     flat = np.minimum(ratio, 1 / ratio)
     lost = 0.63 * flat * (1 - flat**4 / 12)
     return np.asarray((1 - lost) * np.minimum(ratio, 1.0) ** 2)
@@ -51,8 +39,12 @@ class RibShape(NamedTuple):
 
 
 def rib_shape(surface: Surface) -> RibShape:
-    """How wide the material is around each face: the largest disc in it that touches the border where that is nearest
-    [medial discs, Blum 1967], and which way this runs."""
+    """Return the width of the material around each face and its direction.
+
+    The width is that of the largest disc in the material that touches the border where this is nearest [medial discs,
+    Blum
+    1967].
+    """
     border = np.flatnonzero(surface.edges.boundary[surface.edges.of.ravel()])
     if not len(border):
         return RibShape(np.full(surface.m, np.inf), tangents(surface)[:, 0])
@@ -70,21 +62,23 @@ def rib_shape(surface: Surface) -> RibShape:
 
 
 def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, largest: float) -> Floats:
-    """(k,) of the largest discs that touch the border in points (k, 3), on the inner side, and hold no other of them:
-    small ones grow until they do, and shrink until they do not [Ma, Bae and Choi 2012].
+    """Return radii (k,) of the largest discs that touch the border in points (k, 3), on the inner side, with no other
+    point inside: small discs grow until they have one, and shrink until they have none [Ma, Bae and Choi 2012].
 
-    Of discs that begin as large as the surface, the points next to their far centres take ten times as long to find.
+    Discs that begin as large as the surface have far centres: the search for their nearest points takes ten times
+    longer.
     """
 
     def held(which: Ints) -> tuple[Bools, Floats]:
-        """Of which discs another point is in, and the radii of those that touch it as well."""
+        """Return which discs contain another point, and the radii of those that touch it as well."""
         p, n, r = points[which], inward[which], radius[which]
         away, hit = tree.query(p + r[:, None] * n)
         off = points[hit] - p
         high = np.einsum("kx,kx->k", n, off)
         shorter = np.einsum("kx,kx->k", off, off) / np.maximum(2 * high, np.finfo(float).tiny)
         opening = np.arccos(np.clip(1 - high / np.maximum(shorter, np.finfo(float).tiny), -1, 1))
-        return (away < (1 - TOUCH) * r) & (high > 0) & (shorter < r) & (opening > APART), shorter
+        # the border may reach into a disc by a thousandth of its radius
+        return (away < (1 - 1e-3) * r) & (high > 0) & (shorter < r) & (opening > APART), shorter
 
     radius = np.full(len(points), min(small, largest))
     empty = np.arange(len(points))
@@ -92,7 +86,7 @@ def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, lar
         empty = empty[~held(empty)[0] & (radius[empty] < largest)]
         radius[empty] = np.minimum(2 * radius[empty], largest)
     moving = np.arange(len(points))
-    for _ in range(STEPS):
+    for _ in range(20):  # 5 to 8 steps suffice mostly
         shrinks, shorter = held(moving)
         moving = moving[shrinks]
         radius[moving] = shorter[shrinks]
@@ -102,9 +96,10 @@ def _disc_radii(tree: cKDTree, points: Floats, inward: Floats, small: float, lar
 
 
 def torsion_loss(sheet: SheetModel, elements: Elements, ribs: RibShape) -> csr_array:
-    """What twist about the directions of ribs adds to K where they are bars: negative, over the unknowns of `elements`.
+    """Return the part of K, negative, that a bar's twist about the direction of ribs loses, over the unknowns of
+    `elements`.
 
-    Of each face D is lessened by (1 - share) D_66 t t^T, with t : kappa the twist 2 kappa_ab along and across the rib.
+    Of each face D loses (1 - share) D_66 t t^T, with t : kappa the twist 2 kappa_ab along and across the rib.
     Raises ValueError for bending that is neither `hhj` nor `midedge`.
     """
     if elements.bending not in ("hhj", "midedge"):
@@ -117,10 +112,10 @@ def torsion_loss(sheet: SheetModel, elements: Elements, ribs: RibShape) -> csr_a
     return -(hhj_stiffness if elements.bending == "hhj" else midedge_stiffness)(sheet.surface, lost, elements)
 
 
-def _points_on(surface: Surface, border: Ints) -> tuple[Floats, Ints]:
-    """(k, 3) points on half-edges (b,), evenly, and the number of each one's half-edge in `border`."""
+def _points_on(surface: Surface, border: Ints, points_per_edge: int = 12) -> tuple[Floats, Ints]:
+    """Return evenly spaced points (k, 3) on half-edges (b,), and the index of each point's half-edge in `border`."""
     begin, end = (surface.V[vertices[border]] for vertices in half_edges(surface.F))
-    step = float(np.median(surface.edge_lengths)) / BORDER
+    step = float(np.median(surface.edge_lengths)) / points_per_edge
     count = np.maximum(1, np.ceil(np.linalg.norm(end - begin, axis=1) / step)).astype(np.int64)
     of = np.repeat(np.arange(len(border)), count)
     at = (np.arange(len(of)) - np.repeat(np.cumsum(count) - count, count) + 0.5) / count[of]

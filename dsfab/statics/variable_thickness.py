@@ -1,6 +1,6 @@
 """The stiffest sheet of varying thickness, of which no face is thicker than the whole sheet.
 
-With a stiffness that is proportional to it the problem is convex, so that it has one answer wherever it starts
+Its stiffness is proportional to the thickness, so the problem is convex: the result does not depend on the start
 [Cheng, Olhoff 1981; Petersson 1999], and no sheet of the same area with openings is stiffer on that mesh.
 """
 
@@ -16,12 +16,10 @@ from dsfab.statics.stiffness import FaceStiffness
 from dsfab.statics.stress import tensors_in_space
 from dsfab.surface import LoadCase
 
-BISECTED = 1e-6
-"""The Lagrange multiplier of the area is found to this share."""
 LEAST = 1e-4
-"""Thickness of what is left out, over that of the sheet: it still says which way the forces would run."""
+"""Least thickness over that of the sheet: omitted faces still have a direction of force."""
 SETTLED, MOVE, STEPS = 0.01, 0.2, 40
-"""No face changes by more than the first, in the last step; none by more than the second in any; at most so many."""
+"""Largest change of a face in the last step and in any step, over the thickness, and largest number of steps."""
 
 
 class VaryingSheet(NamedTuple):
@@ -38,9 +36,9 @@ class VaryingSheet(NamedTuple):
 
 
 def varying_thickness(sheet: SheetModel, loads: list[LoadCase], weights: Floats, share: float) -> VaryingSheet:
-    """The stiffest, with a thickness of `share` in the mean over the area.
+    """Return the stiffest sheet with a mean thickness of `share` over the area.
 
-    weights : (k,) of the loads' compliances in the sum that is made the least.
+    weights : (k,) of the loads' compliances in the sum to minimise.
 
     Raises StaticsError for a sheet that is not held, or a load that acts on nothing.
     """
@@ -63,7 +61,7 @@ def varying_thickness(sheet: SheetModel, loads: list[LoadCase], weights: Floats,
 
 
 def _membrane_forces(sheet: SheetModel, loads: list[LoadCase], K: FaceStiffness, solution: Floats) -> list[Floats]:
-    """For each load (m, 3, 3), N/m, of faces that are as thick as the sheet."""
+    """Return membrane forces (m, 3, 3), N/m, for each load, of faces as thick as the sheet."""
     surface, axis = sheet.surface, flat_axis(sheet.surface, *loads)
     moved = np.concatenate([solution, np.zeros((1, len(loads)))])[K.unknown]
     moving = [column for column in range(9) if axis is None or column % 3 != axis]
@@ -73,15 +71,16 @@ def _membrane_forces(sheet: SheetModel, loads: list[LoadCase], K: FaceStiffness,
 
 
 def optimality_step(x: Floats, gain: Floats, areas: Floats, area: float, solid: Bools, move: float) -> Floats:
-    """(m,) x sqrt(gain / multiplier), moved by at most `move`, with the multiplier that meets the area [Bendsoe 1995].
+    """Return x sqrt(gain / multiplier) (m,), moved by at most `move`, with the multiplier that meets the area [Bendsoe
+    1995].
 
-    gain  : (m,) what the compliance falls by per area of material that is added to a face.
+    gain  : (m,) decrease of the compliance per area of material added to a face.
     solid : (m,) faces that stay at 1.
     """
     low, high = np.maximum(x - move, 0.0), np.minimum(x + move, 1.0)
     root = x * np.sqrt(np.maximum(gain, 0.0))
     least, most = 0.0, 2 * float(root.max()) / max(float(x.min()), 1e-3)
-    while most - least > BISECTED * most:
+    while most - least > 1e-6 * most:
         middle = (least + most) / 2  # the root of the multiplier
         new = np.where(solid, 1.0, np.clip(root / middle, low, high))
         if areas @ new > area:

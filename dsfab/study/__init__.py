@@ -1,4 +1,4 @@
-"""Questions about designs: parametric sweeps, comparisons with other designs, and the verification of the elements."""
+"""Parametric sweeps, comparisons with other designs, and checks of a design's compliance and fabrication limits."""
 
 from dsfab.study.alternatives import (
     ALTERNATIVE_WORDS,

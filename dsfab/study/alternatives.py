@@ -21,8 +21,8 @@ from dsfab.study.judges import Judge, Judgement, full, quick
 class Spread:
     """Compliances of a competitor's variants, joules, by `quick`.
 
-    tried, carried : variants, and those of them that carry the loads.      best, mean, worst : of these.
-    median         : of all, those that carry nothing counted as infinitely soft.
+    tried, carried : number of variants, and of those that carry the loads.      best, mean, worst : of the latter.
+    median         : of all, with infinite compliance for variants that carry no loads.
     """
 
     tried: int
@@ -34,7 +34,7 @@ class Spread:
 
     @classmethod
     def of(cls, compliances: Sequence[float]) -> "Spread":
-        """Infinite ones carry nothing."""
+        """Return the statistics of compliances (J); infinite values carry no loads."""
         sound = [value for value in compliances if np.isfinite(value)]
         told = (min(sound), float(np.mean(sound)), max(sound)) if sound else (float("inf"),) * 3
         return cls(len(compliances), len(sound), *told, float(np.median(compliances)))
@@ -42,16 +42,16 @@ class Spread:
 
 @dataclass(frozen=True)
 class Competitor:
-    """A structure under the design's loads, or the reason (`error`) why there is none.
+    """A structure under the design's loads, or the reason (`error`) why it is missing.
 
-    variant         : which of several was the stiffest, such as "modes 1, 2".
-    area_fraction   : of the surface; 1 for those that are not cut.       mass : kg.     thickness : metres.
+    variant         : the stiffest of several variants, such as "modes 1, 2".
+    area_fraction   : of the surface; 1 for an uncut sheet.       mass : kg.     thickness : metres.
     judgement       : None with an error.       pieces : of the sheet.      loose : share of the material left out.
-    smallest_member : metres; None where there is none to be measured.
-    spread          : over the variants, where there are several.
+    smallest_member : metres; None if the sheet has no measurable member.
+    spread          : over the variants, if they are several.
     seconds_made, seconds : of making all variants, and of making and judging them.
-    structure       : what was judged, for those who want to draw it; with an error, what does not carry the loads, if
-                      it is one structure.
+    structure       : the judged structure, for drawings; with an error, a single structure that does not carry its
+                      loads.
     """
 
     name: str
@@ -71,15 +71,15 @@ class Competitor:
 
     @property
     def compliance(self) -> float:
-        """Joules; infinite where nothing carries the loads."""
+        """Compliance in joules; infinite if the loads are not carried."""
         return self.judgement.compliance if self.judgement else float("inf")
 
     def _failed(self) -> dict[str, Any]:
-        """Of a structure that does not carry the loads; nothing of one that could not be made."""
         return {"verdict": "fail", "reason": self.error} if self.structure else {}
 
     def row(self, full: float, design: float) -> dict[str, Any]:
-        """One row of a table, SI units: plain values, None where they are unknown. `full`, `design`: joules of both."""
+        """Return a table row of plain values in SI units, None for unknown values. full, design: compliance of both
+        (J)."""
         known: dict[str, Any] = {
             "name": self.name,
             "variant": self.variant,
@@ -104,7 +104,7 @@ class Competitor:
 
 
 def _competitors_judged(judgement: Judgement) -> dict[str, Any]:
-    """The columns of a judgement: the worst over the cases, and all reactions."""
+    """Return the columns of a judgement: the worst of all cases, and all reactions."""
     found: dict[str, Any] = {"bound": judgement.bound, "verdict": judgement.verdict, "reason": judgement.reason}
     found["level"] = judgement.level
     if judgement.theory is not None:
@@ -138,7 +138,6 @@ def _competitors_judged(judgement: Judgement) -> dict[str, Any]:
 
 
 def _number(value: float) -> float | int | None:
-    """Infinite and unknown numbers have no place in JSON."""
     return value if np.isfinite(value) else None
 
 
@@ -146,26 +145,17 @@ ALTERNATIVE_WORDS = {
     "thinner": "a uniformly thinner sheet without openings",
     "isotropic": "the best pair of isotropic stripes",
 }
-"""Alternatives of the same mass, and what they are called in a sentence."""
-
-ALIKE = 0.1
-"""Bound of the ratio of two cut sheets solved by the same elements, which err to the same side on both."""
-
-JUDGED_PAIRS = 2
-"""Of the pairs of modes so many are cut to the same mass and solved by better elements, the best by quick ones."""
-
-RANKED = 0.15
-"""Bound of the compliance of a cut sheet by the elements that rank: 5 to 15 % off, see `dsfab.study.sweeps.metrics`."""
+"""Alternatives of the same mass, with their names in sentences."""
 
 
 @dataclass(frozen=True)
 class Alternative:
     """Another structure of the mass of a design, under the same loads.
 
-    over      : the design's compliance over its own: above 1 the design is the softer one. Infinite where the design
-                does not carry its loads; 0 where the alternative does not.
-    low, high : what `over` may be, by the bounds of both.      variant : which of several, such as "modes 1, 2".
-    level     : how both were judged, in words.                 error : why there is none, or ''.
+    over      : the design's compliance over the alternative's: above 1 the design is softer. Infinite if the design
+                does not carry its loads; 0 if the alternative does not.
+    low, high : interval of `over`, from the bounds of both.        variant : the best variant, such as "modes 1, 2".
+    level     : how both were judged, in words.                     error : why the alternative is missing, or ''.
     """
 
     name: str
@@ -178,12 +168,12 @@ class Alternative:
 
     @property
     def is_stiffer(self) -> bool:
-        """Whether the design loses to it, as far as is known."""
+        """True if the alternative is probably stiffer than the design."""
         return self.over > 1
 
     @property
     def sentence(self) -> str:
-        """What to tell of a design that loses to it."""
+        """Sentence about a design that loses to this alternative."""
         which = f"{ALTERNATIVE_WORDS[self.name]} of the same mass"
         if not np.isfinite(self.over):
             return f"this design does not carry its loads, and {which} does"
@@ -192,7 +182,7 @@ class Alternative:
         return f"this design {may}: {which} is {self.over:.3g} x as stiff ({self.level}{between})"
 
     def record(self) -> dict[str, Any]:
-        """Plain values for a file; None where they are infinite."""
+        """Return plain values for a file, None for infinite values."""
         numbers = {"over": self.over, "over_low": self.low, "over_high": self.high}
         told = {"name": self.name, **{key: x if np.isfinite(x) else None for key, x in numbers.items()}}
         return {**told, "design_loses": self.is_stiffer, "level": self.level, "variant": self.variant} | (
@@ -201,21 +191,19 @@ class Alternative:
 
 
 def losing_line(found: Iterable[Alternative]) -> str:
-    """The first line about a design that loses to an alternative, the worst loss first; '' where it loses to none."""
+    """Return a line about the alternatives that are stiffer than the design, the worst loss first; '' for none."""
     return "; ".join(one.sentence for one in sorted(found, key=lambda one: -one.over) if one.is_stiffer)
 
 
 def is_searched(preset: Preset) -> bool:
-    """Whether something of the pattern is found by trying: a method, modes, phases, or widths that even out stress."""
+    """Return True if a search sets part of the pattern: method, modes, phases, or widths that even out stress."""
     ask = preset.pattern
     return ask.method == "auto" or ask.auto or ask.width.rule == "stressed"
 
 
 def design_alternatives(design: Design) -> tuple[Alternative, ...]:
-    """Those of a design, by the quickest look that can tell; worked out once.
-
-    Raises DsfabError of a design that cannot be cut.
-    """
+    """Return the alternatives of a design by the quickest sufficient solve; computed once per design. Raises DsfabError
+    if the design cannot be cut."""
 
     def looked() -> tuple[Alternative, ...]:
         slicing, thickness = design.slicing, design.preset.statics.thickness
@@ -228,13 +216,12 @@ def design_alternatives(design: Design) -> tuple[Alternative, ...]:
 def alternatives(
     task: ComparisonTask, own: Structure, names: Sequence[str] = tuple(ALTERNATIVE_WORDS)
 ) -> tuple[Alternative, ...]:
-    """Named alternatives beside a structure of the task's mass."""
+    """Return the alternatives `names` to a structure of the task's mass."""
     return tuple({"thinner": beside_thinner, "isotropic": beside_isotropic}[name](task, own) for name in names)
 
 
 class _Known(NamedTuple):
-    """A compliance, J, and by what share it may be off; infinite where the loads are not carried, which `error` says.
-    variant : which of several."""
+    """A compliance (J) with its relative bound; infinite if the loads are not carried (see `error`)."""
 
     compliance: float
     bound: float
@@ -251,9 +238,11 @@ class _Known(NamedTuple):
 
 
 def beside_thinner(task: ComparisonTask, own: Structure) -> Alternative:
-    """By one solve each, of the cut sheet by the elements that rank; where that cannot tell which is stiffer, by better
-    elements for the cut sheet and, unless it lies in a plane, a full check of the thinner one: the mesh of a whole
-    shell is coarse beside that of a cut one."""
+    """Compare with a thinner sheet, by one solve each with the elements that rank.
+
+    If that leaves open which is stiffer, better elements solve both. Outside a plane, the thinner sheet then gets a
+    full check, because its mesh is coarse beside that of a cut sheet.
+    """
     thin = Structure.uncut(task.surface, task.share * task.preset.statics.thickness)
     found = _beside("thinner", _ranked(task, own), _judged(quick, task, thin), "one solve each")
     if found.low <= 1 <= found.high:
@@ -263,9 +252,12 @@ def beside_thinner(task: ComparisonTask, own: Structure) -> Alternative:
 
 
 def beside_isotropic(task: ComparisonTask, own: Structure) -> Alternative:
-    """Every pair of modes is cut once and solved as candidates of a search are. The best few are cut again to exactly
-    the design's mass, and judged by better elements, as it is: members that bend in their plane, as those that ignore
-    the stress do, look up to twice too stiff by the quick ones, and 1 % more material makes them 5 % stiffer."""
+    """Compare with the best isotropic stripes.
+
+    Every pair of modes is cut once and solved with quick elements, like a candidate of a search. The two best pairs are
+    cut again to exactly the design's mass and judged with better elements, like the design. Quick elements make members
+    up to twice too stiff if they bend in their plane, and 1 % more material makes them 5 % stiffer.
+    """
     blind = blind_stripes(task)
     phases = blind.preset.pattern.major.shift, blind.preset.pattern.minor.shift
     level = f"one solve each, best of {len(blind.pairs)} pairs"
@@ -276,14 +268,14 @@ def beside_isotropic(task: ComparisonTask, own: Structure) -> Alternative:
     tried = [trial.candidate(pair, phases) for pair in blind.pairs]
     variants = zip(tried, blind_variants(task, blind), strict=True)
     best = sorted((pair for pair in variants if not pair[0].refused), key=lambda pair: _worth(pair[0]))
-    rivals = [_made(task, variant) for _, variant in best[:JUDGED_PAIRS]]
+    rivals = [_made(task, variant) for _, variant in best[:2]]
     failed = _Known(np.inf, 0.0, error=f"no pair of modes carries the loads; the first: {tried[0].refused}")
     rival = min(rivals, key=lambda one: one.compliance, default=failed)._replace(bound=0.0)
-    return _beside("isotropic", _judged(quick, task, own)._replace(bound=ALIKE), rival, level)
+    # the same elements err to the same side on both sheets: their ratio is known to 10 %
+    return _beside("isotropic", _judged(quick, task, own)._replace(bound=0.1), rival, level)
 
 
 def _made(task: ComparisonTask, variant: Variant) -> _Known:
-    """A variant as a comparison makes and judges it."""
     try:
         return _judged(quick, task, variant.make())._replace(variant=variant.says)
     except DsfabError as error:
@@ -291,7 +283,7 @@ def _made(task: ComparisonTask, variant: Variant) -> _Known:
 
 
 def compared_alternatives(own: Competitor, rivals: Iterable[Competitor]) -> tuple[Alternative, ...]:
-    """Those that a comparison judged anyway."""
+    """Return the alternatives that a comparison has judged as rivals."""
     mine = _of(own)
     return tuple(
         _beside(one.name, mine, _of(one), f"{one.judgement.level} check" if one.judgement else "")
@@ -306,7 +298,7 @@ def _of(one: Competitor) -> _Known:
 
 
 def _beside(name: str, own: _Known, rival: _Known, level: str) -> Alternative:
-    """Where neither carries the loads, nothing is lost to it."""
+    """Return the comparison of two compliances; a rival that does not carry the loads has `over` 0."""
     if not np.isfinite(rival.compliance):
         return Alternative(name, 0.0, 0.0, 0.0, level, error=rival.error)
     if not np.isfinite(own.compliance):
@@ -316,14 +308,14 @@ def _beside(name: str, own: _Known, rival: _Known, level: str) -> Alternative:
 
 
 def _ranked(task: ComparisonTask, own: Structure) -> _Known:
-    """A cut sheet by one solve with the elements that rank."""
+    """Return the compliance of a cut sheet by one solve with the elements that rank, which are 5 to 15 % off."""
     statics = task.preset.statics
     try:
         loads = sheet_loads(task.surface, own.drawn, own.sheet, task.loads_on(own))
         answers = solve_for(statics.sheet(own.thickness).on(own.sheet.surface), loads, "ranking")
     except DsfabError as error:
         return _Known(np.inf, 0.0, error=str(error))
-    return _Known(sum(weight * answers[name].compliance for name, weight in task.preset.followed.items()), RANKED)
+    return _Known(sum(weight * answers[name].compliance for name, weight in task.preset.followed.items()), 0.15)
 
 
 def _judged(judge: Judge, task: ComparisonTask, structure: Structure) -> _Known:
@@ -335,5 +327,4 @@ def _judged(judge: Judge, task: ComparisonTask, structure: Structure) -> _Known:
 
 
 def _worth(candidate: Candidate) -> float:
-    """Joules times share of the surface."""
     return candidate.compliance * candidate.kept

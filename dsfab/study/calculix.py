@@ -18,10 +18,7 @@ from dsfab.study.check_model import held_nodes
 from dsfab.surface import LoadCase, Surface
 
 CCX = "ccx"
-"""CalculiX's solver, as its package names it."""
-
-PATIENCE = 600.0
-"""Seconds after which it is stopped."""
+"""Name of CalculiX's solver program."""
 
 ENERGY = re.compile(r"total internal energy.*?\n\s*\n\s*(\S+)")
 
@@ -31,7 +28,7 @@ Projection = Callable[[Floats], tuple[Floats, Floats]]
 
 @dataclass(frozen=True, eq=False)
 class Wedges:
-    """A solid of one wedge (C3D15) for each triangle, in metres.
+    """A solid with one quadratic wedge (C3D15) for each triangle, in metres.
 
     nodes  : (p, 3).        elements : (m, 15) in CalculiX's order: corners below, corners above, middles of the edges
              below, middles above, middles of the upright edges.
@@ -46,7 +43,7 @@ class Wedges:
 
 
 def wedges(surface: Surface, thickness: float, projection: Projection) -> Wedges:
-    """The solid between the two surfaces that are half a thickness off the middle one along its normals."""
+    """Return the solid between the two surfaces half a thickness off the middle surface."""
     edges, F = surface.edges, surface.F
     n, e = surface.n, len(edges.ends)
     corner, normal = projection(surface.V)
@@ -55,19 +52,21 @@ def wedges(surface: Surface, thickness: float, projection: Projection) -> Wedges
     nodes = np.concatenate([corner - up, corner + up, corner, middle - over, middle + over])
     columns = np.arange(n)[:, None] + n * np.arange(3)
     middles = 3 * n + np.arange(e)[:, None] + e * np.arange(2)
-    # bottom and top as seen from the side that the normals point to: faces that run the other way round are turned
+    # the normals define top and bottom: turn faces of the other orientation
     turned = (surface.normals * normal[F[:, 0]]).sum(axis=1) < 0
     F, of = np.where(turned[:, None], F[:, ::-1], F), np.where(turned[:, None], edges.of[:, [1, 0, 2]], edges.of)
     parts = [columns[F, 0], columns[F, 1], middles[of, 0], middles[of, 1], columns[F, 2]]
     return Wedges(nodes, np.concatenate(parts, axis=1), columns, middles)
 
 
-def solid_compliance(solid: Wedges, material: Material, held: Ints, gravity: Floats) -> float | None:
-    """Joules, under the solid's own weight, by CalculiX; None where that is not installed.
+def solid_compliance(
+    solid: Wedges, material: Material, held: Ints, gravity: Floats, seconds: float = 600.0
+) -> float | None:
+    """Return the compliance (J) under the solid's own weight by CalculiX; None if CalculiX is not installed.
 
-    held    : nodes that do not move.       gravity : (3,) m/s2.
+    fixed_nodes : nodes that do not move.       gravity : (3,) m/s2.       seconds : time limit.
 
-    Raises StaticsError where CalculiX fails.
+    Raises StaticsError if CalculiX fails.
     """
     program = shutil.which(CCX)
     if program is None:
@@ -76,10 +75,10 @@ def solid_compliance(solid: Wedges, material: Material, held: Ints, gravity: Flo
         (Path(folder) / "solid.inp").write_text(_text(solid, material, held, gravity), encoding="ascii")
         try:
             done = subprocess.run(
-                [program, "solid"], cwd=folder, capture_output=True, text=True, timeout=PATIENCE, check=False
+                [program, "solid"], cwd=folder, capture_output=True, text=True, timeout=seconds, check=False
             )
         except subprocess.TimeoutExpired as error:
-            raise StaticsError(f"CalculiX did not solve the solid within {PATIENCE:g} s") from error
+            raise StaticsError(f"CalculiX did not solve the solid within {seconds:g} s") from error
         result = Path(folder) / "solid.dat"
         found = ENERGY.search(result.read_text(encoding="ascii")) if result.exists() else None
     if done.returncode or not found:
@@ -102,14 +101,14 @@ def _text(solid: Wedges, material: Material, held: Ints, gravity: Floats) -> str
 
 
 def nodes_of(solid: Wedges, surface: Surface, where: Bools) -> Ints:
-    """All nodes of the end faces that stand on the boundary edges between marked vertices (n,)."""
+    """Return all nodes of the end faces on boundary edges between marked vertices (n,)."""
     edges = surface.edges
     on = edges.boundary & where[edges.ends].all(axis=1)
     return np.unique(np.concatenate([solid.columns[edges.ends[on]].ravel(), solid.middles[on].ravel()]))
 
 
 THROUGH = (1 / 6, 1 / 6, 2 / 3)
-"""Of a force on a vertex of the sheet, what goes to its nodes below, above and between."""
+"""Shares of a force on a vertex for its nodes below, above and between."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -127,10 +126,10 @@ class WedgeModel:
 
 
 def solid_model(surface: Surface, normal: Floats, thickness: float, material: Material, load: LoadCase) -> WedgeModel:
-    """One wedge through the thickness for each triangle.
+    """Return a model with one wedge through the thickness for each triangle.
 
     normal : (n, 3) at the vertices, unit vectors, all to one side.    thickness : metres.
-    Supports hold the middle of the thickness, and clamped edges all of it. Raises StaticsError for springs.
+    Supports hold the middle of the thickness; clamped edges are fixed over all of it. Raises StaticsError for springs.
     """
     if load.spring.any():
         raise StaticsError("springs of supports are not in the nonlinear check; hold these supports rigidly for it")
@@ -146,7 +145,7 @@ def solid_model(surface: Surface, normal: Floats, thickness: float, material: Ma
 
 
 def _supports(solid: Wedges, surface: Surface, load: LoadCase, held: Bools) -> tuple[Ints, Ints]:
-    """`fixed` and `opposite`, of directions (n + e, 3) that are held at vertices and at middles of edges."""
+    """Return `fixed` and `opposite` for held directions (n + e, 3) of vertices and of middles of edges."""
     n = surface.n
     vertex, way = np.nonzero(held[:n])
     edge, along = np.nonzero(held[n:])
@@ -163,19 +162,16 @@ def _supports(solid: Wedges, surface: Surface, load: LoadCase, held: Bools) -> t
     return np.unique(np.concatenate([fixed, whole]), axis=0), pairs[~np.isin(pairs[:, :2], stiff).any(axis=1)]
 
 
-PAUSE = 0.2
-"""Seconds between two looks at its files."""
-
 ATTEMPT = re.compile(r"^ *\d+ +\d+ +\d+(U?) +\d+ +(\S+) +\S+ +(\S+) *$", re.MULTILINE)
-"""A line of the .sta file: U where no equilibrium was found, the time so far, and the step of time that was tried."""
+"""Line of the .sta file: U for no equilibrium, the time so far, and the attempted step of time."""
 TABLE = re.compile(r"^ displacements .* time +(\S+)\s*$", re.MULTILINE)
 
 
 @dataclass(frozen=True)
 class CcxFiles:
-    """What CalculiX has written so far: what it says, its results (.dat) and its attempts (.sta).
+    """Output of CalculiX so far: its console text, its results (.dat) and its attempts (.sta).
 
-    ended : whether it came to an end of its own.
+    ended : True if the program ended by itself.
     """
 
     said: str
@@ -184,8 +180,8 @@ class CcxFiles:
     ended: bool
 
     def tables(self) -> list[tuple[float, Floats]]:
-        """The time of each table of displacements, and (k, 4) numbers of nodes with their displacements."""
-        data = self.results[: self.results.rfind("\n") + 1]  # a line may be half written
+        """Return the time of each table of displacements, and (k, 4) numbers of nodes with their displacements."""
+        data = self.results[: self.results.rfind("\n") + 1]  # the last line may be incomplete
         heads = list(TABLE.finditer(data))
         found = []
         for head, following in zip(heads, [*heads, None][1:], strict=True):
@@ -196,26 +192,24 @@ class CcxFiles:
         return found
 
     def failures(self) -> list[tuple[float, float]]:
-        """The time that was reached before each attempt that failed, and the step of time that it tried."""
+        """Return the time before each failed attempt, and the step of time that it tried."""
         return [(float(at), float(step)) for failed, at, step in ATTEMPT.findall(self.attempts) if failed]
 
 
 def require_ccx() -> str:
-    """The path of CalculiX. Raises StaticsError where it is not installed."""
+    """Return the path of CalculiX. Raises StaticsError if it is not installed."""
     found = shutil.which(CCX)
     if found is None:
         raise StaticsError(
-            "the nonlinear check is done by CalculiX, and its program ccx is not on the path; install it (Debian and "
+            "the nonlinear check needs CalculiX, and its program ccx is not on the path; install it (Debian and "
             "Ubuntu: apt install calculix-ccx), or leave out --nonlinear"
         )
     return found
 
 
 def run_ccx(text: list[str], seconds: float, enough: Callable[[CcxFiles], bool] = lambda files: False) -> CcxFiles:
-    """What CalculiX writes of an .inp file: until it ends, until `enough` says so, or until the seconds are over.
-
-    It is ended with its files whatever ends this, an exception of a signal too.
-    """
+    """Run CalculiX on an .inp file until it ends, `enough` returns True, or `seconds` pass; return its output. The
+    process and its files are removed in any case, also after a signal."""
     with tempfile.TemporaryDirectory(prefix="dsfab-") as name:
         folder = Path(name)
         (folder / "solid.inp").write_text("".join(text), encoding="ascii")
@@ -238,11 +232,10 @@ def run_ccx(text: list[str], seconds: float, enough: Callable[[CcxFiles], bool] 
 def _watched(
     process: "subprocess.Popen[bytes]", folder: Path, seconds: float, enough: Callable[[CcxFiles], bool]
 ) -> None:
-    """Wait for its end. `enough` is asked after each attempt."""
     over, seen, attempts = time.monotonic() + seconds, 0, folder / "solid.sta"
     while process.poll() is None and (left := over - time.monotonic()) > 0:
         try:
-            process.wait(min(PAUSE, left))
+            process.wait(min(0.2, left))
         except subprocess.TimeoutExpired:
             size = attempts.stat().st_size if attempts.exists() else 0
             if size > seen and enough(_files(folder, False)):
@@ -258,19 +251,14 @@ def _files(folder: Path, ended: bool) -> CcxFiles:
     return CcxFiles(text("said"), text("solid.dat"), text("solid.sta"), ended)
 
 
-SMALLEST = 1e-3
-"""Steps of the load are halved down to this share of it before the program gives up."""
-STEPS = 10
-"""So many steps to each factor, or more where the program needs them: it halves those that do not converge."""
 FACTOR = re.compile(r"^\s+1\s+(\S+)\s*$", re.MULTILINE)
 
 
 @dataclass(frozen=True, eq=False)
 class LoadPath:
-    """load : (k,) factors on the loads, from 0 on.    u : (k, w, 3) metres, of the nodes that were watched.
-    whole   : whether the last factor that was asked for was reached.    late : whether time was over before.
-    failed  : (f, 2) of each attempt without equilibrium: the point from which it started, and by how much it tried to
-              raise the factor.
+    """load : (k,) factors on the loads, from 0 on.    u : (k, w, 3) metres, of the watched nodes.
+    whole   : True if the last requested factor was reached.    late : True if the time ran out before.
+    failed  : (f, 2) of each attempt without equilibrium: its start point, and its increment of the factor.
     """
 
     load: Floats
@@ -280,7 +268,7 @@ class LoadPath:
     failed: tuple[tuple[int, float], ...] = ()
 
     def until(self, last: int) -> "LoadPath":
-        """The path up to its point `last`, where nobody asks for more."""
+        """Return the path up to its point `last_point`."""
         failed = tuple((at, by) for at, by in self.failed if at <= last)
         return LoadPath(self.load[: last + 1], self.u[: last + 1], False, False, failed)
 
@@ -290,10 +278,8 @@ def _never(path: LoadPath) -> int | None:
 
 
 def lowest_buckling(model: WedgeModel, seconds: float) -> tuple[float, Floats]:
-    """The lowest factor on the loads at which the solid buckles by linear theory, and (p, 3) its shape, any size.
-
-    Raises StaticsError where CalculiX finds none.
-    """
+    """Return the lowest linear buckling factor on the loads, and its shape (p, 3) in any size. Raises StaticsError if
+    CalculiX finds no buckling."""
     step = ["*STEP\n*BUCKLE\n1\n*CLOAD\n", *_loads(model.force), "*NODE PRINT, NSET=ALL\nU\n*END STEP\n"]
     files = run_ccx([*_model(model, model.solid.nodes), *step], seconds)
     if not files.ended:
@@ -315,15 +301,17 @@ def load_path(
     watched: Ints,
     seconds: float,
     last: Callable[[LoadPath], int | None] = _never,
+    steps: int = 10,
 ) -> LoadPath:
-    """How nodes (w,) move as loads grow to each of `factors` in turn, in `STEPS` steps each, with large displacements.
+    """Return the path of nodes (w,) as loads grow to each of `factors` in turn, with large displacements.
 
-    nodes : (p, 3) where the solid is at first, metres.    last : of a path so far, the point after which no more is
-    asked, if there is one yet. Where the program cannot go on, or the seconds are over, the path ends.
+    nodes : (p, 3) initial positions, metres.    stop_point : returns a path's last point of interest so far, or None.
+    Each factor takes `steps` steps; CalculiX halves steps that do not converge, down to a thousandth of the load.
+    The path ends where CalculiX fails or the seconds are over. Raises StaticsError if the first step fails.
     """
     text = [*_model(model, nodes), "*NSET, NSET=WATCHED\n", *_rows("%d\n", watched + 1)]
     for factor in factors:
-        text.append(f"*STEP, NLGEOM, INC=1000\n*STATIC\n{1 / STEPS}, 1., {SMALLEST}, {1 / STEPS}\n*CLOAD\n")
+        text.append(f"*STEP, NLGEOM, INC=1000\n*STATIC\n{1 / steps}, 1., 0.001, {1 / steps}\n*CLOAD\n")
         text += [*_loads(factor * model.force), "*NODE PRINT, NSET=WATCHED\nU\n*END STEP\n"]
 
     def until(files: CcxFiles) -> tuple[LoadPath, int | None]:
@@ -331,7 +319,7 @@ def load_path(
         return path, last(path) if len(path.load) > 1 else None
 
     files = run_ccx(text, seconds, lambda files: until(files)[1] is not None)
-    path, end = until(files)  # wherever the program was by then, the path ends at the same point
+    path, end = until(files)  # the end of the path does not depend on when the program was stopped
     if end is not None:
         return path.until(end)
     if len(path.load) == 1 and not files.ended:
@@ -342,7 +330,6 @@ def load_path(
 
 
 def _path(files: CcxFiles, factors: tuple[float, ...], count: int) -> LoadPath:
-    """What was found so far of `count` nodes."""
     tables = [(time, table) for time, table in files.tables() if len(table) == count]
     time = np.array([0.0, *(time for time, _ in tables)])
     u = np.stack([np.zeros((count, 3)), *(table[table[:, 0].argsort(), 1:] for _, table in tables)])
@@ -362,7 +349,6 @@ def _late(seconds: float) -> StaticsError:
 
 
 def _model(model: WedgeModel, nodes: Floats) -> Iterator[str]:
-    """Everything before the step."""
     solid, used = model.solid, np.unique(model.solid.elements)
     yield "*NODE, NSET=ALL\n"
     yield from _rows("%d, %.11e, %.11e, %.11e\n", used + 1, *nodes[used].T)
@@ -381,5 +367,4 @@ def _loads(force: Floats) -> Iterator[str]:
 
 
 def _rows(template: str, *columns: Ints | Floats) -> Iterator[str]:
-    """`template % row` for every row of the columns."""
     yield "".join(template % row for row in zip(*(column.tolist() for column in columns), strict=True))

@@ -1,4 +1,4 @@
-"""A design as a finite element model for CalculiX, with our own results beside it."""
+"""A design as a finite element model for CalculiX, with dsfab's own results in its comments."""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -22,29 +22,27 @@ from dsfab.study.verdict.estimates import ModeEstimate
 from dsfab.surface import LoadCase, Surface, support_names
 
 THIN = 0.01
-"""Thickness of CPS6 sections over the mean edge, at most. CalculiX makes solid wedges of them whose change of thickness
-is continuous, which costs shear when they are thick: a cut cantilever was 0.15 to 0.2 % too stiff with a section as
-thick as a third of the mean edge, and 0.02 to 0.03 % too stiff at a hundredth and below."""
+"""Largest thickness of CPS6 sections over the mean edge. CalculiX makes solid wedges of them with a continuous change
+of thickness, which costs shear if they are thick. A cut cantilever was 0.15 to 0.2 % too stiff with a section of a
+third of the mean edge, and 0.02 to 0.03 % too stiff at a hundredth and below."""
 
 
 def six_node_triangles(surface: Surface) -> tuple[Floats, Ints]:
-    """Nodes (n + e, 3), metres: the vertices, then the middles of the edges; triangles (m, 6): corners, then middles.
-
-    The fourth node is between the first two, the fifth between the second and the third, the sixth behind.
-    """
+    """Return nodes (n + e, 3), metres: vertices, then middles of edges; and triangles (m, 6): corners, then middles.
+    The fourth node is between the first two, the fifth between the second and the third, the sixth behind."""
     edges = surface.edges
     middles = surface.V[edges.ends].mean(axis=1)
     return np.concatenate([surface.V, middles]), np.concatenate([surface.F, surface.n + edges.of], axis=1)
 
 
 def nodal_forces(surface: Surface, force: Floats, spread: SpreadLoad | None = None) -> Floats:
-    """(n + e, 3) newtons on the nodes of six-node triangles that do the same work as our loads.
+    """Return (n + e, 3) newtons on the nodes of six-node triangles that do the same work as dsfab's loads.
 
     force  : (n, 3) newtons on the vertices, the share of `spread` included.
     spread : loads per area and per length, which act on bubbles too.
 
-    The quadratic shape of a corner is its hat function less half of the bubbles of its edges, and that of a middle node
-    is the bubble, so middles take what acts on the bubbles and corners lose half of it.
+    The quadratic shape of a corner is its hat function less half of the bubbles of its edges; that of a middle node is
+    the bubble. So middles take the force on the bubbles, and corners lose half of it.
     """
     middle = np.zeros((len(surface.edges.ends), 3))
     if spread is not None:
@@ -56,10 +54,10 @@ def nodal_forces(surface: Surface, force: Floats, spread: SpreadLoad | None = No
 
 
 def held_nodes(surface: Surface, supports: Mapping[str, Bools]) -> dict[str, Bools]:
-    """By support, the held directions (n + e, 3) of all nodes, from those of the vertices (n, 3).
+    """Return the held directions (n + e, 3) of all nodes by support, from those of the vertices (n, 3).
 
-    Middles are held where our edges are (`held_middles` of all supports together). One between two supports belongs to
-    the first of them that holds an end.
+    Middles follow dsfab's held edges (`held_middles` of all supports together). A middle between two supports belongs
+    to the first support that holds an end.
     """
     ends = surface.edges.ends
     left = held_middles(surface, _held_by_any(surface, supports))
@@ -72,7 +70,6 @@ def held_nodes(surface: Surface, supports: Mapping[str, Bools]) -> dict[str, Boo
 
 
 def _held_by_any(surface: Surface, supports: Mapping[str, Bools]) -> Bools:
-    """(n, 3) directions held by some support; all supports may be springs."""
     return np.asarray(np.logical_or.reduce([np.zeros((surface.n, 3), dtype=bool), *supports.values()]))
 
 
@@ -84,7 +81,7 @@ def six_node_model(
     element: Element = "S6",
     axis: int = 2,
 ) -> CalculixModel:
-    """The model of a sheet. Faces that are held in all directions do not turn, as in ours.
+    """Return the CalculiX model of a sheet. Faces that are fixed in all directions do not turn, as in dsfab.
 
     supports : by name, (n, 3) held directions of the vertices.
     steps    : by name, (n + e, 3) newtons, see `nodal_forces`.
@@ -110,15 +107,17 @@ def six_node_model(
 
 
 def axes_of_file(axis: int) -> Ints:
-    """(3,) the coordinates that become x, y and z of a file when a sheet is seen along the coordinate `axis`."""
+    """Return (3,) the coordinates that become x, y and z of a file for a view along the coordinate `axis`."""
     return np.asarray(np.roll(np.arange(3), 2 - axis))
 
 
 def in_plane(model: CalculixModel, axis: int, thickness: float) -> CalculixModel:
-    """The model in CPS6, seen along the coordinate `axis`: the two others become x and y.
+    """Return the model in CPS6, seen along the coordinate `axis`: the two other coordinates become x and y.
 
-    thickness : metres, of the section at most; a stiffer material makes up for it, so that displacements, reactions and
-                energy stay and stresses grow.
+    thickness : largest thickness of the section, metres. A stiffer material makes up for it, so that displacements,
+                reactions and energy stay and stresses grow.
+
+    Raises StaticsError for a sheet that is not flat.
     """
     if np.ptp(model.nodes[:, axis]) > 1e-9 * np.ptp(model.nodes, axis=0).max():
         raise StaticsError("a sheet that is not flat cannot be solved in its plane; choose S6 elements")
@@ -157,15 +156,12 @@ LOADS = {
     "uncut": "Loads are those of the uncut sheet, with its whole weight; the cut sheet weighs less",
     "cut": "Loads are those of the cut sheet: its own weight, and what lies on coverings at the material nearest to it",
 }
-"""Which loads a model has."""
-
-ROUNDING = 1e-9
-"""Components under this share of the largest are shown as zero."""
+"""Explanation of the loads of each kind of model."""
 
 
 @dataclass(frozen=True, eq=False)
 class CheckModel:
-    """A model, the surface it was made of, and our own answers to its steps with the elements for verdicts."""
+    """A model, its surface, and dsfab's own answers to its steps with the elements for verdicts."""
 
     model: CalculixModel
     surface: Surface
@@ -174,11 +170,8 @@ class CheckModel:
 
 
 def uncut_model(preset: Preset, progress: Progress | None = None) -> CheckModel:
-    """The whole surface of a preset, a step for each case and combination: S6 shells, or CPS6 if it is flat and loaded
-    in its plane.
-
-    Raises DsfabError for a preset that cannot be solved.
-    """
+    """Return the whole surface of a preset with a step for each case and combination. Elements are S6 shells, or CPS6
+    for a flat surface that is loaded in its plane. Raises DsfabError if the preset cannot be solved."""
     log = Log(progress)
     surface = surface_step(preset, log)
     check_scale(preset, surface, log)
@@ -190,9 +183,9 @@ def uncut_model(preset: Preset, progress: Progress | None = None) -> CheckModel:
 
 
 def cut_model(design: Design, progress: Progress | None = None) -> CheckModel:
-    """The cut sheet of a design, with the loads of the uncut surface handed over to its vertices (`sheet_load`)."""
+    """Return the cut sheet of a design; its vertices carry the loads of the uncut surface (`sheet_load`)."""
     sheet, preset = design.sheet, design.preset
-    nothing = SpreadLoad.on(sheet.surface)  # what was spread has been handed to the vertices
+    nothing = SpreadLoad.on(sheet.surface)  # the vertices carry the spread loads
     acting = [
         Loading(name, sheet_load(design.surface, sheet, case.load), nothing, case.factors)
         for name, case in design.statics.cases.items()
@@ -205,7 +198,6 @@ def cut_model(design: Design, progress: Progress | None = None) -> CheckModel:
 
 
 def _modes(preset: Preset, setting: LoadedSurface, material: Sheet, progress: Progress | None) -> list[str]:
-    """What [statics] asks of buckling and vibration, with its bound; nothing where it does not ask."""
     if not (ask := preset.statics.ask).modes:
         return []
     found = mode_intervals(setting, material, ask, BUDGET, progress)
@@ -267,7 +259,7 @@ def _checked(
 def _answers(
     preset: Preset, surface: Surface, acting: Sequence[Loading], cases: Mapping[str, LoadCase]
 ) -> dict[str, Equilibrium]:
-    """Ours, with the elements whose displacements are those of six-node triangles."""
+    """Solve with the elements whose displacements are those of six-node triangles."""
     spreads = {loading.name: loading.spread for loading in acting if loading.name in cases}
     sums = {loading.name: loading.factors for loading in acting if loading.factors is not None}
     sheet, pair = preset.statics, elements_of("six_nodes")
@@ -289,7 +281,7 @@ def _on_supports(preset: Preset, model: CalculixModel) -> Iterator[str]:
 
 
 def _expected(name: str, model: CalculixModel, u: Floats, reaction: Floats, energy: float) -> Iterator[str]:
-    """What CalculiX should find in one step, from our displacements and reactions (n, 3) in the file's axes."""
+    """Yield the expected results of a step, from displacements and reactions (n, 3) in the file's axes."""
     force, node = model.steps[name], int(np.linalg.norm(u, axis=1).argmax())
     pair = elements_of("six_nodes")
     yield f"{name}: {_vector(force.sum(axis=0))} N in all. With {pair} elements on the same triangles dsfab finds"
@@ -302,6 +294,5 @@ def _expected(name: str, model: CalculixModel, u: Floats, reaction: Floats, ener
 
 
 def _vector(values: Floats) -> str:
-    """Three numbers, without those that are rounding."""
-    kept = np.where(np.abs(values) > ROUNDING * np.abs(values).max(), values, 0.0)
+    kept = np.where(np.abs(values) > 1e-9 * np.abs(values).max(), values, 0.0)
     return "(" + ", ".join(f"{value:.6g}" for value in kept.tolist()) + ")"

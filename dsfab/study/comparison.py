@@ -30,17 +30,16 @@ from dsfab.study.judges import Judge, Judgement, full, quick
 from dsfab.study.verdict import BUDGET
 
 Told = Callable[[str], None]
-"""Called with the name of the competitor that is about to be made."""
+"""Function that receives the name of the next competitor."""
 
 
 @dataclass(frozen=True, repr=False)
 class Comparison:
-    """The design against its competitors; the smaller the compliance, the stiffer.
+    """The design against its competitors; a smaller compliance is stiffer.
 
-    The loads are those that the pattern follows: one case or combination, or several, whose compliances are then added
-    with the weights of [diffusion] (1 each when left out). `task` is what all of them share;
-    `pattern` the measures of what the design draws, where it is judged as it is drawn; `looked_at` alternatives that
-    are no competitors.
+    The loads are those that the pattern follows. Several load cases add their compliances with the weights of
+    [diffusion] (default 1). `task` is the common input. `pattern` holds the measures of the design's pattern, unless
+    its widths are scaled; `looked_at` holds alternatives that are not competitors.
     """
 
     name: str
@@ -53,32 +52,33 @@ class Comparison:
 
     @property
     def alternatives(self) -> tuple[Alternative, ...]:
-        """A thinner sheet and isotropic stripes beside the design, as they were judged here, or else `looked_at`."""
+        """A thinner sheet and isotropic stripes, as judged rivals, or else from `looked_at`."""
         judged = compared_alternatives(self.design, self.rivals)
         return judged + tuple(one for one in self.looked_at if one.name not in {two.name for two in judged})
 
     def with_alternatives(self) -> Self:
-        """With a quick look at those alternatives that are none of the competitors."""
+        """Return the comparison with a quick look at the alternatives that are not competitors."""
         missing = [name for name in ALTERNATIVE_WORDS if name not in {one.name for one in self.rivals}]
         own = self.design.structure
         return replace(self, looked_at=alternatives(self.task, own, missing)) if own and missing else self
 
     @property
     def competitors(self) -> tuple[Competitor, ...]:
-        """The full sheet, the design, and the others in the order asked for."""
+        """The full sheet, the design, and the rivals in the requested order."""
         return (self.full, self.design, *self.rivals)
 
     def __getitem__(self, name: str) -> Competitor:
-        """A competitor by its name."""
+        """Return a competitor by its name."""
         return next(one for one in self.competitors if one.name == name)
 
     def gain(self, name: str) -> float:
-        """Compliance of a competitor over the design's: above 1 the design is stiffer; nan where neither carries."""
+        """Return the compliance of a competitor over the design's: above 1 the design is stiffer; nan if neither
+        carries."""
         rival, own = self[name].compliance, self.design.compliance
         return rival / own if np.isfinite(own) else 0.0 if np.isfinite(rival) else float("nan")
 
     def __repr__(self) -> str:
-        """A line for each: its name, its compliance, how often that is the design's, and its mass."""
+        """Return a table: name, compliance, its ratio to the design's, and mass."""
         rows = (
             (one.name, f"{one.compliance:.4g} J", f"{self.gain(one.name):.3g} x the design's", mass(one.mass))
             if np.isfinite(one.compliance)
@@ -90,7 +90,7 @@ class Comparison:
         return head + table((f"Comparison of {self.name}", "compliance", "", "mass"), rows)
 
     def record(self) -> dict[str, Any]:
-        """Plain values for a file, SI units: `name`, `alternatives`, and `competitors`, a table of a row each."""
+        """Return plain values for a file, SI units: `name`, `alternatives`, and a row for each of `competitors`."""
         return {
             "name": self.name,
             "alternatives": [one.record() for one in self.alternatives],
@@ -106,15 +106,16 @@ def comparison(
     rival_judge: Judge | None = None,
     refuse: bool = True,
 ) -> Comparison:
-    """The design's compliance on its own cut sheet, beside competitors of the same mass.
+    """Compare the compliance of the design's own cut sheet with competitors of the same mass.
 
-    against : names of `BASELINES`.     judge : what each is judged by; the stiffest of variants is found by `quick`.
-    rival_judge : what competitors are judged by, if it is not that.
-    refuse : whether a design that does not carry its loads is refused; else it is told as an error, like competitors,
-             which are of its mass then too (there are none where it cannot be cut).
+    against : names of `BASELINES`.     judge : judge of the design and the full sheet; `quick` selects the best
+              variants.
+    rival_judge : judge of the competitors; default: `judge`.
+    refuse : whether to raise an error if the design does not carry its loads. Otherwise the comparison holds the error;
+             competitors then have the mass of the cut sheet, and are missing if it cannot be cut.
 
-    Raises StaticsError when the design itself does not carry its loads: a concentrated load that stands on a piece
-    which reaches no support counts as not carried. DsfabError for names of no baseline.
+    Raises StaticsError if the design does not carry its loads: a concentrated load on a loose piece is not carried.
+    Raises DsfabError for unknown names.
     """
     rivals = chosen(against)
     try:
@@ -134,11 +135,10 @@ def comparison(
 def compare_at(
     made: Design, share: float, against: Iterable[str] = DEFAULT, judge: Judge = quick, told: Told | None = None
 ) -> Comparison:
-    """`comparison` where all of them, the design with its widths scaled as well, use `share` of the surface.
+    """Compare with `share` of the surface for every sheet; the design's widths are scaled to it.
 
-    A design that does not carry its loads there is told as an error, like its competitors.
-
-    Raises DsfabError for a share that is not between 0 and 1, and for names of no baseline.
+    If the design does not carry its loads then, the comparison holds the error. Raises DsfabError for unknown names and
+    for a share that is not between 0 and 1.
     """
     rivals = chosen(against)
     if not 0 < share < 1:
@@ -177,7 +177,7 @@ def _compared(
 def _entered(
     task: ComparisonTask, name: str, variants: Sequence[Variant], judge: Judge, refuse: bool = False
 ) -> Competitor:
-    """The stiffest of the variants; `refuse` raises what the first of them is refused for."""
+    """Return the stiffest variant as a competitor; `refuse` raises the error of the first variant."""
     start, making, found, errors = time.perf_counter(), 0.0, [], []
     several, structure = len(variants) > 1, None
     for variant in variants:
@@ -206,7 +206,6 @@ def _entered(
 
 
 def _measured(task: ComparisonTask, entered: Competitor, structure: Structure) -> Competitor:
-    """With the structure, its mass and its sizes."""
     area = structure.sheet.surface.area
     return replace(
         entered,
@@ -229,26 +228,23 @@ def _smallest_member(structure: Structure) -> float | None:
 
 
 TRIANGLE = {True: 4e-4, False: 1.7e-3}
-"""Seconds of a full check for each triangle of the mesh as it is cut, in the plane and bent: measured on two meshes."""
+"""Seconds of a full check per triangle of the cut mesh, in the plane and bent, measured on two meshes."""
 
 
 def seconds_needed(triangles: int, plane: bool) -> float:
-    """What a full check takes on one core, about; four times as much where a third mesh is needed."""
+    """Estimate the seconds of a full check on one core; a third mesh takes four times as long."""
     return TRIANGLE[plane] * triangles
 
-
-PATIENCE = 60.0
-"""Seconds that full checks may take in all where no level is asked for."""
 
 Level = Literal["quick", "full"]
 
 
 @dataclass(frozen=True)
 class Checks:
-    """How deep each is looked at.
+    """Depth of the checks of a comparison.
 
-    level  : quick or full; None is full for the design, and for what it is compared with if all take under a minute.
-    ask    : answers besides the compliance.        memory : bytes that the solver may take for a full check.
+    level  : quick or full. None: full for the design, and for competitors if all checks take less than a minute.
+    ask    : results besides the compliance.        memory : bytes that the solver may take for a full check.
     """
 
     level: str | None = None
@@ -257,8 +253,9 @@ class Checks:
     progress: Progress = silent
 
     def judge(self, depth: str, every: bool = False) -> Judge:
-        """depth : quick, full, or whole: full for whole sheets, on whose meshes one solve is far off, quick for others.
-        every : whether all cases are judged.
+        """Return the judge of a depth: quick, full, or whole (full for whole sheets, quick for cut sheets).
+
+        One solve is far off on the coarse meshes of whole sheets.    every : whether to judge all cases.
         """
         if depth == "whole":
             return _full_for_whole_sheets(self.judge("full"), self.judge("quick"))
@@ -268,7 +265,7 @@ class Checks:
 
 
 class Judges(NamedTuple):
-    """Of the design, each case, and of its competitors; and where these are judged by one solve only, why, or ''."""
+    """Judges of the design (all cases) and of its competitors, and why one solve has to suffice for these, or ''."""
 
     own: Judge
     rival: Judge
@@ -278,13 +275,13 @@ class Judges(NamedTuple):
 def compare(
     design: Design, against: Iterable[str] = DEFAULT, level: Level | None = None, progress: Progress = silent
 ) -> Comparison:
-    """The design's compliance on its own cut sheet, beside competitors of the same mass, as `dsfab compare` has it.
+    """Compare the compliance of the design's own cut sheet with competitors of the same mass, like `dsfab compare`.
 
     against : names of `dsfab.study.baselines.BASELINES`.
-    level   : quick, one solve each; full, on finer and finer meshes, for a compliance with a tested bound; None is full
-              for the design, and for the competitors too if all take less than a minute.
+    level   : quick, one solve each; full, on finer and finer meshes, for a compliance with a tested bound. None: full
+              for the design, and for competitors if all checks take less than a minute.
 
-    Raises StaticsError when the design itself does not carry its loads, DsfabError for names of no baseline.
+    Raises StaticsError if the design does not carry its loads, and DsfabError for unknown names.
     """
     names = tuple(against)
     own, rival, _ = judges(design, names, Checks(level, progress=progress))
@@ -292,14 +289,14 @@ def compare(
 
 
 def judges(design: Design, against: Iterable[str], checks: Checks) -> Judges:
-    """Who looks at the design and its competitors, whose names are `against`."""
+    """Return the judges of the design and of its competitors, whose names are `against`."""
     names = tuple(chosen(against))
     if checks.level is None and _cuts(design):
         plane = flat_axis(design.surface, *(case.load for case in design.statics.cases.values())) is not None
         whole = 1 + ("thinner" in names)
         triangles = whole * design.surface.m + (2 + len(names) - whole) * design.sheet.surface.m
         seconds = seconds_needed(triangles, plane)
-        if seconds > PATIENCE:
+        if seconds > 60:
             told = f"full checks of all would take about {seconds:.0f} s: those that are cut are judged by one solve"
             return Judges(checks.judge("full", True), checks.judge("whole"), told)
     depth = checks.level or "full"
@@ -307,7 +304,7 @@ def judges(design: Design, against: Iterable[str], checks: Checks) -> Judges:
 
 
 def full_at_many_shares(memory: float = BUDGET) -> Judge:
-    """`full` for comparisons at many shares of one surface: the whole sheet of a thickness is judged once.
+    """Return `full` for comparisons at many shares of one surface; whole sheets of equal thickness are judged once.
 
     memory : bytes that the solver may take.
     """
@@ -316,7 +313,6 @@ def full_at_many_shares(memory: float = BUDGET) -> Judge:
 
 
 def _cuts(design: Design) -> bool:
-    """Whether its pattern can be cut at all."""
     try:
         return bool(design.sheet)
     except DsfabError:
@@ -324,7 +320,7 @@ def _cuts(design: Design) -> bool:
 
 
 def _full_for_whole_sheets(whole: Judge, cut: Judge) -> Judge:
-    """`whole` for what is not cut, once for each thickness, and `cut` for the rest."""
+    """Return a judge: `whole_judge` for uncut sheets, once for each thickness, and `cut` for cut sheets."""
     known: dict[float, Judgement] = {}
 
     def judge(task: ComparisonTask, made: Structure) -> Judgement:

@@ -20,16 +20,13 @@ from dsfab.slicing.measures.widths import Feature, Features, features, kept_cell
 from dsfab.surface import Picker, edges_of, load_names, pieces, support_names
 from dsfab.thickening.wall_thickness import Wall, thinnest_wall
 
-TOO_FINE = 1e-3
-"""Metres; what is narrower, and than its limit, is not built unless somebody accepts it."""
-
 
 @dataclass(frozen=True, eq=False)
 class Check:
-    """A limit of [fabrication] and what was measured, metres (for `bed` three of each).
+    """A limit of [fabrication] and its measured value, metres (for `bed` three of each).
 
-    name  : the key of the limit.    value, place, what : empty where there is nothing of the kind, which passes.
-    asked : whether [fabrication] says it; else it is what the design is kept to, see `least_widths`.
+    name  : the key of the limit.    value, place, what : empty if the design has no such feature, which passes.
+    asked : True for a limit from [fabrication]; False for a limit from `least_widths`.
     """
 
     name: str
@@ -43,8 +40,9 @@ class Check:
 
 @dataclass(frozen=True)
 class Touches:
-    """A piece of the sheet: m2, and the entries of surface.support and surface.load that act on it, counted from 1; and
-    what they are called."""
+    """A piece of the sheet: m2, the entries of surface.support and surface.load that act on it (counted from 1), their
+    names.
+    """
 
     area: float
     supports: tuple[int, ...]
@@ -54,7 +52,7 @@ class Touches:
 
 @dataclass(frozen=True, eq=False)
 class FabricationMeasures:
-    """What `fabrication` finds; lengths in metres."""
+    """Result of `fabrication`; lengths in metres."""
 
     thickness: float
     features: Features
@@ -66,15 +64,12 @@ class FabricationMeasures:
 
     @property
     def failed(self) -> tuple[Check, ...]:
-        """The checks that fail."""
+        """Checks that fail."""
         return tuple(check for check in self.checks if check.verdict == "fail")
 
 
 def fabrication(design: Design) -> FabricationMeasures:
-    """Measure a design and compare it with the limits of its preset.
-
-    A limit is met or not on the sheet and the solid as they are built: it passes or fails.
-    """
+    """Measure the built sheet and solid of a design and compare them with the limits of its preset."""
     cells = design.slicing.cells
     least = least_widths(design.settled, design.surface)
     found = features(cells, kept_cells(cells, design.sheet), design.pattern.names, tips=least.gap > 0)
@@ -97,11 +92,12 @@ def fabrication(design: Design) -> FabricationMeasures:
 
 
 def refusals(design: Design, made: FabricationMeasures | None = None) -> tuple[str, ...]:
-    """Why a design is not to be shipped unless somebody accepts it, a clause each: loads that nothing carries, a sheet
-    that was thinned to a film; where it is kept to what a workshop makes, members and openings under a millimetre that
-    fail their limit.
+    """Return clauses: why a design must not be exported without the user's consent.
 
-    made : what was measured on it; None leaves out what has to be measured.
+    Reasons are loads that nothing carries and a sheet thinned to a film. A workshop design also must not have members
+    and openings that are below their limit and below a millimetre.
+
+    measured : measures of the design; None leaves out the reasons that need measures.
     """
     loads, why = {name: case.load for name, case in design.statics.cases.items()}, []
     try:
@@ -114,16 +110,16 @@ def refusals(design: Design, made: FabricationMeasures | None = None) -> tuple[s
         place = ", ".join(f"{x + 0.0:.3g}" for x in repairs.thinnest_at)
         why.append(f"the sheet was thinned to a film of {thin} at ({place}) m")
     for check in made.failed if made and design.settled.pattern.for_workshop else ():
-        if check.name in ("min_member", "min_gap") and check.value[0] < TOO_FINE:
+        if check.name in ("min_member", "min_gap") and check.value[0] < 1e-3:
             place = ", ".join(f"{x + 0.0:.3g}" for x in check.place)
             why.append(f"{check.what} of {length(check.value[0])} at ({place}) m cannot be made")
     return tuple(why)
 
 
 def require_fit(design: Design, made: FabricationMeasures | None = None, measure: bool = True) -> None:
-    """Raise PatternError for what `refusals` finds, unless the preset accepts it (`fabrication.accept`).
+    """Raise PatternError for `refusals`, unless the preset accepts them (`fabrication.accept`).
 
-    measure : whether what has to be measured is, unless it is known.
+    measure : whether to measure a workshop design if `measured` is None.
     """
     if made is None and measure and design.settled.pattern.for_workshop:
         made = fabrication(design)
@@ -139,7 +135,6 @@ def _checked(name: str, limit: float, found: Feature | None, asked: bool = True)
 
 
 def _touches(design: Design) -> tuple[Touches, ...]:
-    """The pieces of the sheet, largest first by number of triangles, and what each touches."""
     sheet, on = design.sheet, acting_on(design.preset, design.surface)
     count, label = pieces(sheet.surface.F, sheet.surface.edges)
     area = np.bincount(label, sheet.surface.areas, count)
@@ -170,21 +165,18 @@ def _pieces_at(design: Design, at: Picker, label: Ints) -> list[int]:
 
 
 ATTEMPTS = 8
-"""So many changes are tried, each measured on the whole design."""
+"""Limit on the number of changes; each change measures the whole design."""
 
 MARGIN = 1.02
-"""Widths are asked for this much over the limit: slicing moves lines by hairs."""
-
-LARGEST_STEP = 1.25
-"""A width that came out too small is asked for again, larger by at most this factor."""
+"""Factor on a limit for the requested width, because slicing moves lines slightly."""
 
 COARSER, COARSEST = 0.85, 0.6
-"""What frequencies are multiplied by where no width helps, at most and at least."""
+"""Largest and smallest factor on frequencies if no width helps."""
 
 
 @dataclass(frozen=True, eq=False)
 class Fixed:
-    """A design that keeps to its limits, what was measured on it, and the keys that were changed: old and new value."""
+    """A design within its limits, its measures, and the changed keys with old and new values."""
 
     design: Design
     made: FabricationMeasures
@@ -192,13 +184,12 @@ class Fixed:
 
 
 def fixed_design(design: Design, progress: Progress | None = None) -> Fixed:
-    """The design with wider members and gaps, or fewer of them, until no check of its [fabrication] fails.
+    """Return the design with wider or fewer members and gaps, so that no check of its [fabrication] fails.
 
-    Members: pattern.width.min_width, and the rim or the kept region where these are narrow. Gaps: pattern.width.min_gap
-    fills those between two stripes of a family, slicing.min_opening what is left between families. Then both are asked
-    to be larger, and frequencies are lowered. Each change is made on the design before: nothing is solved twice.
-
-    Raises PatternError where another section must change (walls, bed), and when `ATTEMPTS` changes do not suffice.
+    Members widen by pattern.width.min_width, and by the rim or the kept region if these are narrow.
+    pattern.width.min_gap fills gaps between two stripes of a family, slicing.min_opening fills gaps between families.
+    Both then grow, and frequencies fall. Each change revises the design before, so early stages are solved once. Raises
+    PatternError if another section must change (walls, bed), and if `ATTEMPTS` changes do not suffice.
     """
     original, made = design.preset, fabrication(design)
     for turn in range(ATTEMPTS):
@@ -209,7 +200,7 @@ def fixed_design(design: Design, progress: Progress | None = None) -> Fixed:
         changes = _changes(design, made) | (_coarser(design, made) if turn >= ATTEMPTS // 2 else {})
         try:
             design = revise(design, overridden(design.preset, changes), progress)
-        except PatternError:  # wider stripes and the wanted share of material contradict each other
+        except PatternError:  # wider stripes may contradict the share of material
             design = revise(design, overridden(design.preset, _coarser(design, made)), progress)
         made = fabrication(design)
     if made.failed:
@@ -239,7 +230,6 @@ def _refuse_hopeless(check: Check) -> None:
 
 
 def _changes(design: Design, made: FabricationMeasures) -> dict[str, Any]:
-    """The next values of the keys that can help, from what failed."""
     pattern, changes = design.preset.pattern, dict[str, Any]()
     failed = {check.name: check for check in made.failed}
     if check := failed.get("min_member"):
@@ -253,7 +243,6 @@ def _changes(design: Design, made: FabricationMeasures) -> dict[str, Any]:
 
 
 def _coarser(design: Design, made: FabricationMeasures) -> dict[str, Any]:
-    """Fewer stripes, by as much as a member that failed is too narrow, within limits."""
     short = min((c.value[0] / c.limit[0] for c in made.failed if c.name == "min_member"), default=COARSER)
     by, changes = min(max(short, COARSEST), COARSER), dict[str, Any]()
     pattern = design.preset.pattern
@@ -267,7 +256,6 @@ def _coarser(design: Design, made: FabricationMeasures) -> dict[str, Any]:
 
 
 def _wider(preset: Preset, check: Check) -> dict[str, Any]:
-    """Wider stripes, or a wider rim or kept region where that is what is narrow."""
     pattern = preset.pattern
     if check.what == "the rim" and pattern.rim < MARGIN * check.limit[0]:
         return {"pattern.rim": _raised(pattern.rim, check)}
@@ -281,21 +269,19 @@ def _wider(preset: Preset, check: Check) -> dict[str, Any]:
 
 
 def _raised(old: float, check: Check) -> float:
-    """The limit, or more where the limit was asked before and came out smaller."""
+    """Return the limit, or more if a request of the limit gave a smaller width; at most 1.25 times the old value."""
     limit = MARGIN * check.limit[0]
     if old < limit:
         return _rounded(limit)
-    return _rounded(old * min(LARGEST_STEP, max(MARGIN, check.limit[0] / max(check.value[0], 1e-300))))
+    return _rounded(old * min(1.25, max(MARGIN, check.limit[0] / max(check.value[0], 1e-300))))
 
 
 def _rounded(value: float) -> float:
-    """Four digits: a value that a person may copy into a preset."""
+    """Round to four digits, so that a user can copy the value into a preset."""
     return float(f"{value:.4g}")
 
 
 def _differences(old: Preset, new: Preset) -> dict[str, tuple[Any, Any]]:
-    """Dotted keys whose values differ."""
-
     def leaves(values: Any, path: str) -> dict[str, Any]:
         if not isinstance(values, dict):
             return {path: values}

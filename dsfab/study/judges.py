@@ -18,26 +18,21 @@ from dsfab.study.verdict import BUDGET, LoadedSurface, ModeIntervals, Verdict, c
 from dsfab.study.verdict.estimates import Extreme, quantile, stress_extremes
 from dsfab.surface import LoadCase, Support, Surface
 
-UNCUT = 0.5
-"""Bound of the quick level for whole sheets that bend, whose meshes are coarse beside those of cut ones: half as much
-again as the 32 % that the dome's thinner sheet is off by. No table of random designs stands behind it."""
-
 
 @dataclass(frozen=True)
 class Carried:
-    """How a sheet answers one load.
+    """Response of a sheet to a load.
 
     compliance, displacement : joules, and metres with its place.
-    stress, tension, compression : see `dsfab.study.verdict.estimates`, Pa; of the finest mesh that was solved.
+    stress, tension, compression : see `dsfab.study.verdict.estimates`, Pa; of the finest solved mesh.
     triangles   : of that mesh.
-    utilisation : over the strength: of 99 % of the area, and of the largest stress at a rib's width from corners.
+    utilisation : stress over strength: of 99 % of the area, and of the largest stress at a rib's width from corners.
     reactions   : newtons (3,), of each entry of surface.support, in their order.
     imbalance, residual : see `dsfab.statics.Equilibrium`.
-    buckling, frequency : lowest load factor, and hertz; None where they were not asked for or there is none.
-    buckling_bound, frequency_bound : half width of the interval that they lie in, over them, by two meshes or three;
-                  None where one mesh alone was solved: then they are told without a bound.
-    refusals    : why they could not be found.
-    assumed     : of the supports for both, see `dsfab.statics.mode_supports`; or ''.
+    buckling, frequency : lowest load factor, and hertz; None if not requested or not found.
+    buckling_bound, frequency_bound : relative half width of their intervals, by two meshes or three; None for one mesh.
+    refusals    : reasons for missing values.
+    assumed     : assumptions about the supports for both, see `dsfab.statics.mode_supports`; or ''.
     """
 
     compliance: float
@@ -60,14 +55,14 @@ class Carried:
 
 @dataclass(frozen=True)
 class Judgement:
-    """What a judge says of a structure.
+    """Result of a judge for a structure.
 
-    compliance : joules, summed over what the pattern follows with its weights.
-    bound      : the share by which the true value may be off, or None where the judge does not say.
-    verdict    : whether the bound can be relied on, and `reason`.
-    cases      : by name, the answer to each load, of one solve on the mesh as it is cut.
-    check      : the meshes that were solved besides; None where there is one only.
-    theory     : the share by which a solid may be softer besides, see `dsfab.study.verdict`; None by one solve.
+    compliance : joules, the weighted sum over the loads that the pattern follows.
+    bound      : relative error bound, or None if the judge has none.
+    verdict    : whether the bound is reliable, and `reason`.
+    cases      : by name, the response to each load, by one solve on the unrefined mesh.
+    check      : the verdict on several meshes; None for one mesh.
+    theory     : share by which a solid may be softer, see `dsfab.study.verdict`; None by one solve.
     """
 
     compliance: float
@@ -80,22 +75,22 @@ class Judgement:
 
     @property
     def level(self) -> Literal["quick", "full"]:
-        """How it was judged."""
+        """Level of the check: quick or full."""
         return "full" if self.check else "quick"
 
     def worst(self, name: str) -> Extreme:
-        """The largest over the cases of `displacement`, `tension`, `compression` or `stress`."""
+        """Return the largest over the cases of `displacement`, `tension`, `compression` or `stress`."""
         found: list[Extreme] = [getattr(case, name) for case in self.cases.values()]
         return max(found, key=lambda extreme: extreme.settled)
 
 
 Judge = Callable[[ComparisonTask, Structure], Judgement]
-"""May raise DsfabError: then the structure does not carry its loads."""
+"""Function that judges a structure. It raises DsfabError if the structure does not carry its loads."""
 
 
 @dataclass(frozen=True, eq=False)
 class Answered:
-    """A load on a cut sheet, its equilibrium on the mesh as it is cut, and the stress."""
+    """A load on a cut sheet, its equilibrium on the unrefined mesh, and the stress."""
 
     load: LoadCase
     equilibrium: Equilibrium
@@ -103,11 +98,8 @@ class Answered:
 
 
 def solved_loads(task: ComparisonTask, structure: Structure, every: bool = False) -> dict[str, Answered]:
-    """Each load that the pattern follows (`every`: each case and combination) on a structure's sheet.
-
-    Raises StaticsError when the structure does not carry its loads: a concentrated load on a piece that reaches no
-    support counts as not carried.
-    """
+    """Solve each load that the pattern follows (`every`: each case and combination) on a structure's sheet. Raises
+    StaticsError if the structure does not carry its loads; a concentrated load on a loose piece is not carried."""
     statics, surface = task.preset.statics, structure.sheet.surface
     given = task.loads_on(structure, every)
     loads = sheet_loads(task.surface, structure.drawn, structure.sheet, given)
@@ -120,15 +112,16 @@ def solved_loads(task: ComparisonTask, structure: Structure, every: bool = False
 
 
 def quick(task: ComparisonTask, structure: Structure, ask: Ask | None = None, every: bool = False) -> Judgement:
-    """One solve on the mesh as it is cut, for compliance, displacements, stress and reactions.
+    """Judge by one solve on the unrefined mesh: compliance, displacements, stress and reactions.
 
-    Typically within 2 %, nine in ten within 5 %, which is the bound that is told: good for comparing like with like,
-    not a verdict.
+    The error is typically within 2 %, and within 5 % for nine designs in ten, which is the bound. So compare similar
+    sheets with it; it gives no verdict. Whole sheets that bend get a bound of 50 %, because the dome's thinner sheet
+    was 32 % off.
 
-    ask   : how many frequencies and load factors are wanted besides (one is kept).
-    every : judge each case and combination, not those alone that the pattern follows.
+    ask   : number of frequencies and load factors (the lowest is kept).
+    every : judge each case and combination, not only those that the pattern follows.
 
-    Raises what `solved_loads` raises.
+    Raises StaticsError as `solved_loads` does.
     """
     found = solved_loads(task, structure, every)
     cases = {name: _carried(task, structure, one, ask or Ask()) for name, one in found.items()}
@@ -136,7 +129,7 @@ def quick(task: ComparisonTask, structure: Structure, ask: Ask | None = None, ev
     typical, most = estimates.QUICK
     told = f"one solve on the cut mesh, typically within {typical:.0%}, nine in ten within {most:.0%}: no verdict"
     if structure.cells is structure.sheet and not task.is_plane:
-        most, told = UNCUT, "one solve on the mesh of a whole sheet: an error of a third was seen, none is ruled out"
+        most, told = 0.5, "one solve on the mesh of a whole sheet: an error of a third was seen, none is ruled out"
     return Judgement(total, cases, bound=most, reason=told)
 
 
@@ -161,7 +154,7 @@ def _carried(task: ComparisonTask, structure: Structure, found: Answered, ask: A
 
 
 def utilisation(stress: Extreme, strength: float) -> tuple[float, float] | None:
-    """Of 99 % of the area, and at a rib's width from corners; None without a strength."""
+    """Return stress over strength: of 99 % of the area, and at a rib's width from corners; None without a strength."""
     return (stress.quantile / strength, stress.settled / strength) if strength else None
 
 
@@ -173,7 +166,7 @@ def _point(x: Floats) -> tuple[float, float, float]:
 def _reactions(
     task: ComparisonTask, structure: Structure, answer: Equilibrium
 ) -> tuple[tuple[float, float, float], ...]:
-    """Of each support, newtons: what several of them hold is shared equally."""
+    """Return the reaction (N) of each support; supports that overlap share it equally."""
     supports = acting_on(task.preset, task.surface).support
     marks = np.array([_held_by(support, task.surface, structure.sheet) for support in supports])
     shares = marks / np.maximum(marks.sum(axis=0), 1)
@@ -181,7 +174,7 @@ def _reactions(
 
 
 def _held_by(support: Support, surface: Surface, sheet: Sheet) -> Bools:
-    """(n', 3) where a support of the uncut surface holds a sheet of it, rigidly or on springs."""
+    """Return (n', 3) directions in which a support of the uncut surface holds its sheet, rigidly or on springs."""
     springs = sheet.between(surface, support.springs(surface) > 0)
     return sheet.between(surface, support.fixed(surface), support.fixed_edges(surface)) | springs
 
@@ -189,7 +182,6 @@ def _held_by(support: Support, surface: Surface, sheet: Sheet) -> Bools:
 def _modes(
     task: ComparisonTask, structure: Structure, load: LoadCase, answer: Equilibrium, ask: Ask
 ) -> tuple[float | None, float | None, tuple[str, ...], str]:
-    """`buckling`, `frequency`, `refusals` and `assumed` of a `Carried`, by the mesh as it is cut."""
     statics = task.preset.statics
     sheet = statics.sheet(structure.thickness).on(structure.sheet.surface)
     factor, hertz, refusals = np.empty(0), np.empty(0), []
@@ -219,17 +211,17 @@ def full(
     budget: float = BUDGET,
     progress: Progress | None = None,
 ) -> Judgement:
-    """`quick`, whose compliance is replaced by the verdict of `dsfab.study.verdict.verdict`, and whose buckling and
-    frequency by those of `dsfab.study.verdict.mode_intervals`, with their bounds.
+    """Judge like `quick`, with compliance, buckling and frequency from finer meshes, and their bounds.
 
-    Stress is that of its finest mesh; displacements and reactions stay those of the mesh as it is cut. Where nothing
-    could be solved within the budget, all stay, the compliance with its bound.
+    The compliance is that of `dsfab.study.verdict.check`, and modes are those of `mode_intervals`. Stress comes from
+    the finest mesh; displacements and reactions stay those of the unrefined mesh. If the budget allows no solve, the
+    results of `quick` stay.
 
-    every : judge each case and combination. One that is not carried, and that the pattern does not follow, makes the
-            verdict `fail`.
+    every : judge each case and combination. If a case that the pattern does not follow is not carried, the verdict is
+            `fail`.
     ask   : as for `quick`.         budget : bytes.
 
-    Raises StaticsError when the structure does not carry the loads that its pattern follows.
+    Raises StaticsError if the structure does not carry the loads that its pattern follows.
     """
     try:
         first = quick(task, structure, None, every)
@@ -260,7 +252,6 @@ def full(
 
 
 def _with_stress(case: Carried, found: Mapping[str, Extreme], triangles: int, strength: float) -> Carried:
-    """The answer to one load with the stress of a mesh of its verdict, of so many triangles."""
     return replace(
         case,
         stress=found["stress"],
@@ -272,7 +263,6 @@ def _with_stress(case: Carried, found: Mapping[str, Extreme], triangles: int, st
 
 
 def _with_modes(case: Carried, name: str, modes: ModeIntervals) -> Carried:
-    """The answer to one load with what the meshes say of its buckling and of the frequency; one mesh has no bound."""
     factor, hertz = modes.buckling.get(name), modes.hertz
     return replace(
         case,
@@ -286,7 +276,7 @@ def _with_modes(case: Carried, name: str, modes: ModeIntervals) -> Carried:
 
 
 def _together(task: ComparisonTask, found: Verdict) -> tuple[float, float, float]:
-    """Compliance, J, of what the pattern follows, with its weights; the bound and what theory leaves out, shares."""
+    """Return the weighted compliance (J) of the loads that the pattern follows, its bound, and its theory share."""
     cases = [(weight, found.case(name)) for name, weight in task.preset.followed.items()]
     value = sum(weight * case.value for weight, case in cases)
     bound = sum(weight * case.value * case.bound for weight, case in cases) / value

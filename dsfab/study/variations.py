@@ -1,4 +1,4 @@
-"""What `--vary` asks for: keys and their values, every combination of them, and how long drawing all will take."""
+"""Values of `--vary`: parsing, all combinations, and the expected time of drawing them."""
 
 import json
 from collections.abc import Iterator, Mapping, Sequence
@@ -13,15 +13,10 @@ from dsfab.preset.model import STAGES
 Values = dict[str, list[Any]]
 """Dotted keys and their values."""
 
-DIGITS = 4
-"""Significant digits of the values in a range."""
-
 
 def parse_variations(texts: Sequence[str]) -> Values:
-    """Keys and values of `KEY=LOW:HIGH:COUNT` (evenly apart, both ends included) and `KEY=ONE,TWO,...`.
-
-    Raises DsfabError for texts of another kind, ranges without steps, values or keys that are there twice.
-    """
+    """Return keys and values of `KEY=LOW:HIGH:COUNT` (evenly apart, both ends included) and `KEY=ONE,TWO,...`. Raises
+    DsfabError for other texts, ranges without steps, and repeated values or keys."""
     found: Values = {}
     for text in texts:
         key, equals, values = (part.strip() for part in text.partition("="))
@@ -51,7 +46,7 @@ def _range(text: str, values: str) -> list[Any]:
     if steps > 1 and start == end:
         raise DsfabError(f"--vary {text!r} gives the same value {steps} times; write another range or {low} alone")
     places = [start + (end - start) * i / max(steps - 1, 1) for i in range(steps)]
-    rounded = [float(f"{place:.{DIGITS}g}") for place in places]
+    rounded = [float(f"{place:.4g}") for place in places]
     whole = "." not in low + high and "e" not in (low + high).lower()
     return [int(x) if whole and x.is_integer() else x for x in rounded] if whole else list(rounded)
 
@@ -67,23 +62,23 @@ def _listed(text: str, key: str, values: str) -> list[Any]:
 
 
 def count(values: Values) -> int:
-    """How many combinations there are."""
+    """Return the number of combinations."""
     return prod(len(listed) for listed in values.values())
 
 
 def combinations(values: Values) -> Iterator[dict[str, Any]]:
-    """Every combination, the last key running fastest."""
+    """Yield every combination, the last key running fastest."""
     return (dict(zip(values, chosen, strict=True)) for chosen in product(*values.values()))
 
 
 def stage_of(key: str) -> int:
-    """The place of a key's stage in `STAGES`; keys of no stage come last."""
+    """Return the place of a key's stage in `STAGES`; keys of no stage come last."""
     section = key.split(".")[0]
     return STAGES.index(section) if section in STAGES else len(STAGES)
 
 
 def best_order(values: Values) -> list[int]:
-    """Indices of the combinations, early stages varying slowest: what one solve can serve is drawn in one go."""
+    """Return indices of the combinations, early stages varying slowest, so that solves are shared."""
     keys = sorted(values, key=stage_of)
     places = [{str(value): i for i, value in enumerate(values[key])} for key in keys]
     all_of_them = list(combinations(values))
@@ -94,23 +89,23 @@ def best_order(values: Values) -> list[int]:
 
 
 def expected_seconds(values: Values, stages: Mapping[str, float], picture: float) -> float:
-    """Seconds for all pictures, from those that each stage and one picture took once."""
+    """Estimate the seconds for all pictures, from the seconds of each stage and of one picture."""
     total = picture * count(values)
     for stage, seconds in stages.items():
-        # a stage is made again for each combination of the keys of its own section and of those before it
+        # each combination of keys of this stage and of earlier stages runs the stage once
         total += seconds * prod(len(v) for key, v in values.items() if stage_of(key) <= STAGES.index(stage))
     return total
 
 
 def spelled_value(value: Any) -> str:
-    """A value as it stands after KEY= on the command line."""
+    """Return a value as text for KEY= on the command line."""
     if isinstance(value, str) and value.replace("_", "").isalpha() and value not in ("true", "false", "inf", "nan"):
         return value
     return json.dumps(value)
 
 
 def short_names(keys: Sequence[str]) -> dict[str, str]:
-    """The shortest endings of dotted keys that tell them apart: frequency, or major.frequency and minor.frequency."""
+    """Return the shortest unique endings of dotted keys, such as frequency, or major.frequency and minor.frequency."""
     names = {}
     for key in keys:
         words = key.split(".")

@@ -1,4 +1,4 @@
-"""Stage 1, what is given: the mesh, its supports and its loads."""
+"""Stage 1: the surface, its supports and its loads."""
 
 from dsfab.surface.clean.overlaps import twin_remarks
 from dsfab.surface.clean.repair import MendedMesh, is_scan, mended, repaired_scan

@@ -10,23 +10,23 @@ from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import EdgeTable, adjacency, edge_table, manifold_faults, misoriented_edges, next_half_edge
 
 CREASE = 30.0
-"""Degrees between the normals of neighbours from which their edge is a crease."""
+"""Degrees between the normals of two faces from which their edge is a crease."""
 
 
 def feature_edges(surface: Surface) -> Bools:
-    """(e,) edges on the boundary, at a crease, or where neighbours face opposite sides."""
+    """Return the edges (e,) on the boundary, at a crease, or between faces of opposite sides."""
     return border_edges(surface) | sharp_edges(surface)
 
 
 def border_edges(surface: Surface) -> Bools:
-    """(e,) edges on the boundary, or where neighbours face opposite sides."""
+    """Return the edges (e,) on the boundary, or between faces of opposite sides."""
     marks = surface.edges.boundary.copy()
     marks[misoriented_edges(surface.F, surface.edges)] = True
     return marks
 
 
 def sharp_edges(surface: Surface) -> Bools:
-    """(e,) edges of two faces whose normals are `CREASE` apart or more."""
+    """Return the edges (e,) whose two faces have normals at least `CREASE` apart."""
     marks = np.zeros(len(surface.edges.ends), dtype=bool)
     one, two = surface.normals[surface.edges.pairs // 3].transpose(1, 0, 2)
     marks[surface.edges.count == 2] = np.einsum("ei,ei->e", one, two) < np.cos(np.radians(CREASE))
@@ -34,21 +34,21 @@ def sharp_edges(surface: Surface) -> Bools:
 
 
 LARGEST = 4_000_000
-"""More triangles than this are refused before they are made."""
+"""Largest number of triangles; more are refused before dsfab creates them."""
 
 
 def refined(surface: Surface, target: float, smooth: bool = False) -> Surface:
-    """The surface with no edge longer than `target` metres; the vertices it had come first.
+    """Return the surface with no edge longer than `target` metres; its old vertices come first.
 
-    smooth = False : the same flat facets. Long edges are halved in rounds; the longest edge of a face that has a long
-                     one is among them, which keeps angles from shrinking on and on [Rivara 1984]. No T-junctions; area
-                     and boundary stay.
-    smooth = True  : Loop's subdivision [Loop 1987], every triangle in four until all edges are short enough; vertices
-                     move towards the smooth limit surface, but none on a boundary or a crease (30 degrees): these are
-                     halved where they are.
+    smooth = False : same flat facets, area and boundary. Rounds of halving also halve the longest edge of each affected
+                     face, which keeps angles from shrinking [Rivara 1984]. There are no T-junctions.
+    smooth = True  : Loop's subdivision [Loop 1987] divides every triangle in four until all edges are short enough.
+                     Vertices move towards the smooth limit surface. Those on a boundary or a crease (30 degrees) stay,
+                     and
+                     their edges are halved in place.
 
-    Raises SurfaceError for a target that is no length or that would take over `LARGEST` triangles, and for `smooth` on
-    a surface that is not manifold and consistently oriented.
+    Raises SurfaceError for an invalid target or over `LARGEST` triangles, and for `smooth` on a surface that is not
+    manifold and consistently oriented.
     """
     if not (np.isfinite(target) and target > 0):
         raise SurfaceError(f"the edge length {target} to refine to must be a positive length in metres")
@@ -69,11 +69,11 @@ def refined(surface: Surface, target: float, smooth: bool = False) -> Surface:
 
 
 def _loop(V: Floats, F: Ints, edges: EdgeTable, kept: Ints) -> tuple[Floats, Ints, Ints]:
-    """One step of Loop's subdivision in which edges (k, 2) stay where they are; their halves (2 k, 2)."""
+    """Apply one step of Loop's subdivision that leaves edges (k, 2) in place; return also their halves (2 k, 2)."""
     at = np.searchsorted(edges.ends @ (len(V), 1), kept @ (len(V), 1))
     moved, finer = igl.loop(V, F, 1)
     middle = np.empty(len(edges.ends), dtype=np.int64)
-    quarters = finer.reshape(-1, 4, 3)  # those at corners 0 and 1 come first, each from its corner round
+    quarters = finer.reshape(-1, 4, 3)  # the first two triangles are those at corners 0 and 1
     middle[edges.of] = np.stack([quarters[:, 0, 1], quarters[:, 1, 1], quarters[:, 0, 2]], axis=1)
     moved[kept] = V[kept]
     moved[middle[at]] = V[kept].mean(axis=1)
@@ -83,24 +83,24 @@ def _loop(V: Floats, F: Ints, edges: EdgeTable, kept: Ints) -> tuple[Floats, Int
 
 def _check_count(count: int, target: float) -> None:
     if count > LARGEST:
-        raise SurfaceError(f"refining to edges of {target:g} m takes over {LARGEST:,} triangles; ask for longer edges")
+        raise SurfaceError(f"refining to edges of {target:g} m takes over {LARGEST:,} triangles; choose longer edges")
 
 
 def halved(V: Floats, F: Ints, edges: EdgeTable, halves: Bools) -> tuple[Floats, Ints, Ints]:
-    """Faces divided along the midpoints of the (e,) edges that are halved: their longest and none, one or both others.
+    r"""Divide faces at the midpoints of marked edges (e,): of each face its longest edge and none, one or both others.
 
-    Returns the vertices, the faces, and what face each of these was.
+    Returns the vertices, the faces, and the old face of each new face.
 
                  c                             c                          c
-               / | \\                         / | \\                       / \\
-              /  |  \\                      r   |  \\                     r - q
-             /   |   \\                    /  \\ |   \\                   / \\ / \\
-            a -- p -- b                  a -- p --- b                 a - p - b      turned so that a-b is the longest
+               / | \                         / | \                       / \
+              /  |  \                      r   |  \                     r - q
+             /   |   \                    /  \ |   \                   / \ / \
+            a -- p -- b                  a -- p --- b                 a - p - b      rotated so that a-b is the longest
     """
     number = np.cumsum(halves) + len(V) - 1
     V = np.concatenate([V, V[edges.ends[halves]].mean(axis=1)])
     on = halves[edges.of]
-    ends = V[edges.ends]  # points, or the places on a chart that stand for them
+    ends = V[edges.ends]
     lengths = np.where(on, np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)[edges.of], -1)
     turn = (lengths.argmax(axis=1)[:, None] + np.arange(3)) % 3
     a, b, c = np.take_along_axis(F, turn, axis=1).T
@@ -118,7 +118,7 @@ def halved(V: Floats, F: Ints, edges: EdgeTable, halves: Bools) -> tuple[Floats,
 
 
 def with_longest(V: Floats, edges: EdgeTable, halves: Bools) -> Bools:
-    """(e,) marked edges, and the longest of each face that has one, and so on [Rivara 1984]."""
+    """Return the marked edges (e,) and, repeatedly, the longest edge of each face with a marked edge [Rivara 1984]."""
     length = edge_lengths(V, edges.ends)[edges.of]
     longest = np.take_along_axis(edges.of, length.argmax(axis=1)[:, None], axis=1)[:, 0]
     while True:
@@ -130,14 +130,14 @@ def with_longest(V: Floats, edges: EdgeTable, halves: Bools) -> Bools:
 
 
 def quads(F: Ints, pairs: Ints) -> Ints:
-    """(q, 4) vertices a, b, c, d around edges a-b of faces F (m, 3), of which pairs (q, 2) are the half-edges."""
+    """Return the vertices a, b, c, d (q, 4) around edges a-b of faces F (m, 3); pairs (q, 2) are their half-edges."""
     h0, h1 = pairs.T
     corners: Ints = np.stack([h0, next_half_edge(h0), next_half_edge(h0, 2), next_half_edge(h1, 2)], axis=1)
     return np.asarray(F.ravel()[corners])
 
 
 def with_other_diagonals(F: Ints, pairs: Ints, quad: Ints) -> Ints:
-    """Faces F (m, 3) with edges c-d in place of a-b in quads (q, 4), no two of which share a face; see `quads`."""
+    """Return faces F (m, 3) with edges c-d in place of a-b in quads (q, 4), which share no faces; see `quads`."""
     a, b, c, d = quad.T
     F = F.copy()
     F[pairs[:, 0] // 3] = np.stack([a, d, c], axis=1)
@@ -146,15 +146,18 @@ def with_other_diagonals(F: Ints, pairs: Ints, quad: Ints) -> Ints:
 
 
 def has_new_diagonal(quad: Ints, edges: EdgeTable, n: int) -> Bools:
-    """(q,) whether the other diagonal c-d of a quad (q, 4) is no edge yet, on n vertices."""
+    """Return the quads (q,) of (q, 4) on n vertices whose other diagonal c-d is not an edge yet."""
     keys, wanted = edges.ends @ (n, 1), np.sort(quad[:, 2:], axis=1) @ (n, 1)
     at = np.minimum(np.searchsorted(keys, wanted), len(keys) - 1)
     return np.asarray((keys[at] != wanted) & (quad[:, 2] != quad[:, 3]))
 
 
 def meets_link_condition(edges: EdgeTable, chosen: Ints, n: int) -> Bools:
-    """(c,) whether the ends of edges (c,) share no neighbours but the corners opposite: then collapsing one keeps the
-    topology [link condition: Dey et al. 1999]."""
+    """Return the edges (c,) whose ends share no neighbours except the opposite corners; collapsing one keeps the
+    topology.
+
+    Source: link condition [Dey et al. 1999].
+    """
     A: csr_array = adjacency(edges, n)
     a, b = edges.ends[chosen].T
     common = np.asarray(A[a].multiply(A[b]).sum(axis=1)).ravel()
@@ -162,23 +165,23 @@ def meets_link_condition(edges: EdgeTable, chosen: Ints, n: int) -> Bools:
 
 
 def contracted(F: Ints, onto: Ints) -> Ints:
-    """Faces F (m, 3) where each vertex has become another one, onto (n,), without those that lost a corner."""
+    """Return faces F (m, 3) with each vertex replaced by onto (n,), without faces that lost a corner."""
     F = onto[F]
     return np.asarray(F[has_three_corners(F)])
 
 
 def has_three_corners(F: Ints) -> Bools:
-    """(m,) whether the corners of faces F (m, 3) differ."""
+    """Return the faces of F (m, 3) with three different corners."""
     a, b, c = F.T
     return np.asarray((a != b) & (b != c) & (c != a))
 
 
 def winners(order: Ints, touched: Ints, n: int, beside: Ints | None = None) -> Bools:
-    """(c,) candidates that come before all others near them, so that no two touch the same vertex.
+    """Return the candidates (c,) that precede all others near them, so that no two touch the same vertex.
 
-    order   : (c,) the candidates, the best first.
+    order   : (c,) the candidates, best first.
     touched : (c, k) of n vertices that each candidate touches.
-    beside  : (e, 2) edges of the mesh: where given, no two touch neighbours either.
+    edges   : (e, 2) edges of the mesh; with these, no two winners touch neighbours either.
     """
     rank = np.empty(len(order), dtype=np.int64)
     rank[order] = np.arange(len(order))
@@ -192,19 +195,17 @@ def winners(order: Ints, touched: Ints, n: int, beside: Ints | None = None) -> B
 
 
 BETTER = 1.0
-"""Degrees that the smallest angle of two faces has to gain."""
-ROUNDS = 8
-"""How often edges are turned at most: each time those that do not share a face."""
+"""Smallest gain, degrees, of the smallest angle of two faces."""
 
 
 def flipped(surface: Surface, may: Bools, stays: Ints, close: float) -> Surface:
-    """The surface with edges turned, so that smallest angles grow.
+    """Return the surface with edges flipped, so that smallest angles grow.
 
-    may   : (n,) only faces with a corner among these change.    stays : (k, 2) vertices, edges between which stay.
-    close : metres that the surface may move by at most.
+    may   : (n,) a face may change if one of its corners is marked.    stays : (k, 2) ends of edges that stay.
+    tolerance : largest distance that the surface may move, metres.
     """
     keys = _keys(surface.n, *stays.T)
-    for _ in range(ROUNDS):
+    for _ in range(8):
         F = _turned(surface, may, keys, close)
         if F is None:
             break
@@ -213,12 +214,10 @@ def flipped(surface: Surface, may: Bools, stays: Ints, close: float) -> Surface:
 
 
 def _keys(n: int, a: Ints, b: Ints) -> Ints:
-    """(k,) one number for each edge between vertices (k,), whichever comes first."""
     return np.asarray(np.minimum(a, b) * n + np.maximum(a, b))
 
 
 def _turned(surface: Surface, may: Bools, stays: Ints, close: float) -> Ints | None:
-    """(m, 3) faces after one round, or None where no edge is turned."""
     V, F, edges = surface.V, surface.F, surface.edges
     h = edges.pairs
     quad = quads(F, h)
@@ -233,7 +232,7 @@ def _turned(surface: Surface, may: Bools, stays: Ints, close: float) -> Ints | N
     np.maximum.at(best, (h // 3).ravel(), np.repeat(gain, 2))
     chosen = np.flatnonzero((gain > BETTER) & (gain[:, None] == best[h // 3]).all(axis=1))
     one, two = h[chosen].T // 3
-    first = np.unique(np.concatenate([one, two]), return_index=True)[1]  # of equal gains at one face the first
+    first = np.unique(np.concatenate([one, two]), return_index=True)[1]  # the first of equal gains at a face
     once = np.zeros(2 * len(chosen), dtype=bool)
     once[first] = True
     chosen = chosen[once[: len(chosen)] & once[len(chosen) :]]
@@ -246,8 +245,8 @@ def _turned(surface: Surface, may: Bools, stays: Ints, close: float) -> Ints | N
 
 
 def _fit(surface: Surface, faces: Ints, quad: Ints, close: float) -> Bools:
-    """(k,) whether two faces (k, 2) around an edge a-b, quads (k, 4), may have the edge c-d instead: it is no edge
-    yet, lies within `close` of them, and neither turns over."""
+    """Return the quads (k, 4) with faces (k, 2) that may have the edge c-d instead of a-b. It must be a new edge within
+    `tolerance` of the faces, and neither face may turn over."""
     a, b, c, d = (surface.V[k] for k in quad.T)
     across = cross(b - a, d - c)
     off = np.abs(np.einsum("ki,ki->k", across, c - a)) / np.maximum(lengths(across), np.finfo(float).tiny)
@@ -258,7 +257,6 @@ def _fit(surface: Surface, faces: Ints, quad: Ints, close: float) -> Bools:
 
 
 def _smallest_angle(V: Floats, a: Ints, b: Ints, c: Ints) -> Floats:
-    """(k,) degrees, of triangles with corners a, b, c (k,)."""
     P = np.stack([V[a], V[b], V[c]])
     sides = np.roll(P, -1, axis=0) - P
     size = np.maximum(lengths(sides), np.finfo(float).tiny)

@@ -16,10 +16,8 @@ from dsfab.surface.mesh import Surface
 
 
 def hat_gradients(surface: Surface) -> Floats:
-    """Gradients of the three hat functions on each face, (m, 3 corners, 3 xyz), per metre.
-
-    grad phi_i = n x (p_k - p_j) / (2 A), with i, j, k counter-clockwise about the normal n.
-    """
+    """Return the gradients of the three hat functions on each face, (m, 3 corners, 3 xyz), per metre. grad phi_i = n x
+    (p_k - p_j) / (2 A), with i, j, k counter-clockwise about the normal n."""
     P = surface.V[surface.F]
     u, v, w = (P[:, (2, 0, 1)] - P[:, (1, 2, 0)]).transpose(2, 0, 1)  # the opposite edges
     x, y, z = surface.normals.T[:, :, None]
@@ -29,7 +27,8 @@ def hat_gradients(surface: Surface) -> Floats:
 
 
 def tangents(surface: Surface) -> Floats:
-    """(m, 2, 3) an orthonormal frame of each face's plane: the first edge's direction, and normal x that direction."""
+    """Return an orthonormal frame (m, 2, 3) of each face's plane: the first edge's direction, and normal x that
+    direction."""
     edge = surface.V[surface.F[:, 1]] - surface.V[surface.F[:, 0]]
     t1 = edge / np.linalg.norm(edge, axis=1, keepdims=True)
     return np.stack([t1, np.cross(surface.normals, t1)], axis=1)
@@ -39,10 +38,8 @@ _MASSES: WeakKeyDictionary[Surface, Floats] = WeakKeyDictionary()
 
 
 def voronoi_mass(surface: Surface) -> Floats:
-    """(n,) Voronoi areas of the vertices, square metres; they sum to the area [Meyer et al. 2003, mixed areas].
-
-    Computed once for a surface that lives.
-    """
+    """Return the Voronoi areas (n,) of the vertices, square metres; their sum is the area [Meyer et al. 2003, mixed
+    areas]. The result is cached as long as the surface exists."""
     if surface not in _MASSES:
         diagonal: Floats = igl.massmatrix(surface.V, surface.F, igl.MASSMATRIX_TYPE_VORONOI).diagonal()
         diagonal.flags.writeable = False
@@ -51,9 +48,9 @@ def voronoi_mass(surface: Surface) -> Floats:
 
 
 def assemble(surface: Surface, blocks: Floats, diagonal: Floats | None = None) -> csr_array:
-    """(n, n) sparse sum of the (m, 3, 3) face blocks, row and column i of a block belonging to corner i.
+    """Return the sparse sum (n, n) of the face blocks (m, 3, 3); row and column i of a block belong to corner i.
 
-    diagonal : (n,) added to it. All matrices with one have the same pattern: what is 0 stays an entry.
+    diagonal : (n,) added to it. All matrices with a diagonal have the same pattern, because zeros stay entries.
     """
     rows = np.repeat(surface.F, 3, axis=1).ravel()
     columns = np.tile(surface.F, (1, 3)).ravel()
@@ -70,13 +67,13 @@ Kind = Literal["edge", "centre"]
 
 @dataclass(frozen=True, eq=False)
 class StructureLine:
-    """A polyline on a surface, with what it is.
+    """A polyline on a surface with its meaning.
 
     kind   : "edge", where material ends, or "centre", along the middle of a member.
-    family : what it belongs to: "major", "minor", "keep", "rim"; or "boundary" where material ends with the surface.
+    family : "major", "minor", "keep" or "rim"; or "boundary" where material ends with the surface.
     number : of the stripe in its family, the integer k of its middle z = k; 0 for other families.
     part   : 1, 2, ... among the lines of the same kind, family and number.
-    points : (k, 3) metres; the last is the first again if the line is closed.
+    points : (k, 3) metres; the last point is the first again if the line is closed.
     length : metres, of the line on the mesh, before any simplification.
     """
 
@@ -92,12 +89,12 @@ class StructureLine:
 
     @cached_property
     def closed(self) -> bool:
-        """Whether it ends where it begins."""
+        """True if it ends where it begins."""
         return len(self.points) > 2 and bool((self.points[0] == self.points[-1]).all())
 
     @property
     def layer(self) -> str:
-        """`edges-major`, `centre-minor`, `boundary` ...: where a drawing program puts it."""
+        """Layer in a drawing program: `edges-major`, `centre-minor`, `boundary` ..."""
         return (
             self.family
             if self.family == "boundary"
@@ -106,12 +103,12 @@ class StructureLine:
 
     @property
     def id(self) -> str:
-        """Its name, the same whenever the same design is drawn: `centre-major-3.1`."""
+        """Name that is the same whenever the same design is computed: `centre-major-3.1`."""
         return f"{self.layer}-{self.number}.{self.part}"
 
 
 class Track(NamedTuple):
-    """A level line: points (k, 3) in metres, its level's index, and for each of its k - 1 chords the face it is in."""
+    """A level line: points (k, 3) in metres, the index of its level, and the face of each of its k - 1 chords."""
 
     points: Floats
     level: int
@@ -119,15 +116,15 @@ class Track(NamedTuple):
 
 
 def polyline_length(points: Floats) -> float:
-    """Length of the polyline through (k, 3) points."""
+    """Return the length of the polyline through (k, 3) points."""
     return float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
 
 
 def level_lines(surface: Surface, x: Floats, levels: Floats, within: Bools | None = None) -> list[Track]:
-    """The lines on which a field x (n,), linear over each face, has one of the levels (l,), ascending.
+    """Return the lines on which a field x (n,), linear over each face, has one of the ascending levels (l,).
 
-    within : (m,) faces to draw in; lines end where these do. All faces when left out.
-    The chords are exact; where a level passes through a vertex, no chord without length is left.
+    within : (m,) faces that may have lines, which end at their border; by default all.
+    The chords are exact. Chords without length, where a level passes through a vertex, are removed.
     """
     nodes = _nodes(surface, x, levels)
     if nodes.level.size == 0:
@@ -147,7 +144,9 @@ def level_lines(surface: Surface, x: Floats, levels: Floats, within: Bools | Non
 
 
 class _Nodes(NamedTuple):
-    """Where levels cross edges: those of edge e are offset[e] + 0, 1, ... for the levels begin[e], begin[e] + 1, ..."""
+    """Crossings of levels and edges: those of edge e are offset[e] + 0, 1, ... for the levels begin[e], begin[e] +
+    1, ...
+    """
 
     offset: Ints
     begin: Ints
@@ -157,7 +156,7 @@ class _Nodes(NamedTuple):
 
 def _nodes(surface: Surface, x: Floats, levels: Floats) -> _Nodes:
     ends = surface.edges.ends
-    below = np.searchsorted(levels, x, side="right")  # a vertex on a level is above it
+    below = np.searchsorted(levels, x, side="right")  # a vertex on a level counts as above
     begin, end = below[ends].min(axis=1), below[ends].max(axis=1)
     offset = np.concatenate([[0], np.cumsum(end - begin)])
     edge = np.repeat(np.arange(len(ends)), end - begin)
@@ -171,7 +170,6 @@ def _nodes(surface: Surface, x: Floats, levels: Floats) -> _Nodes:
 
 
 def _chords(surface: Surface, x: Floats, levels: Floats, nodes: _Nodes) -> tuple[Ints, Ints, Ints]:
-    """The face and the two nodes of every chord."""
     below = np.searchsorted(levels, x[surface.F], side="right")
     rank = np.argsort(below, axis=1, kind="stable")
     low, mid, high = np.take_along_axis(below, rank, axis=1).T
@@ -187,16 +185,14 @@ def _chords(surface: Surface, x: Floats, levels: Floats, nodes: _Nodes) -> tuple
 
 
 def _side(i: Ints, j: Ints) -> Ints:
-    """The side between two corners of a triangle: side c runs from corner c to the next."""
+    """Return the side between two corners of a triangle: side c runs from corner c to the next."""
     return np.where((i + 1) % 3 == j, i, j)
 
 
 def chains(one: Ints, two: Ints, count: int) -> list[tuple[Ints, Ints]]:
-    """Links one (k,) - two (k,) between `count` nodes, at most two at each, as chains: their nodes, and their links,
-    (c,).
-
-    Open chains first, each from its end with the lower number; of closed ones the first node is named twice.
-    """
+    """Join links one - two (k,) between `count` nodes, at most two at each, to chains: their nodes and their links,
+    (c,). Open chains come first, each from its end with the lower number; closed chains repeat their first node at the
+    end."""
     node = np.concatenate([one, two])
     order = np.argsort(node, kind="stable")
     degree = np.bincount(node, minlength=count)
@@ -225,10 +221,8 @@ def chains(one: Ints, two: Ints, count: int) -> list[tuple[Ints, Ints]]:
 
 
 def simplified_line(points: Floats, tolerance: float) -> Floats:
-    """The polyline (k, d) with fewer of its own points: none that is left out is farther than `tolerance` from it.
-
-    The ends stay; of a closed polyline also the point farthest from its beginning [Douglas, Peucker 1973].
-    """
+    """Return the polyline (k, d) with fewer of its own points; no omitted point is farther than `tolerance` from it.
+    The ends stay; of a closed polyline also the point farthest from its beginning [Douglas, Peucker 1973]."""
     keep = np.zeros(len(points), dtype=bool)
     keep[[0, -1]] = True
     spans = [(0, len(points) - 1)]
@@ -250,11 +244,10 @@ def simplified_line(points: Floats, tolerance: float) -> Floats:
 
 
 def _from_segment(points: Floats, a: Floats, b: Floats) -> Floats:
-    """(k,) distances of points from the segment from a to b."""
     along = b - a
     squared = float(along @ along)
     away = points - a
-    if squared:  # np.clip and np.linalg.norm would take longer than all else here
+    if squared:  # np.clip and np.linalg.norm would take longer than the rest of this function
         away -= np.minimum(np.maximum(away @ along / squared, 0.0), 1.0)[:, None] * along
     return np.asarray(np.sqrt((away * away).sum(axis=1)))
 
@@ -264,12 +257,11 @@ class CornerField:
     """A field on a surface with n vertices and m faces.
 
     x      : (n, 1) values at the vertices; (n, 2) for a band, see `dsfab.slicing.cutting.cut`: material is where
-    x[:, 0] has
-             more levels below it than x[:, 1].
-    sign   : (m, 3) 1 or -1, and shift : (m, 3): what the face sees at each corner is sign * x + shift.
-    blank  : (m,) faces in which the field means nothing; they are not cut.
-    wanted : (m,) share of each face where the field is wanted, or None for everywhere. It is decided for each opening
-             that earlier fields leave as a whole, by the mean over its area: what is drawn in one ends at its walls.
+             x[:, 0] has more levels below it than x[:, 1].
+    sign   : (m, 3) 1 or -1, and shift : (m, 3): the value of a face at its corner is sign * x + shift.
+    blank  : (m,) faces without field, which are not cut.
+    wanted : (m,) share of each face on which the field applies, or None for everywhere. The mean over the area of each
+             opening that earlier fields leave decides for the opening as a whole.
     """
 
     x: Floats
@@ -288,22 +280,22 @@ class CornerField:
 
     @cached_property
     def turned(self) -> Bools:
-        """(m,) faces that see some value at another sign or shift than it has."""
+        """Faces (m,) with a sign or shift that changes a value."""
         return np.asarray(((self.sign < 0) | (self.shift != 0)).any(axis=1))
 
     def corners(self, F: Ints) -> Floats:
-        """(m, 3, 1 or 2) what the faces F (m, 3) see at their corners."""
+        """Return the values (m, 3, 1 or 2) of faces F (m, 3) at their corners."""
         x, sign = self.x[F], self.sign[:, :, None]
         return np.asarray(np.where(sign > 0, x, -x[..., ::-1]) + self.shift[:, :, None])
 
 
 @dataclass(frozen=True, eq=False)
 class Divided:
-    """A surface with n vertices and m faces in parts: n' vertices and m' triangles on the same sheet.
+    """A surface with n vertices and m faces divided into n' vertices and m' triangles on the same sheet.
 
     whole   : the surface.    surface : its parts, on its vertices first.
-    parent  : (m',) the face that each is a part of.
-    weights : (n', n) barycentric weights of the vertices on the undivided ones, as in `dsfab.slicing.Sheet`.
+    parent  : (m',) the face of each part.
+    weights : (n', n) barycentric weights of the vertices on the undivided vertices, as in `dsfab.slicing.Sheet`.
     """
 
     whole: Surface
@@ -316,13 +308,13 @@ class Divided:
 
     @classmethod
     def nowhere(cls, surface: Surface) -> Self:
-        """Every face its own part."""
+        """Return the surface undivided: every face is its own part."""
         return cls(surface, surface, np.arange(surface.m), csr_array(eye_array(surface.n)))
 
     def halved(self, edges: Bools, at: Floats | None = None) -> "Divided":
-        """With marked edges (e',) halved, and the longest of each face with them, which keeps angles from shrinking.
+        """Divide marked edges (e',), and the longest edge of each affected face, which keeps angles from shrinking.
 
-        at : (e',) where they are divided, from 0 at their first end to 1; in their middle when left out.
+        positions : (e',) of the new vertices, 0 at the first end of each edge, 1 at its second; by default the middle.
         """
         old = self.surface
         edges = with_longest(old.V, old.edges, edges)
@@ -334,17 +326,17 @@ class Divided:
         return Divided(self.whole, Surface(V, F), self.parent[source], weights)
 
     def new(self) -> Ints:
-        """(k,) the parts that are less than a face."""
+        """Return the parts (k,) that are smaller than a face."""
         return np.flatnonzero(self.surface.F.max(axis=1) >= self.whole.n)
 
     def corners(self, parts: Ints) -> Floats:
-        """(k, 3, 3) barycentric coordinates, in their faces, of the corners of parts (k,)."""
+        """Return the barycentric coordinates (k, 3, 3), in their faces, of the corners of parts (k,)."""
         rows, columns = self.surface.F[parts][:, :, None], self.whole.F[self.parent[parts]][:, None, :]
         i, j = (np.broadcast_to(index, (len(parts), 3, 3)).ravel() for index in (rows, columns))
         return np.asarray(self.weights[i, j]).reshape(-1, 3, 3)
 
     def carried(self, origins: Origins) -> Origins:
-        """What is marked on the surface, on its parts."""
+        """Return the origins on the parts instead of the surface."""
         if self.surface is self.whole:
             return origins
         n, old, new = self.whole.n, self.whole.edges, self.surface.edges
@@ -357,7 +349,7 @@ class Divided:
         corners = self.corners(parts)
         on = (corners == 0) & (
             corners[:, [1, 2, 0]] == 0
-        )  # side k of a part, on the side of its face opposite corner j
+        )  # side k of a part lies on the side of its face opposite corner j
         marked = origins.edges[old.of[self.parent[parts]][:, [1, 2, 0]]]
         part, side, _ = np.nonzero(on & marked[:, None, :])
         edges[new.of[parts[part], side]] = True
@@ -368,8 +360,10 @@ class Divided:
 
 
 def _interpolation(ends: Ints, at: Floats, n: int) -> csr_array:
-    """(k, n) from values at n vertices to those between the ends (k, 2) of edges, `at` 0 to 1 from the first to the
-    second."""
+    """Return the matrix (k, n) from values at n vertices to values on edges with ends (k, 2).
+
+    positions : (k,) from 0 at the first end to 1 at the second.
+    """
     rows = np.repeat(np.arange(len(ends)), 2)
     return csr_array((np.stack([1 - at, at], axis=1).ravel(), (rows, ends.ravel())), shape=(len(ends), n))
 
@@ -386,16 +380,16 @@ class DividedField:
 
     @property
     def at_vertices(self) -> Floats:
-        """(n,) or (n, 2) at the vertices of the undivided surface."""
+        """Values (n,) or (n, 2) at the vertices of the undivided surface."""
         return self.x[: self.divided.whole.n]
 
     @property
     def columns(self) -> "tuple[DividedField, ...]":
-        """The one or two fields that have one value at each vertex."""
+        """Fields with one value at each vertex: the field itself, or one for each of its two columns."""
         return (self,) if self.x.ndim == 1 else tuple(DividedField(self.divided, x) for x in self.x.T)
 
     def at_points(self, points: Floats) -> Floats:
-        """(m, p) of one value at each vertex: at points of each face, in barycentric coordinates (p, 3)."""
+        """Return the values (m, p) of a field with one value a vertex at points of each face, barycentric (p, 3)."""
         whole, parts = self.divided.whole, self.divided.new()
         values, inside = self.x[whole.F] @ points.T, np.full((whole.m, len(points)), -np.inf)
         own = points @ np.linalg.inv(self.divided.corners(parts))  # (k, p, 3) coordinates in each part

@@ -1,4 +1,8 @@
-"""Exact geodesic distances along a triangle mesh from vertices, edges and faces."""
+"""Exact geodesic distances along a triangle mesh from vertices, edges and faces.
+
+The front consists of windows: parts of edges that a source sees through a strip of faces, unfolded into a plane
+[Mitchell, Mount and Papadimitriou 1987]. Vertices with an angle over 360 degrees, and boundaries, are new sources.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -13,14 +17,14 @@ from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import next_half_edge
 
 SLACK = 1e-10
-"""Rounding, as a share of the lengths, areas and angles that are compared."""
+"""Rounding, as a share of the compared lengths, areas and angles."""
 
 
 @dataclass(frozen=True, eq=False)
 class Windows:
-    """What sources see through edges, in the plane of each source: rows of numbers that are moved together.
+    """Parts of edges that sources see, in the plane of each source, as arrays that are processed together.
 
-    names  : (k, 5) see `edge` to `parallel`.    values : (k, 7) see `at_a` to `offset`.
+    names  : (k, 5) columns `edge` to `parallel`.    values : (k, 7) columns `at_a` to `offset`.
     """
 
     names: Ints
@@ -30,79 +34,79 @@ class Windows:
     def of(
         cls, names: Sequence[Ints | Bools], A: Floats, B: Floats, start: Floats, end: Floats, offset: Floats
     ) -> "Windows":
-        """Windows of five names (k,) each, from A (k, 2) to B (k, 2), metres, with start, end and offset (k,)."""
+        """Return windows from five names (k,) each, ends A and B (k, 2), metres, and start, end and offset (k,)."""
         numbers = np.stack([*A.T, *B.T, start, end, offset], axis=1)
         return cls(np.stack(names, axis=1), numbers)
 
     @property
     def edge(self) -> Ints:
-        """(k,) the edges."""
+        """Edges (k,)."""
         return self.names[:, 0]
 
     @property
     def face(self) -> Ints:
-        """(k,) the faces that they are seen through; -1 for none."""
+        """Faces (k,) through which the source sees the edges; -1 for none."""
         return self.names[:, 1]
 
     @property
     def a(self) -> Ints:
-        """(k,) the first vertices of the edges."""
+        """First vertices (k,) of the edges."""
         return self.names[:, 2]
 
     @property
     def b(self) -> Ints:
-        """(k,) the other vertices."""
+        """Second vertices (k,) of the edges."""
         return self.names[:, 3]
 
     @property
     def parallel(self) -> Bools:
-        """(k,) whether the source is the line y = 0; it is the point (0, 0) otherwise."""
+        """True (k,) if the source is the line y = 0; otherwise it is the point (0, 0)."""
         return np.asarray(self.names[:, 4] > 0)
 
     @property
     def at_a(self) -> Floats:
-        """(k, 2) where the first vertices are; sources are on the right of the way from A to B."""
+        """Positions (k, 2) of the first vertices; sources are on the right of the direction from A to B."""
         return self.values[:, 0:2]
 
     @property
     def at_b(self) -> Floats:
-        """(k, 2) where the other vertices are."""
+        """Positions (k, 2) of the second vertices."""
         return self.values[:, 2:4]
 
     @property
     def start(self) -> Floats:
-        """(k,) P0 = A + start (B - A)."""
+        """Start (k,) of each window: P0 = A + start (B - A)."""
         return self.values[:, 4]
 
     @property
     def end(self) -> Floats:
-        """(k,) P1 = A + end (B - A)."""
+        """End (k,) of each window: P1 = A + end (B - A)."""
         return self.values[:, 5]
 
     @property
     def offset(self) -> Floats:
-        """(k,) metres to be added to the distance from the source."""
+        """Metres (k,) added to the distance from the source."""
         return self.values[:, 6]
 
     def at(self, which: Ints | Bools) -> "Windows":
-        """Those that are marked (k,), or of these numbers."""
+        """Return the windows with these indices or marks (k,)."""
         return Windows(self.names[which], self.values[which])
 
     @classmethod
     def together(cls, some: Sequence["Windows"]) -> "Windows":
-        """All windows of several, one behind the other."""
+        """Return the windows of all sets in one."""
         return cls(np.concatenate([part.names for part in some]), np.concatenate([part.values for part in some]))
 
     def place(self, t: Floats) -> Floats:
-        """(k, 2) A + t (B - A)."""
+        """Return the places (k, 2) A + t (B - A)."""
         return np.asarray(self.at_a + t[:, None] * (self.at_b - self.at_a))
 
     def distance(self, P: Floats) -> Floats:
-        """(k,) of places (k, 2)."""
+        """Return the distances (k,) of places P (k, 2)."""
         return np.asarray(self.offset + np.where(self.parallel, P[:, 1], np.hypot(P[:, 0], P[:, 1])))
 
     def nearest(self) -> Floats:
-        """(k,) the least distance within each."""
+        """Return the least distance (k,) within each window."""
         P, Q = self.place(self.start), self.place(self.end)
         along = Q - P
         foot = np.clip(-dot2(P, along) / np.maximum(dot2(along, along), np.finfo(float).tiny), 0, 1)
@@ -110,12 +114,12 @@ class Windows:
         return self.distance(P + foot[:, None] * along)
 
     def rays(self, P: Floats) -> Floats:
-        """(k, 2) the ways that rays go at places (k, 2)."""
+        """Return the directions (k, 2) of rays at places (k, 2)."""
         return np.where(self.parallel[:, None], (0.0, 1.0), P)
 
     def left(self, t: Floats, C: Floats) -> Floats:
-        """(..., k) how far C (..., k, 2) is on the left of the ray through A + t (B - A), times a length; 0 within
-        rounding."""
+        """Return the offset (..., k) of C (..., k, 2) to the left of the ray through A + t (B - A), times a length.
+        Values within rounding are 0."""
         P = self.place(t)
         ray = self.rays(P)
         off = cross2(ray, C - P)
@@ -123,31 +127,30 @@ class Windows:
 
 
 def share(one: Floats, two: Floats) -> Floats:
-    """(k,) where something that goes from one sign to the other, linearly, is zero, of the way from `one` (k,) to
-    `two` (k,)."""
+    """Return the zero (k,) of a linear function with the values `start` and `end` (k,), as a share of its range."""
     span = one - two
     return np.divide(one, span, out=np.zeros_like(one), where=span != 0)
 
 
 def size2(a: Floats) -> Floats:
-    """(...) lengths of a (..., 2), roughly: |x| + |y|."""
+    """Return |x| + |y| (...) of vectors a (..., 2), a rough length."""
     return np.asarray(np.abs(a[..., 0]) + np.abs(a[..., 1]))
 
 
 def cross2(a: Floats, b: Floats) -> Floats:
-    """(...) cross products of a and b (..., 2)."""
+    """Return the cross products (...) of a and b (..., 2)."""
     return np.asarray(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0])
 
 
 def dot2(a: Floats, b: Floats) -> Floats:
-    """(...) scalar products of a and b (..., 2)."""
+    """Return the scalar products (...) of a and b (..., 2)."""
     return np.asarray(a[..., 0] * b[..., 0] + a[..., 1] * b[..., 1])
 
 
 class Origins(NamedTuple):
-    """What distances are measured from: marked vertices (n,), edges (e,) and faces (m,).
+    """Origins of distances: marked vertices (n,), edges (e,) and faces (m,).
 
-    With a face its edges are marked too, and with an edge its ends.
+    The edges of a marked face are marked too, and the ends of a marked edge.
     """
 
     vertices: Bools
@@ -156,10 +159,8 @@ class Origins(NamedTuple):
 
 
 class Distances(NamedTuple):
-    """Metres at the vertices (n,) and at the middles of the edges (e,), and which faces (m,) are partly within reach.
-
-    They are exact on these faces, and bounds from above elsewhere, or infinite.
-    """
+    """Distances at the vertices (n,) and the edge middles (e,), metres, and the faces (m,) that are partly within
+    reach. They are exact on these faces, and upper bounds elsewhere, or infinite."""
 
     vertex: Floats
     middle: Floats
@@ -167,9 +168,10 @@ class Distances(NamedTuple):
 
 
 def geodesic_distances(surface: Surface, origins: Origins, reach: float = np.inf) -> Distances:
-    """Lengths of the shortest paths along a surface to the nearest marked part; infinite where none leads there.
+    """Return the lengths of the shortest paths along a surface to the nearest origin; infinite if there is no path.
 
-    reach : metres; faces that are farther away are not looked at. On those that are partly nearer all is exact.
+    reach : metres; the search skips faces that are farther away. Distances are exact on all faces that are partly
+            nearer.
     """
     front = _Front(surface, origins, reach)
     waiting = front.advanced([front.strips(), front.fans(_Bends.marked(origins))], reach)
@@ -180,10 +182,8 @@ def geodesic_distances(surface: Surface, origins: Origins, reach: float = np.inf
 
 
 class _Bends(NamedTuple):
-    """Vertices (k,) that send out rays, `offset` (k,) metres from the source.
-
-    None is wanted within `bound` radians of a direction that is (k, 2) `angle` radians from two edges (k, 2) there.
-    """
+    """Vertices (k,) that send out rays, `offset` (k,) metres from the source. No ray is needed within `bound` radians
+    of a direction; its angles (k, 2) from two edges (k, 2) at the vertex describe that direction."""
 
     vertex: Ints
     offset: Floats
@@ -196,18 +196,19 @@ class _Bends(NamedTuple):
 
     @classmethod
     def marked(cls, origins: Origins) -> "_Bends":
-        """Sources: what is nearest to an edge among them is told by `_Front.fans`."""
+        """Return the origins as sources; `_Front.fans` leaves out rays that are nearest to an edge among the
+        origins."""
         vertex = np.flatnonzero(origins.vertices)
         none = np.full((len(vertex), 2), -1)
         return cls(vertex, np.zeros(len(vertex)), none, np.full(none.shape, np.inf), np.pi / 2)
 
 
 class _Front:
-    """Distances as they are known so far; see `Distances`.
+    """Distances computed so far; see `Distances`.
 
     size    : (e,) lengths of the edges.    reached : (m,) faces that are partly within reach.
-    bending : (n,) whether paths may bend.  bent : (n,) the distance at which each vertex sent out rays.
-    waiting : vertices that are to do so.
+    bending : (n,) whether paths may bend.  bent : (n,) the distance at which each vertex last sent out rays.
+    waiting : vertices that still have to send out rays.
     """
 
     def __init__(self, surface: Surface, origins: Origins, reach: float) -> None:
@@ -219,7 +220,7 @@ class _Front:
         self.bent, self.waiting = np.where(origins.vertices, 0.0, np.inf), list[_Bends]()
         ab, bc, ca = (np.roll(self.size[self.edges.of], -k, axis=1) for k in range(3))
         along, high = (ab**2 + ca**2 - bc**2) / (2 * ab**2), 2 * surface.areas[:, None] / ab**2
-        self.third = np.stack([along, high], axis=2).reshape(-1, 2)  # where c is, if a is (0, 0) and b is (1, 0)
+        self.third = np.stack([along, high], axis=2).reshape(-1, 2)  # position of c if a is (0, 0) and b is (1, 0)
         self.turn = np.arctan2(high, along).ravel()  # the angle at a
         total = np.bincount(self.F.ravel(), self.turn, surface.n)
         full = np.full(surface.n, 2 * np.pi)
@@ -230,7 +231,6 @@ class _Front:
         self.first_corner = np.searchsorted(self.F.ravel()[self.corners], np.arange(surface.n + 1))
 
     def _along_edges(self, n: int, limit: float) -> Floats:
-        """(n,) lengths of the shortest ways along edges: bounds from above."""
         i, j = self.edges.ends.T
         graph = csr_array((self.size, (i, j)), shape=(n, n))
         if not self.origins.vertices.any():
@@ -239,14 +239,13 @@ class _Front:
         return np.asarray(dijkstra(graph, directed=False, indices=marked, min_only=True, limit=limit))
 
     def strips(self) -> Windows:
-        """What marked edges send out."""
         edge = np.flatnonzero(self.origins.edges)
         zero, a, b = np.zeros(len(edge)), *self.edges.ends[edge].T
         A, B = np.zeros((len(edge), 2)), np.stack([self.size[edge], zero], axis=1)
         return Windows.of((edge, np.full(len(edge), -1), a, b, zero == 0), A, B, zero, zero + 1, zero)
 
     def advanced(self, windows: list[Windows], limit: float) -> list[Windows]:
-        """Windows sent on until all are farther away than the limit, metres; returns those."""
+        """Propagate windows until all are farther away than the limit, metres; return those."""
         far: list[Windows] = []
         while windows:
             some = Windows.together(windows)
@@ -264,7 +263,7 @@ class _Front:
         return far
 
     def _useful(self, w: Windows) -> Bools:
-        """(k,) windows that are nearer to what they show than the two ends of their edge are."""
+        """Return the windows (k,) that are nearer to their part of the edge than the two ends of the edge are."""
         size = self.size[w.edge]
         low, high = w.distance(w.place(w.start)), w.distance(w.place(w.end))
         room = SLACK * (size + high + low)
@@ -272,7 +271,7 @@ class _Front:
         return better & (low <= self.vertex[w.b] + (1 - w.start) * size + room) & (w.end - w.start > SLACK)
 
     def _crossed(self, w: Windows, near: Bools) -> list[Windows]:
-        """What is seen through windows on the other edges of the faces behind them; near : (k,) see `reached`."""
+        """Return the windows on the other edges of the faces behind; is_near (k,) marks windows within `reach`."""
         i, half = _ranged(self.edges.start[w.edge], self.edges.start[w.edge + 1], self.edges.order)
         face = half // 3
         there = (face != w.face[i]) & ~self.origins.faces[face]
@@ -304,14 +303,13 @@ class _Front:
         np.minimum.at(self.middle, w.edge, w.distance((w.at_a + w.at_b) / 2))
 
     def _arrive(self, w: Windows, C: Floats, c: Ints, edges: Ints) -> None:
-        """Note the distances to vertices c that are seen at C (k, 2), between edges (k, 2)."""
+        """Record the distances to vertices c at C (k, 2), seen between edges (k, 2)."""
         back = -w.rays(C)
         sides = np.stack([w.at_a - C, w.at_b - C])
         angle = np.abs(np.arctan2(cross2(sides, back), dot2(sides, back))).T
         self._bend(_Bends(c, w.distance(C), edges, angle, np.pi))
 
     def _bend(self, bends: _Bends) -> None:
-        """Note the distances to vertices, and those at which paths bend."""
         c, found = bends.vertex, bends.offset
         np.minimum.at(self.vertex, c, found)
         room = 1 + SLACK
@@ -322,11 +320,10 @@ class _Front:
             self.waiting.append(bends.at(new))
 
     def fans(self, bends: _Bends) -> Windows:
-        """What vertices send out, as far as it is wanted."""
         vertex = bends.vertex
         i, half = _ranged(self.first_corner[vertex], self.first_corner[vertex + 1], self.corners)
         of, face = self.edges.of.ravel(), half // 3
-        p, q = of[half], of[next_half_edge(half, 2)]  # the edges at the vertex, and the vertices there
+        p, q = of[half], of[next_half_edge(half, 2)]  # edges at the vertex
         ahead, back = self.F.ravel()[next_half_edge(half, 1)], self.F.ravel()[next_half_edge(half, 2)]
         turn = self.turn[half]
         off_p, off_q = self._bearings(bends, i, p, q, turn)
@@ -349,7 +346,7 @@ class _Front:
         return w
 
     def _bearings(self, bends: _Bends, i: Ints, p: Ints, q: Ints, turn: Floats) -> tuple[Floats, Floats]:
-        """Radians, around vertices i, from edges p and q to the nearest direction that nothing is wanted from."""
+        """Return the angles around vertices i from edges p and q to the nearest direction without rays, radians."""
         count = len(self.size)
         keys, place = np.unique(np.concatenate([i, i]) * count + np.concatenate([p, q]), return_inverse=True)
         one, two = place.ravel().reshape(2, -1)
@@ -368,13 +365,13 @@ class _Front:
 
 
 def _ranged(begins: Ints, ends: Ints, values: Ints) -> tuple[Ints, Ints]:
-    """Of ranges (k,) of values: which range each value is from, and the values."""
+    """Return for ranges (k,) of values the range of each value, and the values."""
     count = ends - begins
     i = np.repeat(np.arange(len(count)), count)
     return i, values[np.arange(len(i)) - np.repeat(np.cumsum(count) - count, count) + begins[i]]
 
 
 def _met(A: Floats, B: Floats, angle: Floats) -> Floats:
-    """(k,) where rays from (0, 0) meet lines from A to B (k, 2), as shares of these."""
+    """Return the shares (k,) of lines from A to B (k, 2) at which rays from (0, 0) meet them."""
     ray = np.stack([np.cos(angle), np.sin(angle)], axis=1)
     return np.clip(share(cross2(ray, A), cross2(ray, B)), 0, 1)

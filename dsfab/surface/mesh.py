@@ -19,12 +19,8 @@ if TYPE_CHECKING:
     import trimesh
 
 
-ENCLOSED_CHUNK = 1 << 15
-"""Faces measured together."""
-
-
 def box(V: Floats, F: Ints) -> Floats:
-    """(2, 3) lowest and highest corner of the vertices V (n, 3) that faces F (m, 3) use."""
+    """Return the lowest and the highest corner (2, 3) of the vertices V (n, 3) that faces F (m, 3) use."""
     used = np.zeros(len(V), dtype=bool)
     used[F.ravel()] = True
     points = V if used.all() else V[used]
@@ -32,25 +28,26 @@ def box(V: Floats, F: Ints) -> Floats:
 
 
 def signed_volume(V: Floats, F: Ints) -> float:
-    """Volume inside closed faces F (m, 3) of vertices V (n, 3), in their unit cubed; negative where they face inwards.
+    """Return the volume inside closed faces F (m, 3) on vertices V (n, 3), in their unit cubed; negative for inward
+    faces.
 
-    By the divergence theorem: signed tetrahedra from the middle of the box, so that no digits are lost far out.
+    Method: signed tetrahedra from the middle of the box (divergence theorem), so that no digits are lost far from 0.
     """
     return float(_tetrahedra(V, F).sum())
 
 
 def signed_volumes(V: Floats, F: Ints, shell: Ints, count: int) -> Floats:
-    """(count,) the same of each closed shell of faces, `shell` (m,) the number of each face's; negative for voids."""
+    """Return the signed volume (count,) of each closed shell; `shell` (m,) is the shell of each face; negative for
+    voids."""
     return np.bincount(shell, _tetrahedra(V, F), count).astype(np.float64)
 
 
 def total_area(V: Floats, F: Ints) -> float:
-    """Area of all faces F (m, 3) of vertices V (n, 3), in their unit squared."""
+    """Return the area of all faces F (m, 3) on vertices V (n, 3), in their unit squared."""
     return sum(float(np.sqrt((N**2).sum(axis=0)).sum()) / 2 for _, _, N in _faces(V, F))
 
 
 def _tetrahedra(V: Floats, F: Ints) -> Floats:
-    """(m,) signed volumes of the tetrahedra from the middle of the box to each face."""
     found = np.zeros(len(F))
     for some, a, N in _faces(V, F):
         found[some] = (a * N).sum(axis=0) / 6
@@ -58,19 +55,21 @@ def _tetrahedra(V: Floats, F: Ints) -> Floats:
 
 
 def _faces(V: Floats, F: Ints) -> Iterator[tuple[slice, Floats, Floats]]:
-    """Some faces, their first corners from the middle of the box (3, k), and twice their area vectors (3, k)."""
+    """Yield blocks of faces: their slice, first corners from the middle of the box (3, k), twice their area vectors
+    (3, k).
+    """
     if not len(F):
         return
     columns = np.ascontiguousarray((V - box(V, F).mean(axis=0)).T)
-    for k in range(0, len(F), ENCLOSED_CHUNK):
-        some = slice(k, k + ENCLOSED_CHUNK)
+    for k in range(0, len(F), 1 << 15):
+        some = slice(k, k + (1 << 15))
         a, b, c = (np.stack([column.take(corner) for column in columns]) for corner in F[some].T)
         (x, y, z), (u, v, w) = b - a, c - a
         yield some, a, np.stack([y * w - z * v, z * u - x * w, x * v - y * u])
 
 
 class NearestPlaces(NamedTuple):
-    """Of points (k,): squared distance, in the mesh's unit squared; the simplex that is nearest; the place (k, 3)."""
+    """Nearest places to points (k,): squared distance, unit squared; index of the nearest simplex; the place (k, 3)."""
 
     squared: Floats
     simplex: Ints
@@ -78,14 +77,15 @@ class NearestPlaces(NamedTuple):
 
     @property
     def distance(self) -> Floats:
-        """(k,) in the mesh's unit."""
+        """Distances (k,) in the mesh's unit."""
         return np.sqrt(self.squared)
 
 
 def nearest(points: Floats, V: Floats, simplices: Ints) -> NearestPlaces:
-    """The places nearest to points (k, 3) on triangles (m, 3), edges (m, 2) or vertices (m, 1) of V (n, 3); m > 0.
+    """Return the places nearest to points (k, 3) on triangles (m, 3), edges (m, 2) or vertices (m, 1) of V (n, 3); m >
+    0.
 
-    By a tree of boxes [Jacobson et al. 2018, libigl].
+    Method: a tree of boxes [Jacobson et al. 2018, libigl].
     """
     if not len(points):
         return NearestPlaces(np.zeros(0), np.zeros(0, dtype=np.int64), np.zeros((0, 3)))
@@ -95,14 +95,12 @@ def nearest(points: Floats, V: Floats, simplices: Ints) -> NearestPlaces:
 
 
 def weights_at(places: Floats, V: Floats, corners: Ints) -> Floats:
-    """(k, 3) barycentric weights of places (k, 3) in triangles with corners (k, 3) of V (n, 3)."""
+    """Return the barycentric weights (k, 3) of places (k, 3) in triangles with corners (k, 3) of V (n, 3)."""
     return np.asarray(igl.barycentric_coordinates(places, *(np.ascontiguousarray(V[corners[:, i]]) for i in range(3))))
 
 
 ZERO_AREA = 1e-20
-"""Faces whose area is under this share of the squared size count as collapsed."""
-SURFACE_CHUNK = 1 << 13
-"""Faces measured together."""
+"""Share of the squared size below which a face counts as collapsed."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,9 +110,9 @@ class Surface:
     V : (n, 3) vertex positions, metres.
     F : (m, 3) vertex indices of each face, counter-clockwise seen from the side its normal points to.
 
-    Raises SurfaceError for coordinates that are not finite, sizes that no surface has, indices out of range and faces
-    without area.
-    Whether the mesh is manifold and oriented is asked with `dsfab.surface.topology.manifold_faults`.
+    Raises SurfaceError for coordinates that are not finite, impossible sizes, indices out of range and faces without
+    area.
+    `dsfab.surface.topology.manifold_faults` reports whether the mesh is manifold and oriented.
     """
 
     V: Floats
@@ -137,10 +135,10 @@ class Surface:
         smallest, largest = POSSIBLE_SIZE
         reach = float(np.abs(self.V).max(initial=0.0))
         size = float(np.ptp(self.V, axis=0).max()) if self.n and reach <= largest else reach
-        if size > largest or 0 < size < smallest:  # a point is told as faces without area
+        if size > largest or 0 < size < smallest:  # `_check_faces` reports a size of 0 as faces without area
             raise SurfaceError(
-                f"the surface is {size:.3g} m large, or as far from the origin, and dsfab makes what has {smallest:g} "
-                f"to {largest:g} m; check the unit and the coordinates"
+                f"the surface is {size:.3g} m large, or as far from the origin, and dsfab accepts {smallest:g} to "
+                f"{largest:g} m; check the unit and the coordinates"
             )
 
     def _check_faces(self) -> None:
@@ -157,34 +155,33 @@ class Surface:
 
     @classmethod
     def from_mesh(cls, V: Any, F: Iterable[Any], unit: str = "m") -> "Surface":
-        """A surface of vertices (n, 3) in `unit` and triangles, quads or polygons; see
-        `dsfab.surface.files.other_libraries`."""
+        """Return a surface from vertices (n, 3) in `unit` and polygons; see `dsfab.surface.files.other_libraries`."""
         from dsfab.surface.files.other_libraries import surface_from
 
         return surface_from(V, F, unit)
 
     @classmethod
     def of(cls, mesh: Any, unit: str | None = None) -> "Surface":
-        """The surface that a mesh of trimesh, pyvista, compas or the like is; see
+        """Return a surface from a mesh of trimesh, pyvista, compas and others; see
         `dsfab.surface.files.other_libraries`."""
         from dsfab.surface.files.other_libraries import surface_of
 
         return surface_of(mesh, unit)
 
     def to_trimesh(self) -> "trimesh.Trimesh":
-        """The same vertices, metres, and faces."""
+        """Return the surface as a mesh of trimesh, metres."""
         from dsfab.surface.files.other_libraries import as_trimesh
 
         return as_trimesh(self.V, self.F)
 
     def to_pyvista(self) -> "pyvista.PolyData":
-        """The same vertices, metres, and faces."""
+        """Return the surface as a mesh of pyvista, metres."""
         from dsfab.surface.files.other_libraries import as_pyvista
 
         return as_pyvista(self.V, self.F)
 
     def to_compas(self) -> "compas.datastructures.Mesh":
-        """The same vertices, metres, and faces; raises SurfaceError where compas is not installed."""
+        """Return the surface as a mesh of compas, metres; raises SurfaceError if compas is not installed."""
         from dsfab.surface.files.other_libraries import as_compas
 
         return as_compas(self.V, self.F)
@@ -201,80 +198,80 @@ class Surface:
 
     @cached_property
     def size(self) -> float:
-        """Diagonal of the bounding box, metres: the length that tolerances are relative to."""
+        """Diagonal of the bounding box, metres; tolerances are relative to it."""
         return float(np.linalg.norm([np.ptp(column) for column in self.V.T]))
 
     @cached_property
     def _area_vectors(self) -> Floats:
-        """(m, 3), some faces at a time: as many as stay in the processor's cache."""
-        result = np.empty((self.m, 3))
-        for k in range(0, self.m, SURFACE_CHUNK):
-            a, b, c = (self.V.take(corner, axis=0) for corner in self.F[k : k + SURFACE_CHUNK].T)
-            result[k : k + SURFACE_CHUNK] = cross(b - a, c - a)
+        """(m, 3), computed in blocks that fit into the processor's cache."""
+        result, chunk = np.empty((self.m, 3)), 1 << 13
+        for k in range(0, self.m, chunk):
+            a, b, c = (self.V.take(corner, axis=0) for corner in self.F[k : k + chunk].T)
+            result[k : k + chunk] = cross(b - a, c - a)
         result *= 0.5
         return result
 
     @cached_property
     def areas(self) -> Floats:
-        """(m,) face areas, square metres."""
+        """Face areas (m,), square metres."""
         return lengths(self._area_vectors)
 
     @cached_property
     def area(self) -> float:
-        """Whole area, square metres."""
+        """Total area, square metres."""
         return float(self.areas.sum())
 
     @cached_property
     def normals(self) -> Floats:
-        """(m, 3) unit normals of the faces."""
+        """Unit normals (m, 3) of the faces."""
         return self._area_vectors / self.areas[:, None]
 
     @cached_property
     def centroids(self) -> Floats:
-        """(m, 3) centroids of the faces, metres."""
+        """Centroids (m, 3) of the faces, metres."""
         a, b, c = (self.V.take(corner, axis=0) for corner in self.F.T)
         means: Floats = (a + b + c) / 3
         return means
 
     @cached_property
     def edges(self) -> EdgeTable:
-        """Every edge once, with the faces on it."""
+        """Table of edges, each listed once with its faces."""
         return edge_table(self.F)
 
     @cached_property
     def pieces(self) -> tuple[int, Ints]:
-        """Number of edge-connected pieces, and the piece of each face (m,): see `topology.pieces`."""
+        """Number of edge-connected pieces, and the piece (m,) of each face: see `topology.pieces`."""
         return pieces(self.F, self.edges)
 
     @cached_property
     def pinches(self) -> Ints:
-        """(k,) vertices where the surface touches itself in a point: see `topology.pinches`."""
+        """Vertices (k,) where the surface touches itself in a point: see `topology.pinches`."""
         return pinches(self.F, self.edges, self.n)
 
     @cached_property
     def is_closed(self) -> bool:
-        """Whether no edge is a boundary edge."""
+        """True if no edge is a boundary edge."""
         return not bool(self.edges.boundary.any())
 
     @cached_property
     def volume(self) -> float:
-        """Enclosed volume of a closed surface, cubic metres (negative when its normals point inwards)."""
+        """Enclosed volume of a closed surface, cubic metres (negative if its normals point inwards)."""
         return signed_volume(self.V, self.F)
 
     @cached_property
     def loops(self) -> list[Ints]:
-        """The boundary loops as vertex indices (k,), longest first (in metres)."""
+        """Boundary loops as vertex indices (k,), longest first (in metres)."""
         loops = boundary_loops(self.F, self.edges)
         return sorted(loops, key=lambda loop: -closed_length(self.V[loop]))
 
     @cached_property
     def vertex_areas(self) -> Floats:
-        """(n,) a third of the area of the faces around each vertex, square metres."""
+        """A third of the area of the faces around each vertex (n,), square metres."""
         return np.bincount(self.F.ravel(), np.repeat(self.areas / 3, 3), minlength=self.n).astype(np.float64)
 
     @cached_property
     def vertex_normals(self) -> Floats:
-        """(n, 3) unit normals, area-weighted; zero at a vertex without faces."""
+        """Area-weighted unit normals (n, 3) at the vertices; zero at a vertex without faces."""
         total = np.zeros((self.n, 3))
         for corner in range(3):
             np.add.at(total, self.F[:, corner], self._area_vectors)
@@ -284,7 +281,7 @@ class Surface:
 
     @cached_property
     def is_flat(self) -> bool:
-        """Whether all vertices lie in one plane (to 1e-9 of the size)."""
+        """True if all vertices lie in one plane (to 1e-9 of the size)."""
         centred = self.V - self.V.mean(axis=0)
         normal = np.linalg.svd(centred[: min(self.n, 10_000)], full_matrices=False)[2][-1]
         return bool(np.abs(centred @ normal).max() <= 1e-9 * self.size)
@@ -296,9 +293,9 @@ class Surface:
 
     @property
     def edge_lengths(self) -> Floats:
-        """(e,) metres; not kept."""
+        """Lengths (e,) of the edges, metres; not cached."""
         return edge_lengths(self.V, self.edges.ends)
 
     def faces_of(self, vertices: Bools) -> Bools:
-        """(m,) whether all three corners of a face are among the (n,) marked vertices."""
+        """Return the faces (m,) whose three corners are all marked vertices (n,)."""
         return np.asarray(vertices[self.F].all(axis=1))

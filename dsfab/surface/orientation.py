@@ -12,7 +12,7 @@ from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import EdgeTable, half_edges, misoriented_edges, next_half_edge
 
 Up = Literal["x", "y", "z", "-x", "-y", "-z"]
-"""The axis of a file that points to the sky."""
+"""Axis of a file that points to the sky."""
 
 _TURNS: dict[Up, tuple[tuple[int, int, int], tuple[int, int, int]]] = {
     "z": ((0, 1, 2), (1, 1, 1)),
@@ -22,20 +22,18 @@ _TURNS: dict[Up, tuple[tuple[int, int, int], tuple[int, int, int]]] = {
     "x": ((1, 2, 0), (1, 1, 1)),
     "-x": ((2, 1, 0), (1, 1, -1)),
 }
-"""Up axis -> the axes that become x, y, z, and their signs: turns, no mirrors."""
+"""Axes that become x, y, z for each up axis, and their signs: rotations, not mirrors."""
 
 
 def upright(V: Floats, up: Up) -> Floats:
-    """The vertices V (n, 3), turned so that the axis `up` becomes z; y keeps x, as for glTF (x, -z, y)."""
+    """Return the vertices V (n, 3), rotated so that the axis `up` becomes z; y keeps x, as for glTF (x, -z, y)."""
     axes, signs = _TURNS[up]
     return V if up == "z" else np.asarray(V[:, list(axes)] * np.array(signs, dtype=float) + 0.0)
 
 
 def corner_sides(F: Ints, edges: EdgeTable) -> Ints:
-    """(m, 3) of 1 and -1: whether a face's own side at a corner is that of the first face around the vertex.
-
-    All 1 on an oriented surface. A vertex in which several fans of faces meet has a first face in each of them.
-    """
+    """Return 1 or -1 (m, 3) for each face corner: whether its side is that of the first face around the vertex. The
+    values are all 1 on an oriented surface. If several fans of faces meet in a vertex, each has its own first face."""
     if not len(misoriented_edges(F, edges)):
         return np.ones_like(F)
     h0, h1 = edges.pairs.T
@@ -46,14 +44,14 @@ def corner_sides(F: Ints, edges: EdgeTable) -> Ints:
     j, turn = 2 * np.concatenate([at_start, at_end]), np.tile(clash, 2)
     i, j = np.concatenate([i, i + 1]), np.concatenate([j + turn, j + 1 - turn])
     side = _components(i, j, 6 * len(F)).reshape(-1, 2)
-    fan, reference = np.unique(side.min(axis=1), return_index=True)  # a fan has two sides, both at every corner of it
+    fan, reference = np.unique(side.min(axis=1), return_index=True)  # every corner of a fan has both of its sides
     first = reference[np.searchsorted(fan, side.min(axis=1))]
     sides: Ints = np.where(side[:, 0] == side[first, 0], 1, -1).reshape(-1, 3)
     return sides
 
 
 def one_sided_pieces(F: Ints, edges: EdgeTable) -> Bools:
-    """(m,) whether a face belongs to a piece with one side only: walking over it leads to the face's other side."""
+    """Return the faces (m,) of pieces with one side only, like a Moebius strip."""
     m = len(F)
     if not len(misoriented_edges(F, edges)):
         return np.zeros(m, dtype=bool)
@@ -64,10 +62,8 @@ def one_sided_pieces(F: Ints, edges: EdgeTable) -> Bools:
 
 
 def flips_along_tree(F: Ints, edges: EdgeTable) -> Bools:
-    """(m,) faces to turn over so that neighbours agree along a spanning tree of each piece: all but along a short seam.
-
-    For one-sided pieces, of which no turning makes all neighbours agree.
-    """
+    """Return the faces (m,) to flip so that neighbours agree along a spanning tree of each piece. It is for one-sided
+    pieces, where no choice makes all neighbours agree; a short seam remains."""
     f, g, clash = _neighbours(F, edges)
     m = len(F)
     steps = coo_array((np.concatenate([clash, clash]) + 1, (np.r_[f, g], np.r_[g, f])), shape=(m, m)).tocsr()
@@ -82,7 +78,7 @@ def flips_along_tree(F: Ints, edges: EdgeTable) -> Bools:
 
 
 def require_two_sides(surface: Surface, faces: Bools, what: str) -> None:
-    """Raise SurfaceError where `faces` (m,) have one side only: nothing there is inside, outside, above or below."""
+    """Raise SurfaceError if `faces` (m,) have one side only, because they have no inside, outside, above or below."""
     wrong = int((one_sided_pieces(surface.F, surface.edges) & faces).sum())
     if wrong:
         raise SurfaceError(
@@ -92,7 +88,7 @@ def require_two_sides(surface: Surface, faces: Bools, what: str) -> None:
 
 
 def _neighbours(F: Ints, edges: EdgeTable) -> tuple[Ints, Ints, Ints]:
-    """Pairs of faces over every edge with two, and 1 where they do not agree about their side."""
+    """Return the pairs of faces over every edge with two, and 1 where their sides disagree."""
     h0, h1 = edges.pairs.T
     a, _ = half_edges(F)
     return h0 // 3, h1 // 3, (a[h0] == a[h1]).astype(np.int64)

@@ -9,14 +9,14 @@ from scipy.sparse import coo_array, csr_array
 from dsfab.core.arrays import Bools, Ints, complement, first
 
 LONGEST_WALK = 100
-"""Steps around a vertex; each asks all vertices that are not done."""
+"""Largest number of steps around a vertex; each step visits all vertices whose walk has not ended."""
 
 
 @dataclass(frozen=True, eq=False)
 class EdgeTable:
-    """Every edge of a mesh once.
+    """Edges of a mesh, each listed once.
 
-    ends   : (e, 2) vertex indices, the smaller first: this is the edge's global direction.
+    ends   : (e, 2) vertex indices, the smaller first; this is the edge's global direction.
     of     : (m, 3) the edge of each half-edge.
     order  : (3 m,) half-edges sorted by edge; those of edge k are order[start[k] : start[k + 1]].
     start  : (e + 1,)
@@ -29,47 +29,47 @@ class EdgeTable:
 
     @cached_property
     def count(self) -> Ints:
-        """(e,) number of faces on each edge."""
+        """Number of faces (e,) on each edge."""
         return np.diff(self.start)
 
     @cached_property
     def boundary(self) -> Bools:
-        """(e,) whether an edge has one face only."""
+        """Edges (e,) with one face only."""
         alone: Bools = self.count == 1
         return alone
 
     @cached_property
     def pairs(self) -> Ints:
-        """(i, 2) the two half-edges of every edge that has exactly two."""
+        """Half-edges (i, 2) of the edges with exactly two faces."""
         at = self.start[:-1][self.count == 2]
         return np.stack([self.order[at], self.order[at + 1]], axis=1)
 
     @cached_property
     def twins(self) -> Ints:
-        """(3 m,) the half-edge on the other side of each; -1 where there is none, or more than one."""
+        """Opposite half-edge (3 m,) of each half-edge; -1 on an edge with one face or more than two."""
         twin = np.full(self.of.size, -1)
         one, two = self.pairs.T
         twin[one], twin[two] = two, one
         return twin
 
     def between(self, i: Ints, j: Ints) -> Ints:
-        """(k,) the edges from vertices i (k,) to j (k,), which must be there."""
+        """Return the edges (k,) between vertices i and j (k,), which must exist."""
         n = int(self.ends.max()) + 1
         return np.searchsorted(self.ends[:, 0] * n + self.ends[:, 1], np.minimum(i, j) * n + np.maximum(i, j))
 
 
 def half_edges(F: Ints) -> tuple[Ints, Ints]:
-    """(3 m,) first and last vertex of every half-edge."""
+    """Return the start and the end vertex (3 m,) of every half-edge."""
     return F.ravel(), np.roll(F, -1, axis=1).ravel()
 
 
 def next_half_edge(h: Ints, steps: int | Ints = 1) -> Ints:
-    """(...) the half-edges so many steps, for all or (...), on from half-edges h (...), around their faces."""
+    """Return the half-edges (...) that follow h (...) around their faces by `steps`, a number or an array (...)."""
     return h - h % 3 + (h + steps) % 3
 
 
 def edge_table(F: Ints) -> EdgeTable:
-    """The edges of faces F (m, 3), in ascending order of their vertices."""
+    """Return the edges of faces F (m, 3), in ascending order of their vertices."""
     a, b = half_edges(F)
     n = int(F.max()) + 1
     low, high = np.minimum(a, b), np.maximum(a, b)
@@ -84,17 +84,16 @@ def edge_table(F: Ints) -> EdgeTable:
 
 
 def _counted_order(keys: Ints, count: int) -> Ints:
-    """The order that sorts integers (k,) below `count`, equal ones in their order: a counting sort, which transposing a
-    sparse matrix is [Gustavson 1978]; two of them sort pairs in half the time of sorting their numbers."""
+    """Return the stable order that sorts integers (k,) below `count` by a counting sort. Transposing a sparse matrix is
+    a counting sort [Gustavson 1978]. Two of them sort pairs in half the time of one sort."""
     rows = csr_array((np.ones(len(keys), dtype=np.int8), keys, np.arange(len(keys) + 1)), shape=(len(keys), count))
     return rows.tocsc().indices.astype(np.int64)
 
 
 def pieces(F: Ints, edges: EdgeTable) -> tuple[int, Ints]:
-    """Number of edge-connected pieces, and the piece of each face (m,), largest pieces first by face count.
-
-    Faces that meet in a vertex only belong to different pieces: such a contact carries no moment and cannot be built.
-    """
+    """Return the number of edge-connected pieces, and the piece (m,) of each face; pieces with most faces come first.
+    Faces that meet in a vertex only belong to different pieces: such a contact carries no moment and cannot be
+    built."""
     face = edges.order // 3
     same = np.diff(edges.of.ravel()[edges.order]) == 0
     count, label = connected(len(F), face[:-1][same], face[1:][same])
@@ -104,11 +103,11 @@ def pieces(F: Ints, edges: EdgeTable) -> tuple[int, Ints]:
 
 
 def connected(count: int, i: Ints, j: Ints) -> tuple[int, Ints]:
-    """Number of parts that links between things i and j (k,) make of `count` things, and the part of each.
+    """Return the number of components of `count` nodes with links i - j (k,), and the component of each node.
 
-    Parts are in the order of their first things. The larger root of each link is hung on the smaller one, and all onto
-    their roots, until no link leads from one tree to another [Shiloach and Vishkin 1982]. Without a matrix of the links
-    that is five times as quick on the few hundred things of most questions.
+    Components are ordered by their first nodes. Each round hangs the larger root of every link on the smaller root,
+    then shortens all paths, until no link joins two trees [Shiloach and Vishkin 1982]. On a few hundred nodes this is
+    five times as fast as scipy's graph matrix.
     """
     things = np.arange(count)
     root = things
@@ -125,12 +124,11 @@ def connected(count: int, i: Ints, j: Ints) -> tuple[int, Ints]:
 
 
 def boundary_loops(F: Ints, edges: EdgeTable) -> list[Ints]:
-    """Closed chains (k,) of boundary vertices of an oriented mesh F (m, 3), most vertices first; the surface lies
-    left of each step.
+    """Return closed chains (k,) of boundary vertices of an oriented mesh F (m, 3), most vertices first.
 
-    At a pinch the chain stays with the fan of faces it came along, so that two sheets touching in a vertex keep two
-    loops. On a mesh that is not oriented some loops run the other way; on one that is not manifold chains may be open:
-    look at `manifold_faults` first.
+    The surface lies left of each step. At a pinch the chain stays with its fan of faces, so that two sheets that touch
+    in a vertex keep two loops. If the mesh is not oriented, some loops run the other way; if it is not manifold, chains
+    may be open. Check `manifold_faults` first.
     """
     a, _ = half_edges(F)
     _, fan = _fans(F, edges)
@@ -154,8 +152,8 @@ def boundary_loops(F: Ints, edges: EdgeTable) -> list[Ints]:
 
 
 def _turned_links(start: Ints, end: Ints) -> Bools:
-    """(b,) the links of closed chains to turn round so that each begins where another ends."""
-    link = np.arange(2 * len(start)) // 2  # its two ends in a row, those that meet made neighbours
+    """Return the links (b,) of closed chains to reverse, so that each link begins where another ends."""
+    link = np.arange(2 * len(start)) // 2
     ends = np.stack([start, end], axis=1).ravel()
     order = np.argsort(ends, kind="stable")
     met = np.flatnonzero(ends[order][:-1] == ends[order][1:])
@@ -169,7 +167,8 @@ def _turned_links(start: Ints, end: Ints) -> Bools:
 
 
 def pinches(F: Ints, edges: EdgeTable, n: int) -> Ints:
-    """(k,) vertices where the sheet F (m, 3) touches itself in a point: the faces around it are more than one fan."""
+    """Return the vertices (k,) where the sheet F (m, 3) touches itself in a point: their faces form more than one
+    fan."""
     if _whole_fans(F, edges, n):
         return np.empty(0, dtype=np.int64)
     count, fan = _fans(F, edges)
@@ -179,16 +178,19 @@ def pinches(F: Ints, edges: EdgeTable, n: int) -> Ints:
 
 
 def corner_fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bools | None = None) -> Ints:
-    """(m, 3) the faces on new vertices, one for each fan of faces: parts that touch in a point come apart, and so do
-    faces on an edge of more than two, but for the pairs (k, 2) of half-edges in `also`, and at edges `apart` (e,)."""
+    """Return the faces (m, 3) on new vertices, one vertex for each fan of faces.
+
+    Parts that touch in a point come apart, and so do faces on an edge with more than two faces.
+
+    also  : pairs (k, 2) of half-edges that stay joined on such edges.   apart : edges (e,) along which faces come
+            apart.
+    """
     return _fans(F, edges, also, apart)[1].reshape(-1, 3)
 
 
 def _fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bools | None = None) -> tuple[int, Ints]:
-    """Number of edge-connected fans of faces around vertices, and the fan of each corner (3 m,).
-
-    Corner `h` is the one that half-edge h leaves from; the corners at both ends of every shared edge are glued.
-    """
+    """Return the number of edge-connected fans of faces around vertices, and the fan of each corner (3 m,). Corner `h`
+    is the start of half-edge h; the corners at both ends of every shared edge are glued."""
     pairs = edges.pairs if apart is None else edges.pairs[~apart[edges.count == 2]]
     h0, h1 = (pairs if also is None else np.concatenate([pairs, also])).T
     a, _ = half_edges(F)
@@ -201,11 +203,9 @@ def _fans(F: Ints, edges: EdgeTable, also: Ints | None = None, apart: Bools | No
 
 
 def _whole_fans(F: Ints, edges: EdgeTable, n: int) -> bool:
-    """Whether one walk around each vertex surely meets all of its corners; walks need faces of one orientation.
-
-    A walk starts at the boundary, where there is one, and goes from corner to corner over the edges between. Around a
-    vertex of thousands of faces, as a fan has, walks are not gone to their end.
-    """
+    """Return whether one walk around each vertex meets all of its corners; False if the walks cannot decide. Walks need
+    faces of one orientation. A walk starts at the boundary, if the vertex has one, and steps over the edges from corner
+    to corner. It stops after `LONGEST_WALK` steps, because a fan may have thousands of faces."""
     if len(misoriented_edges(F, edges)) or (edges.count > 2).any():
         return False
     start = np.full(n, -1)
@@ -226,7 +226,7 @@ def _whole_fans(F: Ints, edges: EdgeTable, n: int) -> bool:
 
 
 def misoriented_edges(F: Ints, edges: EdgeTable) -> Ints:
-    """(k,) indices of the edges that both neighbours, of faces F (m, 3), run through in the same direction."""
+    """Return the edges (k,) that both neighbours, of faces F (m, 3), run through in the same direction."""
     a = F.ravel()
     h0, h1 = edges.pairs.T
     same = np.flatnonzero(a[h0] == a[h1])
@@ -234,22 +234,22 @@ def misoriented_edges(F: Ints, edges: EdgeTable) -> Ints:
 
 
 def euler_characteristic(F: Ints, edges: EdgeTable) -> int:
-    """Vertices - edges + faces of F (m, 3), counting the vertices that have a face."""
+    """Return vertices - edges + faces of F (m, 3), counting the vertices that have a face."""
     return int(np.count_nonzero(np.bincount(F.ravel()))) - len(edges.ends) + len(F)
 
 
 def duplicate_faces(F: Ints) -> Ints:
-    """(k,) indices of the faces of F (m, 3) that join the same three vertices as an earlier one, in either
-    orientation."""
+    """Return the faces (k,) of F (m, 3) that join the same three vertices as an earlier face, in either orientation."""
     seen = np.unique(np.sort(F, axis=1), axis=0, return_index=True)[1]
     return complement(seen, len(F))
 
 
 def flips_to_orient(F: Ints, edges: EdgeTable) -> Bools | None:
-    """(m,) faces to turn over so that neighbours agree: the smaller part of each piece; None if there is no such set.
+    """Return the faces (m,) to flip so that neighbours agree, the smaller part of each piece; None if it is impossible.
 
-    Two copies of the mesh, one turned over, are glued along all edges where they agree: a piece is orientable exactly
-    when its two copies stay apart (the orientation double cover).
+    Method: two copies of the mesh, one flipped, are glued along all edges where they agree (orientation double cover).
+    A
+    piece is orientable exactly if its two copies stay apart.
     """
     m = len(F)
     a, _ = half_edges(F)
@@ -267,8 +267,8 @@ def flips_to_orient(F: Ints, edges: EdgeTable) -> Bools | None:
 
 
 def manifold_faults(F: Ints, edges: EdgeTable, n: int) -> tuple[str, ...]:
-    """What keeps faces F (m, 3) on n vertices from being an oriented manifold, a sentence each; empty if nothing
-    does."""
+    """Return the reasons, a sentence each, why faces F (m, 3) on n vertices are no oriented manifold; empty for a
+    manifold."""
     crowded = np.flatnonzero(edges.count > 2)
     opposed = misoriented_edges(F, edges)
     twice = duplicate_faces(F)
@@ -287,43 +287,41 @@ def manifold_faults(F: Ints, edges: EdgeTable, n: int) -> tuple[str, ...]:
 
 
 def named_edges(indices: Ints, edges: EdgeTable, count: int = 3) -> str:
-    """The first few edges (k,) by their vertices, for messages: '3-17, 4-20, ...'."""
+    """Return the first edges of (k,) by their vertices, for messages: '3-17, 4-20, ...'."""
     shown = ", ".join(f"{a}-{b}" for a, b in edges.ends[indices[:count]].tolist())
     return shown + (", ..." if len(indices) > count else "")
 
 
 def adjacency(edges: EdgeTable, n: int) -> csr_array:
-    """(n, n) ones between the ends of edges."""
+    """Return a matrix (n, n) with ones between the ends of edges."""
     i, j = _both_ways(edges)
     return csr_array(coo_array((np.ones(len(i)), (i, j)), shape=(n, n)))
 
 
 def on_boundary(edges: EdgeTable, n: int) -> Bools:
-    """(n,) whether a vertex is an end of an edge with one face."""
+    """Return the vertices (n,) at an end of an edge with one face."""
     rim = np.zeros(n, dtype=bool)
     rim[edges.ends[edges.boundary]] = True
     return rim
 
 
 def corners_of(F: Ints, faces: Bools, n: int) -> Bools:
-    """(n,) whether a vertex is a corner of a marked face (m,)."""
+    """Return the vertices (n,) that are corners of a marked face (m,)."""
     marks = np.zeros(n, dtype=bool)
     marks[F[faces]] = True
     return marks
 
 
 def faces_at(F: Ints, marks: Bools) -> Bools:
-    """(m,) whether a corner of a face is a marked vertex (n,): `any` over rows of three takes five times as long."""
+    """Return the faces (m,) with a marked vertex (n,); `any` over rows of three takes five times as long."""
     a, b, c = marks[F.T]
     return np.asarray(a | b | c)
 
 
 def spanned_edges(F: Ints, edges: EdgeTable, marks: Bools) -> Bools:
-    """(e, ...) the edges that marked vertices (n, ...) span: those with both ends marked.
-
-    An edge within the sheet that joins two vertices of its boundary does so by the mesh alone: what is marked there is
-    the boundary. It counts beside a face with all corners marked, but no face with two free edges (an ear of the mesh).
-    """
+    """Return the edges (e, ...) with both ends marked (n, ...). An inner edge between two boundary vertices does not
+    count, because its marks belong to the boundary. Exception: it is a side of a face whose corners are all marked,
+    unless that face has two free edges (an ear of the mesh)."""
     found = marks[edges.ends].all(axis=1)
     rim = on_boundary(edges, len(marks))
     chord = rim[edges.ends].all(axis=1) & ~edges.boundary
@@ -335,7 +333,8 @@ def spanned_edges(F: Ints, edges: EdgeTable, marks: Bools) -> Bools:
 
 
 def smoothing_pairs(edges: EdgeTable, n: int) -> tuple[Ints, Ints]:
-    """(p,) vertices and neighbours (p,), to whose mean they may move: for those on the boundary only along it."""
+    """Return vertices (p,) and the neighbours (p,) whose mean they may move to; boundary vertices only move along
+    it."""
     i, j = _both_ways(edges)
     used = np.concatenate([edges.boundary, edges.boundary]) | ~on_boundary(edges, n)[i]
     return i[used], j[used]

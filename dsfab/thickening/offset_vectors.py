@@ -52,16 +52,10 @@ def _named(ends: Ints, count: int = 5) -> str:
 
 
 VISIBILITY_GAP = 0.001
-"""A normal is visible enough when its smallest cosine is within this share of the best possible one."""
-
-VISIBILITY_ROUNDS = 200
-"""Most steps towards the most visible normal. Few vertices need them all, and end within 5 % of the best cosine."""
+"""The search ends if the smallest cosine of a normal is within this share of the best possible one."""
 
 CHUNK = 1 << 13
-"""Faces looked at together: as many as the processor's cache takes."""
-
-MITRE_LIMIT = 2.0
-"""Longest offset at a crease, in half thicknesses."""
+"""Faces processed together: this many fit the processor's cache."""
 
 
 def visible_normals(surface: Surface, weights: Floats, faces: Floats) -> Floats:
@@ -69,16 +63,16 @@ def visible_normals(surface: Surface, weights: Floats, faces: Floats) -> Floats:
 
     The best one is the direction of the point nearest to the origin in the convex hull of the face normals
     [Gilbert 1966: step towards the worst face], and the length of any point there bounds the best cosine from above.
-    Starts from the mean weighted by the corner angles (m, 3), and falls back to it where no direction sees all faces.
-    faces : (m, 3, 3) normal of each face at each of its corners, turned to the side that the vertex is seen from.
+    Starts from the mean weighted by the corner angles (m, 3), and falls back to it if no direction sees all faces.
+    faces : (m, 3, 3) normal of each face at each of its corners, turned to the upper side of the vertex.
     """
     vertex, normal = surface.F.ravel(), faces.reshape(-1, 3)
     mean = _corner_mean(surface, weights, normal)
     point = mean.copy()
-    tight = np.flatnonzero(_open(surface, point, faces)[vertex])  # on a fine mesh few, or none
+    tight = np.flatnonzero(_open(surface, point, faces)[vertex])  # few on a fine mesh
     by_vertex = tight[sorted_order(vertex[tight])]
     vertex, normal = vertex[by_vertex], normal[by_vertex]
-    for _ in range(VISIBILITY_ROUNDS if len(tight) else 0):
+    for _ in range(200 if len(tight) else 0):
         worst, lowest = _lowest_corner(vertex, np.einsum("ci,ci->c", normal, point[vertex]))
         here = vertex[worst]
         square = np.einsum("vi,vi->v", point[here], point[here])
@@ -95,18 +89,18 @@ def visible_normals(surface: Surface, weights: Floats, faces: Floats) -> Floats:
 
 
 def _open(surface: Surface, point: Floats, faces: Floats) -> Bools:
-    """(n,) where a step towards the worst face may be worth it, or nearly."""
+    """(n,) True if a step towards the worst face may help."""
     lowest = np.full(surface.n, np.inf)
     for corner, normal in zip(surface.F.T, faces.transpose(1, 0, 2), strict=True):
         np.minimum.at(lowest, corner, np.einsum("mi,mi->m", normal, point.take(corner, axis=0)))
     return np.asarray(lowest < (1 - 0.999 * VISIBILITY_GAP) * np.einsum("vi,vi->v", point, point))
 
 
-def mitres(surface: Surface, N: Floats, weights: Floats, faces: Floats) -> Floats:
-    """(n,) 1 / mean cosine between each normal N and the faces around it (see `visible_normals`), up to MITRE_LIMIT."""
+def mitres(surface: Surface, N: Floats, weights: Floats, faces: Floats, limit: float = 2.0) -> Floats:
+    """(n,) 1 / mean cosine between each normal N and the faces around it (see `visible_normals`), up to `limit`."""
     cosine = np.stack([np.einsum("mi,mi->m", N.take(surface.F[:, v], axis=0), faces[:, v]) for v in range(3)], axis=1)
     mean = _corner_mean(surface, weights, cosine.reshape(-1, 1))[:, 0]
-    return 1 / np.clip(mean, 1 / MITRE_LIMIT, 1)
+    return 1 / np.clip(mean, 1 / limit, 1)
 
 
 def _corner_mean(surface: Surface, weights: Floats, values: Floats) -> Floats:
@@ -131,7 +125,6 @@ def corner_angles(surface: Surface) -> Floats:
 
 
 def _lowest_corner(vertex: Ints, value: Floats) -> tuple[Ints, Floats]:
-    """Index of the corner with the lowest value at each vertex of a sorted list, and that value."""
     start = np.flatnonzero(np.concatenate([[True], vertex[1:] != vertex[:-1]]))
     lowest = np.minimum.reduceat(value, start)
     run = np.cumsum(np.concatenate([[False], vertex[1:] != vertex[:-1]]))
@@ -141,7 +134,7 @@ def _lowest_corner(vertex: Ints, value: Floats) -> tuple[Ints, Floats]:
 
 
 def _settled(surface: Surface, point: Floats, mean: Floats, faces: Floats) -> Floats:
-    """Unit normals from the points found; the mean, or any face's normal, where a point sees a face from behind."""
+    """Unit normals from the points; the mean, or any face's normal, if a point sees a face from behind."""
     seen = _sees_all(surface, point, faces)
     N = np.where(seen[:, None], point, mean)
     lost = lengths(N) < 1e-6
@@ -155,7 +148,6 @@ def _settled(surface: Surface, point: Floats, mean: Floats, faces: Floats) -> Fl
 
 
 def _sees_all(surface: Surface, N: Floats, faces: Floats) -> Bools:
-    """(n,) whether each vector (n, 3) makes an acute angle with all faces around its vertex."""
     sees = np.ones(surface.n, dtype=bool)
     for corner, normal in zip(surface.F.T, faces.transpose(1, 0, 2), strict=True):
         sees[corner[np.einsum("mi,mi->m", normal, N.take(corner, axis=0)) <= 0]] = False
@@ -165,17 +157,7 @@ def _sees_all(surface: Surface, N: Floats, faces: Floats) -> Bools:
 Side = Literal["mid", "out", "in"]
 
 SHIFT = {"mid": 0, "out": 1, "in": -1}
-"""By how many D the middle of the sheet lies off the surface."""
-
-SAFE_JACOBIAN = 0.2
-"""Smallest Bernstein coefficient of a prism that counts as safe, as a share of a straight prism's. 0.05 was measured
-to be too weak, 0.4 not to end on real meshes."""
-
-SHRINK = 0.85
-"""What an offset is multiplied by while a prism around it is not safe."""
-
-SMALLEST_OFFSET = 0.05
-"""Share of the asked thickness below which an offset is not shrunk: the exact test has the last word there."""
+"""Distance of the middle of the sheet from the surface, in D."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -183,10 +165,11 @@ class Offsets:
     """Half-thickness vectors of a surface.
 
     D        : (n, 3) half of the way from the lower to the upper skin, metres. Zero without faces.
-    limited  : number of vertices where the surface bends too tightly for the asked thickness.
-    smallest : the smallest share of the asked thickness that was left there; 1 when nothing was limited.
-    tightest : the vertex at which that is.
-    sides    : (m, 3) of 1 and -1: whether D lies on a face's own side at its corners (see `corner_sides`); all 1 but on
+    limited  : number of vertices where the surface bends too tightly for the thickness.
+    smallest : the smallest remaining share of the thickness; 1 if nothing was limited.
+    tightest : the vertex of that share.
+    sides    : (m, 3) of 1 and -1: the side of a face on which D lies at its corners (see `corner_sides`); all 1 except
+               on
                surfaces with one side only.
     """
 
@@ -201,22 +184,24 @@ class Offsets:
         lock(self, "sides", np.int64, (None, 3))
 
     def at_corners(self, F: Ints) -> Floats:
-        """(m, 3, 3) D at the corners of the faces F (m, 3), each seen from its face: what the slicer carries."""
+        """(m, 3, 3) D at the corners of the faces F (m, 3), on the side of each face: input of
+        `Sheet.carry_corners`.
+        """
         seen: Floats = self.D[F] * self.sides[:, :, None]
         return seen
 
 
 def offsets(surface: Surface, thickness: float | Floats, side: Side = "mid") -> Offsets:
-    """Offset vectors that make a sheet of `thickness` (metres, measured normal to its faces) around a surface.
+    """Offset vectors for a sheet of `thickness` (metres, measured normal to its faces) around a surface.
 
-    Each runs along the normal that is most visible from the faces around its vertex, is lengthened at creases (mitre,
-    at most twice), and is shortened where the prisms over the faces would fold over.
+    Each vector has the direction that is most visible from the faces around its vertex. It is longer at creases (mitre,
+    at most twice), and shorter where the prisms over the faces would fold over.
 
     thickness : of the whole sheet, or (n,) at each vertex.
-    side : where the sheet lies: around the surface, or on one side of it: "out" is where the normals point.
+    side : position of the sheet: around the surface, or on one side of it: "out" is where the normals point.
 
-    Raises SolidError for a thickness that is not positive everywhere, for surfaces that are not manifolds or could be
-    oriented but are not, and for one side of a surface that has one only.
+    Raises SolidError for a thickness that is not positive, for surfaces that are no manifolds or not oriented though
+    they could be, and for `side` on a surface with one side only.
     """
     t = _checked_thickness(surface, thickness)
     check_oriented(surface)
@@ -232,7 +217,6 @@ def offsets(surface: Surface, thickness: float | Floats, side: Side = "mid") -> 
 
 
 def _checked_thickness(surface: Surface, thickness: float | Floats) -> Floats:
-    """(n,) metres."""
     t = np.asarray(thickness, dtype=np.float64)
     if t.shape not in ((), (surface.n,)):
         raise SolidError(f"thickness has shape {t.shape}; give one number, or one for each of {surface.n} vertices")
@@ -244,11 +228,14 @@ def _checked_thickness(surface: Surface, thickness: float | Floats) -> Floats:
     return np.broadcast_to(t, surface.n)
 
 
-def safe_shares(surface: Surface, D: Floats, sides: Ints, shift: int = 0) -> Floats:
-    """(n,) shares of D (n, 3) that leave every prism over a face with a Jacobian that is clearly positive.
+def safe_shares(
+    surface: Surface, D: Floats, sides: Ints, shift: int = 0, shrink: float = 0.85, smallest: float = 0.05
+) -> Floats:
+    """(n,) shares of D (n, 3) that leave every prism over a face with a clearly positive Jacobian.
 
-    A corner that its own offset vector does not see, or hardly, is asked for less: no shrinking can help it.
-    sides : as in `Offsets`.    shift : as in `SHIFT`.
+    A corner that its own offset vector hardly sees has a lower limit, because shrinking does not help it.
+    sides : as in `Offsets`.    shift : as in `SHIFT`.    shrink : factor of each step.
+    smallest : shares are not shrunk below this, because an exact test follows.
     """
     share = np.ones(surface.n)
     look = np.arange(surface.m)
@@ -262,14 +249,15 @@ def safe_shares(surface: Surface, D: Floats, sides: Ints, shift: int = 0) -> Flo
             least = np.minimum(np.minimum(C[:, 0], C[:, 1]), C[:, 2])
             tight = ((least < asked) & (asked > 0)).any(axis=1)
             shrinks[F[tight]] = True
-        shrinks &= share > SMALLEST_OFFSET
-        share[shrinks] = np.maximum(share[shrinks] * SHRINK, SMALLEST_OFFSET)
+        shrinks &= share > smallest
+        share[shrinks] = np.maximum(share[shrinks] * shrink, smallest)
         look = np.flatnonzero(shrinks[surface.F].any(axis=1))
     return share
 
 
 def _prism_jacobians(P: Floats, d: Floats) -> tuple[Floats, Floats]:
-    """Coefficients (m, 3, 3) of the Jacobian of prisms P + s d, -1 <= s <= 1, and what each corner (m, 3) must reach.
+    """Coefficients (m, 3, 3) of the Jacobian of prisms P + s d, -1 <= s <= 1, and the lower limit of each corner (m,
+    3).
 
     The Jacobian is quadratic in s and linear over the face: coefficient [k, v] belongs to power k of s (Bernstein) and
     corner v. All positive means that the prism does not fold over. Divided by twice the area and the mean |d|.
@@ -282,4 +270,4 @@ def _prism_jacobians(P: Floats, d: Floats) -> tuple[Floats, Floats]:
     scale = (lengths(flat) * lengths(d).mean(axis=1))[:, None]
     C = np.stack([np.einsum("mi,mvi->mv", N, d) / scale for N in normals], axis=1)
     straight = np.einsum("mi,mvi->mv", flat, d) / scale
-    return C, np.minimum(SAFE_JACOBIAN, 0.5 * straight)
+    return C, np.minimum(0.2, 0.5 * straight)  # 0.05 is too weak, 0.4 does not end on real meshes

@@ -12,26 +12,7 @@ from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import smoothing_pairs
 from dsfab.thickening.self_intersection import intersecting_pairs, pairs_after_moves
 from dsfab.thickening.skin import Skin
-from dsfab.thickening.union import THIN, United, united_prisms
-from dsfab.thickening.union import THINNEST as UNION_THINNEST
-
-SMALL = 4.0
-"""Folds are small up to this many half thicknesses: twice the thickness of the sheet."""
-
-ROUNDS = 10
-"""Rounds of moving the vertices of a fold half of the way to the mean of their neighbours."""
-
-GRAZING = 0.1
-"""An offset with a smaller cosine to a face around its vertex hardly sees it: making it shorter does not help there."""
-
-LAST_ROUNDS = 60
-"""Rounds of shortening the offsets of all that still meets, and of smoothing where it hardly sees its faces."""
-
-THINNER = 0.8
-"""What offsets are multiplied by in each of them."""
-
-THINNEST = 0.002
-"""Share of the offset below which none is shortened: at 1e-3 of it rounding to single precision would show."""
+from dsfab.thickening.union import THIN, THINNEST, United, united_prisms
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,16 +24,16 @@ class Unfolded:
 
 
 def unfolded(surface: Surface, D: Floats) -> Unfolded:
-    """A sheet whose small folds are smoothed away; others are left as they were. D (n, 3) its half thickness, metres.
+    """Smooth small folds of a sheet away, up to twice its thickness in size. D (n, 3): its half thickness, metres.
 
-    A mesh with such a fold, of a few faces as a rule, has a fault that no offset can pass: prisms over it turn over
-    however thin they are. Larger ones are meant: there the surface crosses itself.
+    Such a fold, of a few faces as a rule, is a fault of the mesh that no offset can pass: prisms over it turn over
+    however thin they are. Larger folds are intended: there the surface crosses itself.
     """
     first = crossing = intersecting_pairs(surface.V, surface.F)
     V, near, half = surface.V, _averages(surface), float(np.median(np.linalg.norm(D, axis=1)))
-    for _ in range(ROUNDS if len(crossing) else 0):
+    for _ in range(10 if len(crossing) else 0):
         fold, size = _folds(surface.V, surface.F, np.concatenate([first, crossing]))
-        small = np.isin(fold, np.flatnonzero(size <= SMALL * half))
+        small = np.isin(fold, np.flatnonzero(size <= 4 * half))
         at = np.zeros(surface.n, dtype=bool)
         at[surface.F[crossing].ravel()] = True
         at &= small
@@ -61,32 +42,32 @@ def unfolded(surface: Surface, D: Floats) -> Unfolded:
         V = np.where(at[:, None], (V + near @ V) / 2, V)
         first, crossing = np.concatenate([first, crossing]), intersecting_pairs(V, surface.F)
     stuck = np.isin(fold, np.unique(fold[surface.F[crossing].ravel()])) & (fold >= 0) if len(first) else None
-    if stuck is not None and stuck.any() and (V != surface.V).any():  # a fold that stays is left as it was
+    if stuck is not None and stuck.any() and (V != surface.V).any():  # undo moves of remaining folds
         V = np.where(stuck[:, None], surface.V, V)
         crossing = intersecting_pairs(V, surface.F)
     return Unfolded(V, crossing)
 
 
 def flattened(surface: Surface, skin: Skin, D: Floats, backslash: Bools, pairs: Ints) -> tuple[Floats, Floats, Ints]:
-    """Vertices V (n, 3), offsets D (n, 3) and pairs left (k, 2): the last means against faces that meet.
+    """Remove the last intersections; return vertices V (n, 3), offsets D (n, 3) and the remaining pairs (k, 2).
 
-    What meets is made thinner, to a film if it must; where an offset hardly sees one of the faces around its vertex,
-    both are moved half of the way to the mean of the neighbours instead. The best state met.
+    Faces that meet become thinner, to a film if necessary. If an offset hardly sees a face around its vertex,
+    shortening does not help: both then move half of the way to the mean of the neighbours. Returns the best state.
     """
     V, faces, near = surface.V, skin.faces(backslash), _averages(surface)
-    least = THINNEST * np.linalg.norm(D, axis=1)
+    least = 0.002 * np.linalg.norm(D, axis=1)  # at half of that rounding to single precision would show
     best = V, D, pairs
-    for _ in range(LAST_ROUNDS):
+    for _ in range(60):
         if not len(pairs):
             break
         at = np.zeros(surface.n, dtype=bool)
         at[faces[pairs].ravel() % surface.n] = True
-        blind = at & (_lowest_cosine(Surface(V, surface.F), skin, D) < GRAZING)
+        blind = at & (_lowest_cosine(Surface(V, surface.F), skin, D) < 0.1)
         thin = at & (np.linalg.norm(D, axis=1) > least)
         if not (blind | thin).any():
             break
         V = np.where(blind[:, None], (V + near @ V) / 2, V)
-        D = np.where(blind[:, None], (D + near @ D) / 2, D) * np.where(thin, THINNER, 1)[:, None]
+        D = np.where(blind[:, None], (D + near @ D) / 2, D) * np.where(thin, THIN, 1)[:, None]
         pairs = pairs_after_moves(skin.vertices(V, D), faces, pairs, np.tile(blind | thin, 2))
         if len(pairs) < len(best[2]):
             best = V, D, pairs
@@ -94,7 +75,7 @@ def flattened(surface: Surface, skin: Skin, D: Floats, backslash: Bools, pairs: 
 
 
 def _lowest_cosine(surface: Surface, skin: Skin, D: Floats) -> Floats:
-    """(n,) smallest cosine between each offset and the faces around its vertex, each seen from its own side."""
+    """(n,) smallest cosine between each offset and the faces around its vertex, on their sides."""
     side = np.where(skin.upper < surface.n, 1, -1)
     unit = D / np.linalg.norm(D, axis=1, keepdims=True)
     cosine = np.einsum("mi,mvi->mv", surface.normals, unit[surface.F]) * side
@@ -104,7 +85,7 @@ def _lowest_cosine(surface: Surface, skin: Skin, D: Floats) -> Floats:
 
 
 def _folds(V: Floats, F: Ints, pairs: Ints) -> tuple[Ints, Floats]:
-    """The fold (n,) that each vertex is part of, or -1, and the size of each: the diagonal of its box, metres."""
+    """The fold (n,) of each vertex, or -1, and the size of each: the diagonal of its box, metres."""
     corner = F[pairs].reshape(-1, 6)
     i, j = np.repeat(corner[:, :1], 5, axis=1).ravel(), corner[:, 1:].ravel()
     label = connected_components(coo_array((np.ones(len(i)), (i, j)), shape=(len(V),) * 2), directed=False)[1]
@@ -119,27 +100,20 @@ def _folds(V: Floats, F: Ints, pairs: Ints) -> tuple[Ints, Floats]:
 
 
 def _averages(surface: Surface) -> csr_array:
-    """(n, n) the mean over the neighbours of each vertex, along the boundary for those on it."""
+    """(n, n) the mean over the neighbours of each vertex, along the boundary for boundary vertices."""
     i, j = smoothing_pairs(surface.edges, surface.n)
     count = np.bincount(i, minlength=surface.n)
     return csr_array((1 / count[i], (i, j)), shape=(surface.n,) * 2)
-
-
-FLIP_ROUNDS = 3
-"""Rounds of flipping the diagonals of walls that intersect something."""
-
-THIN_ROUNDS = 30
-"""Rounds of thinning; each vertex takes part in six at most."""
 
 
 @dataclass(frozen=True, eq=False)
 class Repaired:
     """A skin after repair: offsets D (n, 3) metres, diagonals (r,), and the pairs of faces that still intersect (k, 2).
 
-    found   : pairs before the repair.
-    crosses : pairs of faces in which the sheet itself, without a thickness, crosses itself.
-    union   : what is taken instead where it does; `pairs` are then those of the union.
-    V       : (n, 3) vertices of the sheet: those where it was folded over itself in a small place were moved.
+    found   : number of pairs before the repair.
+    crosses : number of pairs of faces in which the sheet itself, without thickness, crosses itself.
+    union   : the replacement of the skin in that case; `pairs` are then those of the union.
+    V       : (n, 3) vertices of the sheet, moved at small folds.
     """
 
     V: Floats
@@ -152,10 +126,10 @@ class Repaired:
 
 
 def repaired(surface: Surface, skin: Skin, D: Floats, among: Bools | None = None) -> Repaired:
-    """The skin of a sheet with offsets D (n, 3), freed from intersections as far as possible.
+    """Remove intersections of the skin of a sheet with offsets D (n, 3) as far as possible.
 
-    No thinning helps a sheet that crosses itself: it is cut into patches that do not, and their solids are united.
-    among : faces of the skin that may intersect at all, with these offsets and any diagonals; all when left out.
+    Thinning does not help a sheet that crosses itself: it is cut into patches, whose solids are united.
+    among : faces of the skin that may intersect, with these offsets and any diagonals; default all.
     """
     V = surface.V
     backslash = skin.shorter_diagonals(V, D)
@@ -187,12 +161,12 @@ def repaired(surface: Surface, skin: Skin, D: Floats, among: Bools | None = None
 def _flipped(
     skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints, among: Bools | None = None
 ) -> tuple[Bools, Ints]:
-    """Diagonals of the walls in `pairs` flipped, those only that are free of intersections afterwards."""
+    """Flip the diagonals of the walls in `pairs` that are free of intersections afterwards."""
     if not len(pairs):
         return backslash, pairs
     P = skin.vertices(V, D)
-    for round_ in range(FLIP_ROUNDS):
-        walls = skin.walls(pairs)[round_ % 2 :: 1 + (round_ > 0)]  # neighbours may block each other: then every second
+    for round_ in range(3):
+        walls = skin.walls(pairs)[round_ % 2 :: 1 + (round_ > 0)]  # neighbours may block each other: every second one
         if not len(walls):
             break
         trial = _toggled(backslash, walls)
@@ -207,30 +181,30 @@ def _flipped(
 
 
 def _away_from(surface: Surface, crossing: Ints, D: Floats) -> Bools:
-    """(n,) vertices that are no part of where the sheet crosses itself: farther from there than twice its thickness."""
+    """(n,) vertices farther from crossings of the sheet than twice its thickness."""
     reach = 4 * np.linalg.norm(D, axis=1).max()
     return np.asarray(cKDTree(surface.V[surface.F[crossing]].reshape(-1, 3)).query(surface.V)[0] > reach)
 
 
 def _thinned(skin: Skin, V: Floats, D: Floats, backslash: Bools, pairs: Ints, free: Bools) -> tuple[Floats, Ints]:
-    """Offsets shortened around the pairs until none is left or none may be shortened; the best state met.
+    """Shorten offsets around the pairs until none remains or none may be shorter; return the best state.
 
-    free : (n,) whether a vertex may be shortened.
+    free : (n,) vertices that may be shortened.
     """
     if not len(pairs):
         return D, pairs
     faces = skin.faces(backslash)
     share = np.ones(skin.n)
     best_share, best = share, pairs
-    for _ in range(THIN_ROUNDS):
+    for _ in range(30):
         if not len(pairs):
             break
         involved = np.unique(faces[pairs] % skin.n)
-        involved = involved[free[involved] & (share[involved] > UNION_THINNEST)]
+        involved = involved[free[involved] & (share[involved] > THINNEST)]
         if not len(involved):
             break
         share = share.copy()
-        share[involved] = np.maximum(THIN * share[involved], UNION_THINNEST)
+        share[involved] = np.maximum(THIN * share[involved], THINNEST)
         moved = np.zeros(skin.n, dtype=bool)
         moved[involved] = True
         pairs = pairs_after_moves(skin.vertices(V, D * share[:, None]), faces, pairs, np.tile(moved, 2))

@@ -1,8 +1,8 @@
-"""Which triangles of a mesh meet elsewhere than in their shared vertices and edges, decided exactly.
+"""Exact test for triangles of a mesh that meet outside their shared vertices and edges.
 
 libigl decides with exact predicates [Shewchuk 1997] for triangles without a common vertex. For neighbours it uses
-tolerances in absolute units, so these are decided here. Measured with libigl 2.6.3 against CGAL: 58 pairs reported on a
-tube without any, 41 of 71 overlooked on meshes of 1e-6 m; CGAL and this module agree on all of them.
+tolerances in absolute units, so this module decides these. Measured with libigl 2.6.3 against CGAL: 58 pairs reported
+on a tube without any, 41 of 71 missed on meshes of 1e-6 m; CGAL and this module agree on all of them.
 """
 
 import igl.predicates
@@ -11,22 +11,14 @@ from scipy.spatial import cKDTree
 
 from dsfab.core.arrays import Bools, Floats, Ints, sorted_order
 
-CLEAR = 1e-12
-"""Unit vectors whose product with a separating direction is larger are on their side whatever rounding did."""
-
-NEARBY = 1 + 1e-9
-"""Balls around faces are larger by so much, whatever rounding did."""
-
-FOLDED = -0.9
-"""Neighbours over an edge whose normals have a larger cosine cannot lie on each other."""
-
 
 def intersecting_pairs(V: Floats, F: Ints, among: Bools | None = None) -> Ints:
-    """(k, 2) pairs of faces, in ascending order, that meet elsewhere than in what their corners share.
+    """(k, 2) pairs of faces, in ascending order, that meet outside their shared corners and edges.
 
-    V : (n, 3) any unit, F : (m, 3) an oriented manifold. Touching counts as meeting: so do, here and not
-    in CGAL, points at one place under two indices, and the neighbours of a face without area.
-    among : (m,) look at pairs of these faces only, because the others are known to meet none (see `apart`).
+    V : (n, 3) any unit, F : (m, 3) an oriented manifold. Touching counts as meeting. Unlike in CGAL, two vertices at
+        one
+    place and the neighbours of a face without area count as meeting too.
+    among : (m,) the faces to test, if the others meet none for certain (see `proven_cells`).
     """
     if among is not None and not among.all():
         which = np.flatnonzero(among)
@@ -43,14 +35,16 @@ def intersecting_pairs(V: Floats, F: Ints, among: Bools | None = None) -> Ints:
 
 
 def pairs_after_moves(V: Floats, F: Ints, before: Ints, moved: Bools) -> Ints:
-    """`intersecting_pairs` of V (n, 3) and F (m, 3), of which those `before` (k, 2) some vertices `moved` (n,) are
-    known: only faces around these, and what is near them, are looked at."""
+    """`intersecting_pairs` of V (n, 3) and F (m, 3) after some vertices `moved` (n,), from the pairs `before` (k, 2).
+
+    Only faces around moved vertices, and faces near them, are tested.
+    """
     changed = np.asarray(moved[F].any(axis=1))
     if not changed.any():
         return before
     corners = V[F]
     middle = corners.mean(axis=1)
-    radius = np.sqrt(((corners - middle[:, None]) ** 2).sum(axis=2).max(axis=1)) * NEARBY
+    radius = np.sqrt(((corners - middle[:, None]) ** 2).sum(axis=2).max(axis=1)) * (1 + 1e-9)  # rounding
     reach = radius[changed].max()
     far, _ = cKDTree(middle[changed]).query(middle, distance_upper_bound=reach + radius.max())
     found = intersecting_pairs(V, F, changed | (far <= radius + reach))
@@ -59,14 +53,13 @@ def pairs_after_moves(V: Floats, F: Ints, before: Ints, moved: Bools) -> Ints:
 
 
 def _around_vertices(V: Floats, F: Ints) -> Ints:
-    """Pairs that share one vertex and meet outside it."""
     s, a, b = (np.roll(F, -k, axis=1).ravel() for k in range(3))
     ahead, behind = _unit(V[a] - V[s]), _unit(V[b] - V[s])
     middle = _unit(ahead + behind)
     corner = sorted_order(s)
     around = s[corner]
     at, hits = np.arange(len(corner)), []
-    for distance in range(1, len(corner)):  # as often as the busiest vertex has faces
+    for distance in range(1, len(corner)):  # up to the number of faces at a vertex
         at = at[at + distance < len(corner)]
         at = at[around[at] == around[at + distance]]
         if not len(at):
@@ -82,16 +75,17 @@ def _around_vertices(V: Floats, F: Ints) -> Ints:
 
 
 def _separated(ahead: Floats, behind: Floats, middle: Floats, i: Ints, j: Ints) -> Bools:
-    """Whether the plane halfway between two corners surely separates them: cheap, and settles nearly all."""
+    """True if the plane halfway between two corners surely separates them: cheap, and enough for nearly all."""
     w = middle[i] - middle[j]
     far = np.minimum(np.einsum("ck,ck->c", ahead[i], w), np.einsum("ck,ck->c", behind[i], w))
     near = np.maximum(np.einsum("ck,ck->c", ahead[j], w), np.einsum("ck,ck->c", behind[j], w))
-    sure: Bools = (far > CLEAR) & (near < -CLEAR)
+    rounding = 1e-12
+    sure: Bools = (far > rounding) & (near < -rounding)
     return sure
 
 
 def _corners_meet(V: Floats, s: Ints, one: tuple[Ints, Ints], two: tuple[Ints, Ints]) -> Bools:
-    """Whether triangles (s, a, b) and (s, c, d) meet outside s, exactly.
+    """True if triangles (s, a, b) and (s, c, d) meet outside s, exactly.
 
     They do when the edge ab meets the other triangle, or cd the first; in a common plane, when their angles overlap.
     """
@@ -108,7 +102,6 @@ def _corners_meet(V: Floats, s: Ints, one: tuple[Ints, Ints], two: tuple[Ints, I
 
 
 def _stabs(p: Floats, q: Floats, triangle: tuple[Floats, Floats, Floats]) -> Bools:
-    """Whether segments pq meet triangles that are not in one plane with them."""
     x, y, z = triangle
     turns = np.stack([_side(p, q, x, y), _side(p, q, y, z), _side(p, q, z, x)])
     through = (turns >= 0).all(axis=0) | (turns <= 0).all(axis=0)
@@ -118,7 +111,7 @@ def _stabs(p: Floats, q: Floats, triangle: tuple[Floats, Floats, Floats]) -> Boo
 
 
 def _angles_overlap(S: Floats, A: Floats, B: Floats, C: Floats, D: Floats) -> Bools:
-    """Whether the angles a s b and c s d of one plane have more than s in common."""
+    """True if the angles a s b and c s d of one plane have more than s in common."""
     axis = np.abs(np.cross(A - S, B - S)).argmax(axis=1)
     one, two = _turn(axis, S, A, B) < 0, _turn(axis, S, C, D) < 0
     A, B = np.where(one[:, None], B, A), np.where(one[:, None], A, B)
@@ -140,7 +133,7 @@ def _over_edges(V: Floats, F: Ints) -> Ints:
     twins = (p[h] == q[g]) & (q[h] == p[g])
     h, g = h[twins], g[twins]
     N = _unit(np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]]))
-    close = ~(np.einsum("ek,ek->e", N[h // 3], N[g // 3]) > FOLDED)
+    close = ~(np.einsum("ek,ek->e", N[h // 3], N[g // 3]) > -0.9)
     h, g = h[close], g[close]
     P, Q, A, B = V[p[h]], V[q[h]], V[apex[h]], V[apex[g]]
     axis = np.abs(np.cross(Q - P, A - P)).argmax(axis=1)
@@ -149,14 +142,14 @@ def _over_edges(V: Floats, F: Ints) -> Ints:
 
 
 def _side(a: Floats, b: Floats, c: Floats, d: Floats) -> Ints:
-    """(k,) sign of the volume of tetrahedra, exactly."""
     if not len(a):
         return np.empty(0, dtype=np.int64)
     return np.asarray(igl.predicates.orient3d(a, b, c, d), dtype=np.int64)
 
 
 def _turn(axis: Ints, a: Floats, b: Floats, c: Floats) -> Ints:
-    """(k,) sign of the area of triangles seen along a coordinate axis each, exactly; the same sense for all on an axis.
+    """(k,) exact sign of the area of triangles projected along a coordinate axis each; the same sense for all on an
+    axis.
 
     A tetrahedron over the projected triangle with its tip at unit height on that axis has the same sign.
     """

@@ -1,4 +1,4 @@
-"""The closed triangle mesh around a sheet, its rounding to single precision, and fewer triangles for it."""
+"""The closed triangle mesh around a sheet, its rounding to single precision, and its simplification."""
 
 from dataclasses import dataclass
 
@@ -10,33 +10,30 @@ from dsfab.core.units import MM_PER_M
 from dsfab.surface.mesh import Surface
 from dsfab.surface.orientation import corner_sides
 
-FINE = 1e-3
-"""Vertices are rounded when the largest step of rounding is under this share of half the thickness."""
-
 
 def rounded(V: Floats) -> Floats:
-    """V (n, 3), metres, at the nearest millimetres that single precision knows: STL and 3MF change nothing any more."""
+    """Round V (n, 3), metres, to single precision in millimetres, so that STL and 3MF do not change it."""
     single: Floats = (V * MM_PER_M).astype(np.float32).astype(np.float64) / MM_PER_M
     return single
 
 
 def is_fine(V: Floats, D: Floats) -> bool:
-    """Whether rounding moves vertices around V (n, 3) by little, compared with half the thickness |D| (n, 3)."""
+    """True if rounding moves vertices around V (n, 3) by less than 1e-3 of half the thickness |D| (n, 3)."""
     step = np.spacing(np.float32(np.abs(V).max() * MM_PER_M)) / MM_PER_M
-    return bool(step <= FINE * np.median(np.linalg.norm(D, axis=1)))
+    return bool(step <= 1e-3 * np.median(np.linalg.norm(D, axis=1)))
 
 
 def rounding_step(V: Floats, D: Floats) -> float:
-    """Metres by which `rounded` moves skins V + 2 D, both (n, 3), at most: three coordinates by half a step each."""
+    """Largest move of skins V + 2 D, both (n, 3), by `round_to_single`, metres: half a step in each coordinate."""
     largest = (np.abs(V).max() + 2 * np.abs(D).max()) * MM_PER_M
     return float(np.spacing(np.float32(largest)) / MM_PER_M)
 
 
 def coarsened(V: Floats, F: Ints, tolerance: float) -> tuple[Floats, Ints]:
-    """A closed mesh V (n, 3), F (m, 3) with short edges and flat neighbours collapsed; still closed and oriented.
+    """Collapse short edges and flat neighbours of a closed mesh V (n, 3), F (m, 3), which stays closed and oriented.
 
-    tolerance : in the unit of V. manifold3d takes it for each collapse, so the sum may move 1.5 to 3 times as far.
-    Raises SolidError when manifold3d does not take the mesh, or nothing is left of it.
+    tolerance : in the unit of V, for each collapse; the sum may move 1.5 to 3 times as far.
+    Raises SolidError when manifold3d rejects the mesh, or nothing is left of it.
     """
     import manifold3d
 
@@ -49,13 +46,12 @@ def coarsened(V: Floats, F: Ints, tolerance: float) -> tuple[Floats, Ints]:
     return np.asarray(mesh.vert_properties, dtype=np.float64)[:, :3], faces
 
 
-TIE = 1e-9
-"""Diagonals whose squared lengths differ by less than this share count as equal, so that rounding chooses nothing."""
-
-
 def closed_skin(surface: Surface, D: Floats, shift: int = 0) -> tuple[Floats, Ints]:
-    """Vertices (2 n, 3), metres, and triangles (m, 3) of the closed mesh around a manifold sheet with half-thickness
-    vectors D (n, 3) as it is: neither proven nor repaired where it crosses itself. `shift` as `Skin` has it."""
+    """Return vertices (2 n, 3), metres, and triangles (m, 3) of the closed mesh around a manifold sheet.
+
+    D : (n, 3) half-thickness vectors. shift : as in `Skin`. The mesh is neither proven nor repaired if it crosses
+        itself.
+    """
     skin = Skin.of(surface, shift)
     return skin.vertices(surface.V, D), skin.faces(skin.shorter_diagonals(surface.V, D))
 
@@ -64,12 +60,12 @@ def closed_skin(surface: Surface, D: Floats, shift: int = 0) -> tuple[Floats, In
 class Skin:
     """Connectivity of the solid around a sheet of n vertices; the sheet lies to the left of every rim edge p -> q.
 
-    Vertex i has the copies i, on the side that the first face around it points to, and n + i on the other one.
+    Vertex i has the copies i, on the upper side of the first face around it, and n + i on the other side.
     upper : (m, 3) copies of the corners on the side of each face, lower : (m, 3) those on its other side.
     p, q  : (2, r) copies of the ends of the boundary edges, on the side of their face and on its other side.
     rim   : (r,) the faces of the boundary edges.
     shift : 0 for skins V + D and V - D, 1 for V + 2 D and V, -1 for V and V - 2 D.
-    single : whether vertices are `rounded`, from the first test to the last.
+    single : True if `round_to_single` rounds the vertices.
 
           p+ --- q+        upper skin        slash: diagonal q+ p-     backslash: diagonal p+ q-
           |       |
@@ -87,7 +83,7 @@ class Skin:
 
     @classmethod
     def of(cls, surface: Surface, shift: int = 0, single: bool = False) -> "Skin":
-        """The skin of a manifold sheet; its faces need not point to the same side."""
+        """Return the skin of a manifold sheet; its faces need not have a common orientation."""
         F, n = surface.F, surface.n
         turned = corner_sides(F, surface.edges) < 0
         both = np.stack([F + n * turned, F + n * ~turned])
@@ -101,10 +97,10 @@ class Skin:
         return rounded(both) if self.single else both
 
     def shorter_diagonals(self, V: Floats, D: Floats) -> Bools:
-        """(r,) whether p+ q- is the shorter diagonal of a wall."""
+        """(r,) True if p+ q- is the shorter diagonal of a wall; a tie, up to rounding, is False."""
         P = self.vertices(V, D)
         back, slash = P[self.p[0]] - P[self.q[1]], P[self.q[0]] - P[self.p[1]]
-        shorter: Bools = np.einsum("ri,ri->r", back, back) < (1 - TIE) * np.einsum("ri,ri->r", slash, slash)
+        shorter: Bools = np.einsum("ri,ri->r", back, back) < (1 - 1e-9) * np.einsum("ri,ri->r", slash, slash)
         return shorter
 
     def faces(self, backslash: Bools) -> Ints:
@@ -116,11 +112,11 @@ class Skin:
         return np.concatenate([self.upper, self.lower[:, ::-1], one, two])
 
     def walls(self, faces: Ints) -> Ints:
-        """(k,) which walls the given faces (f,) of the solid belong to, each once."""
+        """(k,) the walls of faces (f,) of the solid, each once."""
         skins = 2 * len(self.upper)
         return np.unique((faces[faces >= skins] - skins) % max(self.p.shape[1], 1))
 
     def sources(self) -> Ints:
-        """(2 m + 2 r,) the face of the sheet that each face of the solid lies over or beside."""
+        """(2 m + 2 r,) the face of the sheet under or beside each face of the solid."""
         every = np.arange(len(self.upper))
         return np.concatenate([every, every, self.rim, self.rim])

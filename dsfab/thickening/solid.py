@@ -1,4 +1,4 @@
-"""`Solid` and `thicken`: a closed, oriented, judged triangle mesh, its connected parts, and notes on repairs."""
+"""`Solid` and `thicken`: a closed, oriented, checked triangle mesh, its connected parts, and notes on repairs."""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -32,17 +32,16 @@ Place = tuple[float, float, float]
 
 @dataclass(frozen=True)
 class Repairs:
-    """What was done to make a solid buildable, in numbers.
+    """Numbers of the repair of a solid.
 
-    rung     : the strongest means that it took: `none`, `flipped` (wall diagonals), `thinned`, or `united` (parts of a
-               sheet that crosses itself).
+    rung     : the strongest method: `none`, `flipped` (wall diagonals), `thinned`, or `united` (parts of a sheet that
+               crosses itself).
     found    : pairs of faces that intersected before.
-    thinned  : vertices of the sheet that were made thinner because it met itself, `thinnest` the smallest share of the
-               thickness left there, and `thinnest_at` its place, metres; 0, 1 and None without any.
+    thinned  : vertices of the sheet thinned because it met itself, `thinnest` the smallest remaining share of the
+               thickness, and `thinnest_at` its place, metres; 0, 1 and None without any.
     pairs    : pairs of faces that still intersect, and `pairs_at` the place of the first, metres.
     crossings : lines along which the sheet crosses itself and its parts were fused.
-    moved    : vertices that were moved where the sheet was folded over itself in a small place, at most by `moved_by`
-               metres.
+    moved    : vertices moved at small folds of the sheet, at most by `moved_by` metres.
     lost     : share of the sheet's volume that thinning took.
     limited  : vertices of the uncut surface made thinner because it bends too tightly there, down to `smallest`.
     """
@@ -63,7 +62,7 @@ class Repairs:
 
 
 def repairs_of(surface: Surface, D: Floats, repair: Repaired, V: Floats, F: Ints) -> tuple[Repairs, tuple[str, ...]]:
-    """What the repair did to the sheet with offsets D (n, 3), in numbers and in sentences; V, F is the solid made."""
+    """Report the repair of the sheet with offsets D (n, 3) in numbers and in sentences; V, F is the solid."""
     told, notes = Repairs(rung="flipped" if repair.found else "none", found=repair.found), []
     share = np.linalg.norm(repair.D, axis=1) / np.linalg.norm(D, axis=1)
     thin = int((share < 1 - 1e-9).sum())
@@ -98,8 +97,7 @@ def repairs_of(surface: Surface, D: Floats, repair: Repaired, V: Floats, F: Ints
 
 
 def rounding_notes(V: Floats, F: Ints) -> tuple[str, ...]:
-    """Which faces F (m, 3) lose a corner when V (n, 3), metres, is rounded to single precision in millimetres, as in
-    STL."""
+    """Report faces F (m, 3) that lose a corner when an STL file rounds V (n, 3), metres, to single precision."""
     a, b = half_edges(F)
     lost = np.arange(len(a))
     for column in V.T:
@@ -116,7 +114,6 @@ def rounding_notes(V: Floats, F: Ints) -> tuple[str, ...]:
 
 
 def _cause(repair: Repaired) -> str:
-    """Why the last intersections could not be removed."""
     if repair.union:
         return "rounding where parts are fused; programs that slice it for printing take such contacts"
     if repair.crosses:
@@ -134,7 +131,7 @@ def _triple(point: Floats) -> Place:
 
 
 VOLUME_TOLERANCE = 1e-9
-"""Agreement of our volume with manifold3d's, as a share of area times size: both only round."""
+"""Largest difference of our volume from manifold3d's, as a share of area times size: rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -145,7 +142,7 @@ class Solid:
     F      : (m, 3) faces, counter-clockwise seen from outside.
     genus  : handles of its boundary, summed over all its closed boundary surfaces.
     pieces : connected pieces of material. A thickened closed surface is one piece with two boundary surfaces.
-    notes  : what was changed to make it buildable, and what remains wrong; a sentence each.
+    notes  : sentences on changes that made it buildable, and on remaining faults.
     repairs : the same in numbers.
     """
 
@@ -161,19 +158,19 @@ class Solid:
         lock(self, "F", np.int64, (None, 3))
 
     def to_trimesh(self) -> "trimesh.Trimesh":
-        """The same vertices, metres, and faces."""
+        """The mesh as a trimesh, metres."""
         return as_trimesh(self.V, self.F)
 
     def to_pyvista(self) -> "pyvista.PolyData":
-        """The same vertices, metres, and faces."""
+        """The mesh as a pyvista mesh, metres."""
         return as_pyvista(self.V, self.F)
 
     def to_compas(self) -> "compas.datastructures.Mesh":
-        """The same vertices, metres, and faces; raises SurfaceError where compas is not installed."""
+        """The mesh as a COMPAS mesh, metres; raises SurfaceError if compas is not installed."""
         return as_compas(self.V, self.F)
 
     def to_manifold(self) -> "manifold3d.Manifold":
-        """For Boolean operations, metres; raises SolidError where manifold3d does not take it."""
+        """The mesh as a manifold3d solid for Boolean operations, metres; raises SolidError if manifold3d rejects it."""
         import manifold3d
 
         made = manifold3d.Manifold(manifold3d.Mesh64(np.array(self.V), np.array(self.F, dtype=np.uint64)))
@@ -182,7 +179,7 @@ class Solid:
         return made
 
     def to_build123d(self) -> "build123d.Shape":
-        """Planar faces for CAD, millimetres, as build123d and STEP have them. Of a design, `to_build123d` is smooth."""
+        """The mesh as planar CAD faces, millimetres, as in STEP; `to_build123d` of a design is smooth."""
         shape: build123d.Shape = ways_out.through("to_build123d", self)
         return shape
 
@@ -204,32 +201,31 @@ class Solid:
 
 
 def thicken(surface: Surface, D: Floats, side: Side = "mid", proven: Bools | None = None) -> Solid:
-    """The solid between the skins V + D and V - D of a sheet, closed by walls ruled along D on its boundary.
+    """Return the solid between the skins V + D and V - D of a sheet, closed by walls ruled along D on its boundary.
 
-    surface : an edge-manifold sheet without contacts in a point; pieces, closed surfaces, and sheets with one side only
-              (a Moebius strip, whose two skins are one) are welcome.
-    D       : (n, 3) half-thickness vectors, metres, from `offsets` through the slicer; never renormalised here. Where
-              faces do not agree about their side, each is seen from the first face around its vertex.
+    surface : an edge-manifold sheet without contacts in a point. It may have several pieces, be closed, or have one
+              side only (a Moebius strip, whose two skins are one).
+    D       : (n, 3) half-thickness vectors, metres, from `offsets` through the slicer, not normalised again. If faces
+              disagree about their side, each vector is on the side of the first face around its vertex.
     side    : "out" for the skins V + 2 D and V, "in" for V and V - 2 D.
-    proven  : (m,) faces whose prisms are known to meet no other one (see `apart`): they are not tested again.
+    proven  : (m,) faces whose prisms meet no other one for certain (see `proven_cells`); they are not tested again.
 
-    Walls get their shorter diagonal. An exact test finds intersections; they are removed by flipping wall diagonals and
-    by thinning locally, down to 0.3 of D, or, where the sheet crosses itself, by uniting parts of it that do not. What
-    was done, and what could not be removed, is told in `notes` and `repairs`.
-    What is tested is rounded to single precision, in millimetres, as an STL file holds it, unless the sheet is flat or
-    lies so far out that it would show. The solid itself stays exact where it passes the same test, so that triangles of
-    one plane are one face of a STEP file.
-    Raises SolidError for sheets that are not as above, for missing vectors, and when manifold3d rejects the result.
+    Walls get their shorter diagonal. An exact test finds intersections. Repair flips wall diagonals and thins locally,
+    down to 0.3 of D, or, if the sheet crosses itself, unites parts of it that do not. `notes` and `repairs` report the
+    changes and the remaining intersections. The test uses vertices rounded to single precision in millimetres, as in
+    STL files. It uses exact ones for flat sheets, and far from the origin, where rounding would show. The solid itself
+    stays exact if it passes the same test: then triangles of one plane are one face of a STEP file.
+    Raises SolidError for other sheets, for missing vectors, and when manifold3d rejects the result.
     """
     check_edges(surface)
     check_contacts(surface)
     surface, D = _used_part(surface, D)
-    single = is_fine(surface.V, D) and not surface.is_flat  # a tilted plane would not stay one, and STEP asks for it
+    single = is_fine(surface.V, D) and not surface.is_flat  # rounding bends tilted planes
     skin = Skin.of(surface, SHIFT[side], single)
     _check_upward(surface, skin, D)
     among = None if proven is None else ~proven[skin.sources()]
     repair = repaired(surface, skin, D, among)
-    if skin.single and len(repair.pairs) and not repair.union:  # they may come from rounding alone
+    if skin.single and len(repair.pairs) and not repair.union:  # rounding alone may cause them
         skin = replace(skin, single=False)
         exact = repaired(surface, skin, D, among)
         skin, repair = (skin, exact) if len(exact.pairs) < len(repair.pairs) else (replace(skin, single=True), repair)
@@ -255,7 +251,7 @@ def thicken(surface: Surface, D: Floats, side: Side = "mid", proven: Bools | Non
 
 
 def _vertices(skin: Skin, repair: Repaired, F: Ints, among: Bools | None) -> Floats:
-    """Of the repaired solid: exact where these do not intersect more than the rounded ones, which were tested."""
+    """Vertices of the repaired solid: exact if these do not intersect more than the rounded ones."""
     V = skin.vertices(repair.V, repair.D)
     if not skin.single:
         return V
@@ -264,9 +260,9 @@ def _vertices(skin: Skin, repair: Repaired, F: Ints, among: Bools | None) -> Flo
 
 
 def judge(solid: Solid) -> None:
-    """Raise SolidError unless manifold3d takes the solid as a closed manifold of the same, positive volume.
+    """Raise SolidError unless manifold3d accepts the solid as a closed manifold of the same, positive volume.
 
-    Its status must be read: a bad mesh raises nothing, it turns empty. It says nothing about intersections.
+    Its status must be read, because a bad mesh turns empty without an error. It does not test intersections.
     """
     import manifold3d
 
@@ -291,7 +287,7 @@ def judge(solid: Solid) -> None:
 
 
 def _used_part(surface: Surface, D: Floats) -> tuple[Surface, Floats]:
-    """The sheet without vertices that no face uses, and its offset vectors; raises SolidError for bad vectors."""
+    """The sheet without unused vertices, and its offset vectors; raises SolidError for bad vectors."""
     D = np.asarray(D, dtype=np.float64)
     if D.shape != surface.V.shape:
         raise SolidError(f"offset vectors have shape {D.shape}; give one per vertex of the sheet: {surface.V.shape}")
@@ -308,7 +304,7 @@ def _used_part(surface: Surface, D: Floats) -> tuple[Surface, Floats]:
 
 
 def _euler_characteristic(F: Ints) -> int:
-    """Vertices - edges + faces of a closed mesh: every edge has two faces, or `judge` refuses it."""
+    """Vertices - edges + faces of a closed mesh; every edge has two faces, which `check_solid` checks."""
     return int(np.count_nonzero(np.bincount(F.ravel()))) - len(F) // 2
 
 
@@ -339,9 +335,9 @@ def _pieces_and_shells(surface: Surface, F: Ints) -> tuple[int, int]:
 
 
 def parts(solid: Solid) -> tuple[Solid, ...]:
-    """As many solids as the solid has pieces, from low to high, then from front to back and left to right.
+    """Divide a solid into its pieces, sorted from low to high, then from front to back and left to right.
 
-    A closed surface inside of a piece is a void of it and stays with the smallest piece around.
+    A closed surface inside a piece is a void of it and stays with the smallest piece around.
     """
     if solid.pieces == 1:
         return (solid,)
@@ -357,7 +353,6 @@ def parts(solid: Solid) -> tuple[Solid, ...]:
 
 
 def _owners(low: Floats, high: Floats, outer: Bools) -> Ints:
-    """(count,) each shell's outer one: itself, or for a void the smallest box around its own."""
     owner = np.arange(len(low))
     at = np.flatnonzero(outer)
     size = np.linalg.norm(high[at] - low[at], axis=1)

@@ -1,4 +1,4 @@
-"""Union of patches of a sheet that crosses itself, each thickened alone, with overlaps at their seams."""
+"""Union of patches of a sheet that crosses itself: each patch is thickened alone and overlaps its neighbours."""
 
 from dataclasses import dataclass
 from typing import NamedTuple
@@ -15,20 +15,13 @@ from dsfab.surface.topology import adjacency, corner_fans, corners_of, edge_tabl
 from dsfab.thickening.self_intersection import intersecting_pairs
 from dsfab.thickening.skin import Skin, coarsened, rounded
 
-STEP = 0.01
-"""By this share of the offset a part is thinner one vertex away from a seam, and by twice of it on the seam; half as
-much again for every colour."""
-
 INWARD = 0.005
-"""Share of the way to its neighbours in A by which a vertex of B on the seam is moved, and the ends of A aside."""
+"""Move of seam vertices of a patch, and of the ends of its neighbour, as a share of the way to their neighbours."""
 
 
 @dataclass(frozen=True, eq=False)
 class Overlap:
-    """A part: its faces (m,), those of its neighbours included, its vertices (n, 3), and the share (n,) of the offsets.
-
-    tips : (n,) vertices where it ends in its neighbours.
-    """
+    """A part: its faces (m,), with those of its neighbours, its vertices (n, 3), and the share (n,) of the offsets."""
 
     faces: Bools
     V: Floats
@@ -36,9 +29,10 @@ class Overlap:
 
 
 def overlaps(surface: Surface, colour: Ints, clashes: Ints) -> list[Overlap]:
-    """The parts of each colour (m,), of which lower ones run on into higher ones, but not where they would meet.
+    """Return the parts of each colour (m,); lower colours extend into higher ones, except where they would meet.
 
-    clashes : (k, 2) faces of the sheet that meet others once they are thick.
+    clashes : (k, 2) faces of the sheet whose prisms meet.
+    Near a seam parts are thinner, by 1 % one vertex away and 2 % on it, and half as much again for every colour.
     """
     near = adjacency(surface.edges, surface.n)
     count = int(colour.max()) + 1
@@ -57,7 +51,7 @@ def overlaps(surface: Surface, colour: Ints, clashes: Ints) -> list[Overlap]:
         V = _drawn_in(surface, near, beyond, own[c])
         V = _moved(V, near, on_seam, inside, INWARD)
         share = np.ones(surface.n)
-        step = STEP * (1 + 0.5 * c)
+        step = 0.01 * (1 + 0.5 * c)
         share[(near @ on_seam.astype(float) > 0) & own[c] & ~open_seam] = 1 - step
         share[on_seam] = 1 - 2 * step
         parts.append(Overlap((colour == c) | more[c], V, share))
@@ -65,7 +59,7 @@ def overlaps(surface: Surface, colour: Ints, clashes: Ints) -> list[Overlap]:
 
 
 def _extension(surface: Surface, colour: Ints, c: int, own: Bools, clashes: Ints) -> Bools:
-    """(m,) the faces of higher colours with an `own` vertex of colour c, but those that meet another of the part."""
+    """(m,) the faces of higher colours with a vertex of colour c, without those that meet another face of the part."""
     more = (colour > c) & own[surface.F].any(axis=1)
     part = more | (colour == c)
     meet = clashes[part[clashes].all(axis=1)]
@@ -74,10 +68,7 @@ def _extension(surface: Surface, colour: Ints, c: int, own: Bools, clashes: Ints
 
 
 def _drawn_in(surface: Surface, near: csr_array, beyond: Bools, own: Bools) -> Floats:
-    """Vertices with those `beyond` drawn in by about half along their shortest edge to an `own` one.
-
-    Nearly along it: on the edge itself the end of the part would meet the skins of its neighbour edge on edge.
-    """
+    """Vertices with those `beyond` moved by 45 % along their shortest edge to a vertex of the patch."""
     i, j = np.concatenate([surface.edges.ends, surface.edges.ends[:, ::-1]]).T
     used = beyond[i] & own[j]
     i, j = i[used], j[used]
@@ -85,7 +76,7 @@ def _drawn_in(surface: Surface, near: csr_array, beyond: Bools, own: Bools) -> F
     at, nearest = np.unique(i[order], return_index=True)
     V = surface.V.copy()
     V[at] += 0.45 * (surface.V[j[order][nearest]] - V[at])
-    return _moved(V, near, beyond, own, INWARD)
+    return _moved(V, near, beyond, own, INWARD)  # aside, because skins must not meet edge on edge
 
 
 def _moved(V: Floats, near: csr_array, which: Bools, towards: Bools, share: float) -> Floats:
@@ -97,28 +88,19 @@ def _moved(V: Floats, near: csr_array, which: Bools, towards: Bools, share: floa
     return V
 
 
-PATCHES = 400
-"""With more patches than this the sheet is no sheet that crosses itself along lines: it is not united."""
-
-ROUNDS = 30
-"""Rounds of finding faces that meet within a colour, and separating them or, if they touch in the sheet, thinning."""
-
-COLLAPSES = (1.0, 4.0, 16.0, 64.0)
-"""Edges of a union up to so many steps of single precision are collapsed, if faces meet in it."""
-
 THIN = 0.8
-"""What offsets are multiplied by where faces meet, per round."""
+"""Factor for offsets at faces that meet, per round."""
 
 THINNEST = 0.3
-"""Share of the given offset below which nothing is thinned."""
+"""Least share of the input offset after thinning."""
 
 
 @dataclass(frozen=True, eq=False)
 class United:
     """A closed mesh V (n, 3), F (m, 3), the pairs of faces in it that still intersect (k, 2), and its pieces.
 
-    share  : (n',) of the given offset that was left at each vertex of the sheet.
-    places : how many separate lines the sheet crosses itself along.
+    share  : (n',) of the input offset that remains at each vertex of the sheet.
+    places : number of separate lines along which the sheet crosses itself.
     """
 
     V: Floats
@@ -130,22 +112,22 @@ class United:
 
 
 def united_prisms(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) -> United | None:
-    """The union of the prisms over a sheet, of whose solid the faces in `pairs` (k, 2) intersect.
+    """Unite the prisms over a sheet whose solid has intersecting faces `pairs` (k, 2).
 
-    corners : (m, 3, 3) offset vectors at the corners of the faces, seen from each. None where it would take too many
-    patches, or manifold3d does not take one of the parts.
+    corners : (m, 3, 3) offset vectors at the corners of the faces, on the side of each.
+    Returns None if it would take too many patches, or if manifold3d rejects a part.
 
-    No cut parts faces that meet and have a common vertex: there the sheet bends too tightly, and is made thinner.
+    A cut cannot separate faces that meet at a common vertex. There the sheet bends too tightly and becomes thinner.
     """
     graph, share = _dual(surface), np.ones(surface.n)
     label = pieces(surface.F, surface.edges)[1]
     found = skin.sources()[pairs]
     around = _touching(surface.F[found])
     clashes = np.empty((0, 2), dtype=np.int64)
-    for round_ in range(ROUNDS):
+    for round_ in range(30):
         stuck = _stuck(found, around, label)
         clashes = np.unique(np.concatenate([clashes, np.sort(found[~stuck], axis=1)]), axis=0)
-        thin = np.unique(surface.F[found[stuck]]) if round_ else np.empty(0, dtype=np.int64)  # first without thinning
+        thin = np.unique(surface.F[found[stuck]]) if round_ else np.empty(0, dtype=np.int64)  # no thinning in round 0
         thin = thin[share[thin] > THINNEST]
         share[thin] = np.maximum(THIN * share[thin], THINNEST)
         cut = _separated(label, clashes, graph)
@@ -165,13 +147,13 @@ def united_prisms(surface: Surface, corners: Floats, skin: Skin, pairs: Ints) ->
 
 
 def _settled(V: Floats, F: Ints, single: bool) -> tuple[Floats, Ints, Ints]:
-    """A union with as few pairs that intersect as edges shorter than rounding leaves of it, and these pairs.
+    """The union with short edges collapsed so that fewest pairs intersect, and these pairs.
 
-    Where two surfaces cross near a vertex their line has points closer together than single precision holds apart.
+    Two surfaces that cross near a vertex have points on their line closer together than single precision resolves.
     """
     step = float(np.spacing(np.float32(np.abs(V).max() * MM_PER_M))) / MM_PER_M
     best: tuple[Floats, Ints, Ints] | None = None
-    for tolerance in (0.0, *(step * factor for factor in COLLAPSES)):
+    for tolerance in (0.0, *(step * factor for factor in (1.0, 4.0, 16.0, 64.0))):
         P, S = coarsened(V, F, tolerance) if tolerance else (V, F)
         pairs = intersecting_pairs(P, S)
         if single:
@@ -186,7 +168,6 @@ def _settled(V: Floats, F: Ints, single: bool) -> tuple[Floats, Ints, Ints]:
 
 
 def _dual(surface: Surface) -> csr_array:
-    """(m, m) distances between the middles of neighbours, metres."""
     f, g = (surface.edges.pairs // 3).T
     reach = np.linalg.norm(surface.centroids[f] - surface.centroids[g], axis=1)
     reach = np.maximum(reach, np.finfo(float).tiny)
@@ -195,21 +176,16 @@ def _dual(surface: Surface) -> csr_array:
 
 
 def _stuck(found: Ints, around: Bools, label: Ints) -> Bools:
-    """(k,) the pairs of faces of one patch that lie around a common vertex: no cut parts them.
-
-    Where a part only touches itself in a vertex, for the face between is in no patch of it, faces do not lie around
-    that: they can be parted.
-    """
+    """(k,) mask of pairs of faces of one patch around a common vertex, which no cut separates."""
     return np.asarray(around & (label[found[:, 0]] == label[found[:, 1]]))
 
 
 def _touching(F: Ints) -> Bools:
-    """(k,) pairs of faces (k, 2, 3) with a common vertex."""
     return np.asarray((F[:, 0, :, None] == F[:, 1, None, :]).any(axis=(1, 2)))
 
 
-def _separated(label: Ints, clashes: Ints, graph: csr_array) -> Ints | None:
-    """Patches (m,) cut until no two faces that clash are in one: halfway between the two; None beyond PATCHES."""
+def _separated(label: Ints, clashes: Ints, graph: csr_array, patch_limit: int = 400) -> Ints | None:
+    """Patches (m,) cut halfway between faces that clash until none contains both; None beyond `patch_limit` patches."""
     label = label.copy()
     count = int(label.max()) + 1
     while True:
@@ -222,12 +198,11 @@ def _separated(label: Ints, clashes: Ints, graph: csr_array) -> Ints | None:
             away = dijkstra(graph[faces][:, faces], directed=False, indices=ends)
             label[faces[away[1] < away[0]]] = count
             count += 1
-        if count > PATCHES:
+        if count > patch_limit:
             return None
 
 
 def _coloured(label: Ints, clashes: Ints) -> Ints:
-    """(m,) colours of the faces so that patches that clash differ; the largest patches choose first."""
     patch, of, size = np.unique(label, return_inverse=True, return_counts=True)
     rivals: list[set[int]] = [set() for _ in patch]
     for a, b in np.unique(of[clashes], axis=0).tolist():
@@ -241,8 +216,9 @@ def _coloured(label: Ints, clashes: Ints) -> Ints:
 
 
 class _Part(NamedTuple):
-    """A closed mesh V (n, 3), F (m, 3), the pairs of sheet faces (k, 2) whose prisms meet in it, and which of these lie
-    around a common vertex of it (k,)."""
+    """A closed mesh V (n, 3), F (m, 3), pairs of sheet faces (k, 2) whose prisms meet, and a mask (k,) of those at
+    a vertex.
+    """
 
     V: Floats
     F: Ints
@@ -251,10 +227,7 @@ class _Part(NamedTuple):
 
 
 def _part(surface: Surface, corners: Floats, overlap: Overlap, like: Skin) -> _Part:
-    """The closed mesh over the faces of a part.
-
-    Patches that meet in a vertex get it twice, so that each is closed by itself.
-    """
+    """The closed mesh over the faces of a part; patches that touch in a vertex get a copy of it each."""
     faces = np.flatnonzero(overlap.faces)
     F = corner_fans(surface.F[faces], edge_table(surface.F[faces]))
     _, first = np.unique(F.ravel(), return_index=True)
@@ -268,7 +241,6 @@ def _part(surface: Surface, corners: Floats, overlap: Overlap, like: Skin) -> _P
 
 
 def _union(parts: list[tuple[Floats, Ints]]) -> tuple[Floats, Ints] | None:
-    """One closed mesh around all parts, None when manifold3d does not take one of them."""
     import manifold3d
 
     solids = [manifold3d.Manifold(manifold3d.Mesh64(np.array(V), np.array(F, dtype=np.uint64))) for V, F in parts]
@@ -281,13 +253,13 @@ def _union(parts: list[tuple[Floats, Ints]]) -> tuple[Floats, Ints] | None:
 
 
 def _outer_shells(V: Floats, F: Ints) -> int:
-    """How many closed surfaces of the mesh are outer ones; the others are voids."""
+    """Number of closed outer surfaces of the mesh; the others are voids."""
     count, label = pieces(F, edge_table(F))
     return int((signed_volumes(V, F, label, count) > 0).sum())
 
 
 def _places(surface: Surface, clashes: Ints, graph: csr_array) -> int:
-    """How many clusters the faces that clash form, over neighbours and across the crossings."""
+    """Number of clusters of the faces that clash, connected over neighbours and across the crossings."""
     involved = np.unique(clashes)
     i, j = np.searchsorted(involved, clashes).T
     across = csr_array((np.ones(len(i)), (i, j)), shape=(len(involved),) * 2)

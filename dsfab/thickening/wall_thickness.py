@@ -1,4 +1,4 @@
-"""The thinnest wall of a solid: straight lines from its faces inward, square to them, until they leave it."""
+"""Thinnest wall of a solid, along lines from its faces inward, square to them."""
 
 from dataclasses import dataclass
 
@@ -13,19 +13,17 @@ from dsfab.thickening.solid import Solid
 
 INSIDE = 0.02
 """Lines start this share of the way from a corner to the centre of a face: tapering walls are thinnest at corners."""
-LIFT = 1e-9
-"""And this share of the solid's size under the face, or they would meet the face itself."""
 OPPOSED = float(np.cos(np.radians(20)))
-"""Faces count as opposite where they are parallel to 20 degrees; others make an edge, where the way through is zero."""
+"""Faces are opposite if they are parallel to 20 degrees; at an edge the thickness would be zero."""
 LARGE = 1e6
-"""Size that a mesh is scaled to: libigl's rays overlook triangles of less than 1e-6 or so in area, in any unit."""
+"""Size of the scaled mesh, because libigl's rays miss triangles of less than about 1e-6 in area, in any unit."""
 FLAT = float(np.cos(1e-3))
 """Neighbours that are parallel to a thousandth of a radian are one flat facet."""
 
 
 @dataclass(frozen=True, eq=False)
 class Wall:
-    """The thinnest wall: metres, and where it is (3,)."""
+    """The thinnest wall: metres, and its place (3,)."""
 
     thickness: float
     place: Floats
@@ -45,8 +43,8 @@ class Rays:
         self._tree.init(self._V, self._F)
 
     def first(self, start: Floats, way: Floats) -> Ints:
-        """(k,) the first face met from a little after `start` (k, 3) along unit vectors `way`, or -1."""
-        start = (start - self._middle) * self._scale + LIFT * LARGE * way
+        """(k,) the first face hit from `start` (k, 3), lifted a little, along unit vectors (k, 3), or -1."""
+        start = (start - self._middle) * self._scale + 1e-9 * LARGE * way  # beneath the face itself
         return np.asarray(self._tree.intersect_ray_first(self._V, self._F, start, way)[0], dtype=np.int64)
 
 
@@ -62,8 +60,9 @@ class Facets:
         self._first = np.searchsorted(self._facet, np.arange(len(F) + 1), sorter=self._order)
 
     def first_apart(self, size: Floats, one: Ints, other: Ints) -> int | None:
-        """Of pairs of faces (k,) that are `size` apart, the place of the nearest whose facets do not meet in a point;
-        None where none is finite."""
+        """Row of the pair of faces (k,) with the least `size` whose facets do not meet in a point; None without a
+        finite size.
+        """
         for k in np.argsort(size, kind="stable").tolist():
             if not np.isfinite(size[k]):
                 break
@@ -80,11 +79,11 @@ class Facets:
 
 
 def thinnest_wall(solid: Solid) -> Wall | None:
-    """The thinnest wall of a solid, from one line at each vertex; None where no faces lie opposite each other.
+    """Return the thinnest wall of a solid, from one line at each vertex; None without opposite faces.
 
-    The thickness is the distance of a line's start from the plane of the face that it meets: between flat faces it is
-    exact, wherever they end. Facets that meet in a point make a tip there, which tapers to nothing and is no wall: a
-    sheet that crosses itself has such where its parts are fused.
+    The thickness is the distance of a line's start from the plane of the face that it hits, which is exact between flat
+    faces. Facets that meet in a point make a tip, which tapers to nothing and is no wall. For example, a sheet that
+    crosses itself has tips where its parts are fused.
     """
     V, F = np.array(solid.V), np.array(solid.F)
     face = _largest_faces(V, F)
@@ -106,11 +105,11 @@ def _normals(V: Floats, F: Ints) -> Floats:
 
 
 def _largest_faces(V: Floats, F: Ints) -> Ints:
-    """(n,) the largest face at each vertex, -1 where there is none: of skin and wall, most often the skin."""
+    """(n,) the largest face at each vertex, mostly of a skin, -1 without faces."""
     area = np.linalg.norm(np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]]), axis=1)
     order = np.argsort(area, kind="stable")
     largest = np.full(len(V), -1)
-    for corner in F[order].T:  # of equal indices the last one stays: the largest of the faces with this corner
+    for corner in F[order].T:  # numpy keeps the last of equal indices: the largest face
         held = largest[corner]
         better = (held < 0) | (area[np.maximum(held, 0)] <= area[order])
         largest[corner[better]] = order[better]

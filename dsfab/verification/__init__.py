@@ -1,7 +1,5 @@
-"""Are the elements right? Structures with known answers, element pairs side by side, three refinements each.
-
-One file per family of tests; a test is a mesh, a load and one number with its reference (`Test`).
-"""
+"""Verification of the elements: structures with known answers, several element pairs, three refinements each. One file
+per family of tests; a test is a mesh, a load, and a value with its reference (`Test`)."""
 
 from collections.abc import Callable, Iterator, Sequence
 
@@ -43,11 +41,11 @@ TESTS: dict[str, Test] = {test.name: test for family in FAMILIES for test in fam
 """Every test by its name."""
 
 PAIRS = (elements_of("directions"), elements_of("spread"), *REPORTED)
-"""The pairs that are run unless others are asked for: those that something is reported from, and two beside them."""
+"""Default pairs: those of reported values, and two for comparison."""
 
 
 def choose(names: Sequence[str]) -> list[Test]:
-    """Tests by name or by the beginning of names; all for none. Raises StaticsError for a name that is none."""
+    """Return tests by name or by the beginning of names; all for no names. Raises StaticsError for an unknown name."""
     if not names:
         return list(TESTS.values())
     chosen: dict[str, Test] = {}
@@ -64,7 +62,7 @@ def verify(
     pairs: Sequence[Elements] = PAIRS,
     progress: Callable[[str, str], None] | None = None,
 ) -> Iterator[VerificationRow]:
-    """The rows of all tests, patterns and pairs, and of programs that are not ours, series by series as solved."""
+    """Yield the rows of all tests, patterns and pairs, and of other programs, series by series."""
     for test in tests:
         if progress:
             progress(test.name, ", ".join(str(cells) for cells in test.cells) + " cells")

@@ -17,19 +17,18 @@ IN_PLANE, ACROSS = (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)
 
 CELLS: tuple[int, ...] = (1, 2, 4)
 PATTERNS: tuple[Mesh, ...] = ("diagonal", "union_jack")
-"""One cell across has no inner vertex that could be moved at random."""
+"""Patterns; `jittered` needs inner vertices, which one cell across lacks."""
 
 
 def straight_beam(cells: int, mesh: Mesh, force: Vector, shape: Shape = "rectangles") -> Problem:
-    """6 x 0.2 x 0.1 in six blocks of `cells` by `cells`; distorted blocks meet in lines that lean by 45 degrees."""
+    """Return a beam 6 x 0.2 x 0.1 in six blocks of `cells` by `cells`; distorted blocks have 45 degree sides."""
     uv, F = square(6 * cells, cells, mesh)
     V = np.stack([6 * uv[:, 0] + lean(6 * uv[:, 0], shape) * (2 * uv[:, 1] - 1), 0.2 * uv[:, 1], 0 * uv[:, 0]], axis=1)
     return tip_loaded(uv, F, V, Material(1e7, 0.3), 0.1, force)
 
 
 def lean(station: Floats, shape: Shape) -> Floats:
-    """How far the top of a cross line is ahead of its middle, at stations (k,) from 0 to 6; the end lines stand
-    upright.
+    """Return the offset of a cross line's top at stations (k,) from 0 to 6; the end lines are upright.
 
     Trapezoids: inner lines lean to and fro.  Parallelograms: all lean the same way.
     """
@@ -41,7 +40,7 @@ def lean(station: Floats, shape: Shape) -> Floats:
 
 
 def curved_beam(cells: int, mesh: Mesh, force: Vector) -> Problem:
-    """A quarter ring between the radii 4.12 and 4.32, 0.1 thick, built in at one end."""
+    """Return a quarter ring between the radii 4.12 and 4.32, 0.1 thick, built in at one end."""
     uv, F = square(6 * cells, cells, mesh)
     radius, turn = 4.12 + 0.2 * uv[:, 1], np.pi / 2 * (1 - uv[:, 0])
     V = np.stack([radius * np.sin(turn), radius * np.cos(turn), 0 * turn], axis=1)
@@ -49,7 +48,7 @@ def curved_beam(cells: int, mesh: Mesh, force: Vector) -> Problem:
 
 
 def twisted_beam(cells: int, mesh: Mesh, force: Vector, thickness: float = 0.32) -> Problem:
-    """12 x 1.1, twisted by a quarter turn from the root to the tip."""
+    """Return a beam 12 x 1.1, twisted by a quarter turn from the root to the tip."""
     uv, F = square(11 * cells, cells, mesh)
     across, turn = 1.1 * (uv[:, 1] - 0.5), np.pi / 2 * uv[:, 0]
     V = np.stack([12 * uv[:, 0], across * np.cos(turn), across * np.sin(turn)], axis=1)
@@ -61,10 +60,8 @@ BENT_WIDTH = 0.2
 
 
 def bent_strip(cells: int, mesh: Mesh, slenderness: float) -> Problem:
-    """A strip of 0.2 bent into a quarter circle of radius 1, that many times thinner, pushed back at its free end.
-
-    It bends without stretching, which elements with locking membranes cannot do. No Poisson effect: exact for a beam.
-    """
+    """Return a strip of 0.2 bent into a quarter circle of radius 1, R / h = slenderness, pushed back at its free end.
+    It bends without stretching, which locking membranes cannot do. Without Poisson effect, beam theory is exact."""
     uv, F = square(8 * cells, cells, mesh)
     turn = np.pi / 2 * uv[:, 0]
     V = np.stack([np.sin(turn), BENT_WIDTH * uv[:, 1], np.cos(turn)], axis=1)
@@ -72,13 +69,13 @@ def bent_strip(cells: int, mesh: Mesh, slenderness: float) -> Problem:
 
 
 def bent_strip_tip(slenderness: float) -> float:
-    """pi / 4 P R^3 / (E I): how far the tip moves along its radius, without stretching of the axis."""
+    """Return pi / 4 P R^3 / (E I): the movement of the tip along its radius, without stretching of the axis."""
     return float(np.pi / 4 / (BENT.young * BENT_WIDTH / slenderness**3 / 12))
 
 
 def raasch_hook(cells: int, mesh: Mesh) -> Problem:
-    """A strip 20 wide and 2 thick, bent round 14 by 60 degrees and then the other way round 46 by 150; its end is
-    pushed sideways, along its own width."""
+    """Return a strip 20 wide and 2 thick, bent by 60 degrees at radius 14, then back by 150 degrees at radius 46. Its
+    end is pushed sideways, along its own width."""
     uv, F = square(9 * cells, cells, mesh)
     turn = np.radians(210 * uv[:, 0])
     first = np.minimum(turn, np.pi / 3)
@@ -89,15 +86,15 @@ def raasch_hook(cells: int, mesh: Mesh) -> Problem:
 
 
 HOOK = 5.022
-"""Move of its end by solids: 5.02 of refined 20-node bricks [Abaqus 6.5 Benchmarks, 2.3.6; Knight 1997], 5.02201 by
+"""Movement of its end by solids: 5.02 of refined 20-node bricks [Abaqus 6.5 Benchmarks, 2.3.6; Knight 1997], 5.02201 by
 extrapolation of three meshes of bricks in FinEtoolsFlexStructures.jl."""
 
 EDGES_OF_STRIP = 0.63 * 2 / 20
-"""What the edges of a strip b wide and t thick take off its stiffness in torsion, b t^3 / 3 (1 - .63 t / b) by de Saint
-Venant. It is shear across the thickness, which no theory of thin sheets has."""
+"""Loss of a strip's torsional stiffness b t^3 / 3 by its edges, (1 - .63 t / b) by de Saint Venant, for width b and
+thickness t. It is shear across the thickness, which no theory of thin sheets has."""
 
 IN_TORSION = 0.9899
-"""Share of that in the work of the hook as a curved beam; the rest is bending and shear along its width."""
+"""Share of torsion in the work of the hook as a curved beam; the rest is bending and shear along its width."""
 
 
 STRIP = (
@@ -115,7 +112,7 @@ def _curved_strip() -> float:
 
 
 def _curved_plane() -> float:
-    """How far a quarter ring under a unit shear force on its free end moves along it, in plane stress: the closed form
+    """Movement of a quarter ring's free end along a unit shear force, in plane stress, in closed form:
 
     pi P (a^2 + b^2) / (E h (a^2 - b^2 + (a^2 + b^2) ln(b / a)))  [Golovin 1881; Timoshenko and Goodier 1951, 33]
     """

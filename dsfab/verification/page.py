@@ -26,23 +26,18 @@ if TYPE_CHECKING:
 
 
 COLOURS = ("#c0653c", "#3d7fc4", "#2c9a62", "#9a6fc0", "#b0892a", "#c0507f")
-"""Of the pairs, in their order; readable on white and on black."""
+"""Colours of the pairs in their order, readable on white and on black."""
 
 PUBLISHED, SUPPORT, LOAD = "#8d8d8d", "#2c9a62", "#c0653c"
 MARKS = "xd+^v*sp<>hDPX"
 
 INK, FAINT = "#010203", "#040506"
-"""Written by matplotlib, and replaced by what the page says: `currentColor` and its `--faint`."""
-
-LEAST = 1e-5
-"""Relative errors below this are drawn as this."""
-
-ARROWS = 8
-"""At most so many loads are drawn."""
+"""Colours in matplotlib's output that the page replaces by `currentColor` and its `--faint`."""
 
 
 def curves(test: Test, rows: Sequence[VerificationRow], against: Sequence[Standing]) -> str:
-    """Error in percent over the number of unknowns: a line for each pair and pattern, marks for published values."""
+    """Plot the error in percent over the number of unknowns: a line for each pair and pattern, marks for published
+    values."""
     with _figure(6.6, 3.1) as (figure, axes):
         for colour, name in zip(COLOURS, dict.fromkeys(row.elements for row in rows), strict=False):
             for k, mesh in enumerate(test.meshes):
@@ -82,7 +77,7 @@ def curves(test: Test, rows: Sequence[VerificationRow], against: Sequence[Standi
 
 
 def drawing(problem: Problem, title: str) -> str:
-    """The mesh seen from above or from its side, with what is held (dots) and some of its loads (arrows)."""
+    """Draw the mesh from above or isometrically, with its supports (dots) and a sample of its loads (arrows)."""
     V = problem.surface.V
     view = np.eye(2, 3) if problem.flat == 2 else _isometric()
     shown = V @ view.T
@@ -107,10 +102,10 @@ def _arrows(axes: "Axes", problem: Problem, view: Floats) -> None:
     force = problem.load.force
     shown, seen = problem.surface.V @ view.T, force @ view.T
     size = np.linalg.norm(force, axis=1)
-    if not size.any():  # it vibrates by itself
+    if not size.any():  # free vibrations have no load
         return
     loaded = np.flatnonzero(size > 0.2 * size.max())
-    loaded = loaded[np.unique(np.linspace(0, len(loaded) - 1, ARROWS).round().astype(int))]
+    loaded = loaded[np.unique(np.linspace(0, len(loaded) - 1, 8).round().astype(int))]  # at most 8 arrows
     reach = 0.2 * np.ptp(shown, axis=0).max() / size.max()
     for vertex in loaded:
         tip, tail = shown[vertex], shown[vertex] - reach * seen[vertex]
@@ -120,13 +115,13 @@ def _arrows(axes: "Axes", problem: Problem, view: Floats) -> None:
 
 
 def _isometric() -> Floats:
-    """(2, 3) projection: x to the lower right, y to the upper right, z upwards."""
+    """Return a (2, 3) projection: x to the lower right, y to the upper right, z upwards."""
     c, s = np.cos(np.pi / 6), np.sin(np.pi / 6)
     return np.array([[c, c, 0.0], [-s, s, 1.0]])
 
 
 def _percent(error: float) -> float:
-    return 100 * max(abs(error), LEAST)
+    return 100 * max(abs(error), 1e-5)  # the scale is logarithmic
 
 
 @contextmanager
@@ -153,7 +148,6 @@ def _figure(width: float, height: float) -> Iterator[tuple["Figure", "Axes"]]:
 
 
 def _svg(figure: "Figure", title: str) -> str:
-    """The figure without the parts of a file of its own: it stands within a page."""
     text = io.StringIO()
     figure.savefig(text, format="svg", transparent=True, metadata={"Date": None, "Creator": None})
     svg = text.getvalue()
@@ -161,19 +155,16 @@ def _svg(figure: "Figure", title: str) -> str:
     svg = re.sub(r"<metadata>.*?</metadata>\s*", "", svg, flags=re.DOTALL)
     svg = re.sub(r' id="[a-zA-Z]+[a-z0-9]*_\d+"', "", svg)  # matplotlib numbers its groups; nothing refers to them
     svg = re.sub(r"font: ([\d.]+)px[^;\"]*", r"font-size: \1px", svg)
-    svg = re.sub(r"(?<![>\d.])(\d+\.\d\d)\d+", r"\1", svg)  # coordinates, not the numbers of the axes
+    svg = re.sub(r"(?<![>\d.])(\d+\.\d\d)\d+", r"\1", svg)  # coordinates, but not axis labels
     svg = svg.replace(INK, "currentColor").replace(FAINT, "var(--faint)")
     return svg.replace("<svg ", f'<svg role="img" aria-label="{title}" ', 1).strip()
 
 
-MANY_EDGES = 3000
-"""A sketch of more edges is black, and large: then the coarsest mesh is drawn."""
-
 WORST_FIRST = ("off", "refused", "theory", "coarse", "not run", "ok")
-"""Verdicts, in the order in which one of them stands for all patterns."""
+"""Verdicts; the first that occurs stands for all patterns."""
 
 PAIR = str(elements_of("displacement"))
-"""The pair that targets and published values are about."""
+"""The pair of targets and published values."""
 
 STYLE = """
 :root { --faint: rgb(138, 134, 128); }
@@ -193,7 +184,7 @@ svg { max-width: 100%; height: auto; font-family: var(--sans); } a { color: inhe
 
 
 def write_page(folder: Path, tests: Sequence[Test], rows: Sequence[VerificationRow]) -> Path:
-    """Write `index.html` about these rows into `folder` and return its path; raises ExportError."""
+    """Write `index.html` about these rows into `folder` and return its path. Raises ExportError."""
     text = page(tests, rows)
     with whole_or_nothing(folder) as partial:
         (partial / "index.html").write_text(text, encoding="utf-8")
@@ -201,7 +192,7 @@ def write_page(folder: Path, tests: Sequence[Test], rows: Sequence[VerificationR
 
 
 def page(tests: Sequence[Test], rows: Sequence[VerificationRow]) -> str:
-    """The whole page. Two calls with equal rows give equal text: no clock is in it."""
+    """Return the whole page. Equal rows give equal text, because it contains no time."""
     against = standings(rows, {test.name: test for test in tests})
     short = shortfalls(rows)
     parts = [_head(tests, rows), _uses(), _summary(tests, rows), _field(against)]
@@ -245,7 +236,6 @@ def _head(tests: Sequence[Test], rows: Sequence[VerificationRow]) -> str:
 
 
 def _uses() -> str:
-    """Which pair answers what, and how far off it may be."""
     lines = "".join(
         f"<tr><td class=left>{escape(use.about)}</td><td>{use.pair}</td>"
         f"<td>{'not tested' if use.tolerance is None else f'{100 * use.tolerance:g} %'}</td></tr>"
@@ -290,7 +280,7 @@ def _summary(tests: Sequence[Test], rows: Sequence[VerificationRow]) -> str:
 
 
 def _field(against: Sequence[Standing]) -> str:
-    """How often the pair for displacements is better and worse, element by element."""
+    """Return a table: how often the pair for displacements is better and worse than each published element."""
     if not against:
         return ""
     counts: dict[str, Counter[str]] = {}
@@ -317,7 +307,7 @@ def _section(test: Test, rows: Sequence[VerificationRow], against: Sequence[Stan
     beside = [standing for standing in against if standing.published.test == test.name]
     mesh = test.meshes[-1] if len(test.meshes) < 3 else "union_jack"
     problem = test.problem(test.cells[min(1, len(test.cells) - 1)], mesh)
-    if len(problem.surface.edges.ends) > MANY_EDGES:
+    if len(problem.surface.edges.ends) > 3000:  # a finer sketch would be black
         problem = test.problem(test.cells[0], mesh)
     sketch = drawing(problem, test.about)
     plot = "" if test.tolerance < 1e-6 else curves(test, here, beside)
@@ -335,7 +325,6 @@ def _limit(test: Test) -> str:
 
 
 def _table(test: Test, rows: Sequence[VerificationRow]) -> str:
-    """Meshes down, pairs side by side, the most accurate one first."""
     colours = dict(zip(dict.fromkeys(row.elements for row in rows), COLOURS, strict=False))
     pairs = list(reversed(colours))
     head = "".join(f'<th colspan=4 style="color: {colours[pair]}">{escape(pair)}</th>' for pair in pairs)

@@ -26,8 +26,8 @@ from dsfab.verification.problems import (
 
 
 def corner_stress(surface: Surface, material: Material, answer: Equilibrium) -> Floats:
-    """(m, 3 corners, 3, 3) membrane stress in plane stress, Pa, tangent to each face: linear on each face as
-    `quadratic` and `hybrid` membranes have it. With constant strain all three corners have the face's one."""
+    """Return (m, 3 corners, 3, 3) membrane stress in plane stress, Pa, tangent to each face. It is linear on each face,
+    as in `quadratic` and `hybrid` membranes; with constant strain all corners are equal."""
     strain = membrane_strains(surface, answer)
     stress = membrane_stresses(surface, material, "plane_stress", answer.elements, strain)
     xx, yy, xy = np.moveaxis(stress, -1, 0)
@@ -37,7 +37,7 @@ def corner_stress(surface: Surface, material: Material, answer: Equilibrium) -> 
 
 
 def vertex_stress(surface: Surface, material: Material, answer: Equilibrium, vertex: int) -> Floats:
-    """(3, 3) mean of the corner stresses that meet at a vertex, Pa."""
+    """Return (3, 3) mean of the corner stresses that meet at a vertex, Pa."""
     return np.asarray(corner_stress(surface, material, answer)[vertex == surface.F].mean(axis=0))
 
 
@@ -45,7 +45,8 @@ STEEL = Material(210e9, 0.3)
 
 
 def patch(cells: int, mesh: Mesh, shear: bool) -> Problem:
-    """A square metre, 10 mm thick, under 1 kN/m of tension or shear on its sides; the value is the move of one side."""
+    """Return a square metre, 10 mm thick, under 1 kN/m of tension or shear on its sides; the value is a side's
+    movement."""
     uv, F = square(cells, cells, mesh)
     surface = Surface(np.pad(uv, ((0, 0), (0, 1))), F)
     left, right, bottom, top = (at(uv[:, axis], end) for axis in (0, 1) for end in (0.0, 1.0))
@@ -67,9 +68,10 @@ def patch(cells: int, mesh: Mesh, shear: bool) -> Problem:
 
 
 def cook(cells: int, mesh: Mesh) -> Problem:
-    """A tapered panel 48 long, from 44 to 16 high, sheared by a unit force; the value is the middle of its free end.
+    """Return a tapered panel 48 long, from 44 to 16 high, sheared by a unit force; the value is the movement of its
+    end.
 
-    `diagonal` halves the cells along their short diagonals, as published results of triangles do.
+    The end's middle vertex counts. `diagonal` halves the cells along their short diagonals, like published triangles.
     """
     uv, F = square(cells, cells, mesh)
     if mesh == "diagonal":
@@ -82,10 +84,10 @@ def cook(cells: int, mesh: Mesh) -> Problem:
 
 
 def kirsch(cells: int, mesh: Mesh) -> Problem:
-    """A quarter of a ring from radius 1 to 5 around a hole in an infinite sheet under a unit tension along x.
+    """Return a quarter ring from radius 1 to 5 around a hole in an infinite sheet under a unit tension along x.
 
-    Its outer edge carries the tractions that Kirsch's solution has there, so nothing is lost by cutting the sheet off;
-    the value is the stress along the edge of the hole, where it is three times the tension.
+    Its outer edge carries the tractions of Kirsch's solution, so the cut-off causes no error. The value is the stress
+    along the edge of the hole, where it is three times the tension.
     """
     uv, F = square(cells, cells, mesh)
     radius, turn = 5.0 ** uv[:, 1], np.pi / 2 * uv[:, 0]  # cells as long as wide
@@ -94,7 +96,7 @@ def kirsch(cells: int, mesh: Mesh) -> Problem:
 
 
 def kirsch_stress(x: Floats, y: Floats) -> Floats:
-    """(..., 2, 2) stress around a hole of radius 1 in a sheet under a unit tension along x [Kirsch 1898]."""
+    """Return (..., 2, 2) stress around a hole of radius 1 in a sheet under a unit tension along x [Kirsch 1898]."""
     q, turn = 1 / (x**2 + y**2), np.arctan2(y, x)
     c2, c4, s2, s4 = np.cos(2 * turn), np.cos(4 * turn), np.sin(2 * turn), np.sin(4 * turn)
     xx = 1 - q * (1.5 * c2 + c4) + 1.5 * q**2 * c4
@@ -123,10 +125,10 @@ def quarter(
     stress: Callable[[Floats, Floats], Floats],
     asked: tuple[float, str],
 ) -> Problem:
-    """A quarter of a sheet with a hole: u = 0 lies on the x axis, u = 1 on the y axis, v = 0 on the hole.
+    """Return a quarter of a sheet with a hole: u = 0 lies on the x axis, u = 1 on the y axis, v = 0 on the hole.
 
     stress : (x, y) -> (..., 2, 2) Pa, whose tractions act on the outer edge v = 1.
-    asked  : (end, component): the value is this component of the stress at the edge of the hole where u = end.
+    target : (end, component): the value is this component of the stress at the edge of the hole, at u = end.
     """
     end, component = asked
     surface = Surface(V, F)
@@ -150,7 +152,8 @@ def quarter(
 
 
 def tractions(surface: Surface, where: Bools, stress: Callable[[Floats, Floats], Floats]) -> Floats:
-    """(e, 3) mean of stress . n on marked edges, n pointing away from the origin, by four Gauss points; else 0."""
+    """Return (e, 3) mean of stress . n on marked edges, n pointing away from the origin, by four Gauss points; else
+    0."""
     ends = surface.V[surface.edges.ends[where], :2]
     along = ends[:, 1] - ends[:, 0]
     n = np.stack([along[:, 1], -along[:, 0]], axis=1) / np.linalg.norm(along, axis=1, keepdims=True)

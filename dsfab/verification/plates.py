@@ -25,7 +25,7 @@ THIN = 0.01
 
 
 def plate(cells: int, mesh: Mesh, clamped: bool) -> Problem:
-    """A unit square under 1 Pa across; the value is the sag of its centre times D / (q a^4)."""
+    """Return a unit square under 1 Pa across; the value is the deflection of its centre times D / (q a^4)."""
     uv, F = square(cells, cells, mesh)
     surface = Surface(np.pad(uv, ((0, 0), (0, 1))), F)
     sides = [at(uv[:, axis], end) for axis in (0, 1) for end in (0.0, 1.0)]
@@ -48,10 +48,8 @@ SKEWED = Material(young=1085.0, poisson=0.31)
 
 
 def skew_plate(cells: int, mesh: Mesh) -> Problem:
-    """A rhombus of side 100 and 60 degrees, .1 thick, on simple supports at two opposite sides, free at the others.
-
-    The value is the sag of its centre times 100 D / (q a^4).
-    """
+    """Return a rhombus of side 100 and 60 degrees, .1 thick, on simple supports at two opposite sides, free at the
+    others. The value is the deflection of its centre times 100 D / (q a^4)."""
     uv, F = square(cells, cells, mesh)
     surface = Surface(100 * np.stack([uv[:, 0] + uv[:, 1] / 2, np.sqrt(3) / 2 * uv[:, 1], 0 * uv[:, 0]], axis=1), F)
     ends = at(uv[:, 1], 0.0) | at(uv[:, 1], 1.0)
@@ -70,7 +68,7 @@ def skew_plate(cells: int, mesh: Mesh) -> Problem:
 
 
 def stressed_plate(cells: int, mesh: Mesh) -> Problem:
-    """The supported plate; the value is the largest stress at its centre over q (a / h)^2."""
+    """Return the supported plate; the value is the largest stress at its centre over q (a / h)^2."""
     problem = plate(cells, mesh, clamped=False)
     surface = problem.surface
     centre = np.abs(surface.V[:, :2] - 0.5).max(axis=1).argmin()
@@ -84,7 +82,7 @@ def stressed_plate(cells: int, mesh: Mesh) -> Problem:
 
 
 def shaken_plate(cells: int, mesh: Mesh) -> Problem:
-    """The supported plate without its load; the value is its lowest omega a^2 sqrt(rho h / D)."""
+    """Return the supported plate without its load; the value is its lowest omega a^2 sqrt(rho h / D)."""
     problem = plate(cells, mesh, clamped=False)
     scale = 2 * np.pi * np.sqrt(HEAVY.density * THIN / HEAVY.bending_stiffness(THIN))
 
@@ -96,7 +94,7 @@ def shaken_plate(cells: int, mesh: Mesh) -> Problem:
 
 
 def pressed_plate(cells: int, mesh: Mesh) -> Problem:
-    """A unit square on simple supports, pressed along x by a line load N; the value is its lowest N a^2 / D."""
+    """Return a unit square on simple supports, pressed along x by a line load N; the value is its lowest N a^2 / D."""
     uv, F = square(cells, cells, mesh)
     surface = Surface(np.pad(uv, ((0, 0), (0, 1))), F)
     ends = [at(uv[:, 0], end) for end in (0.0, 1.0)]

@@ -1,4 +1,4 @@
-"""Benchmark problems: meshes of the square and the sphere, supports, loads, and the number that is compared."""
+"""Benchmark problems: meshes of the square and the sphere, supports, loads, and the compared value."""
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field
@@ -23,14 +23,14 @@ from dsfab.surface import LoadCase, Surface
 
 Mesh = Literal["diagonal", "union_jack", "jittered"]
 MESHES: tuple[Mesh, ...] = ("diagonal", "union_jack", "jittered")
-"""Squares halved by parallel diagonals, by alternating ones, and the latter with the inner vertices moved at random."""
+"""Squares halved by parallel diagonals, by alternating diagonals, and the latter with randomly moved inner vertices."""
 
 NEAR = 1e-9
-"""Parameters of the unit square closer than this are the same."""
+"""Parameters of the unit square closer than this are equal."""
 
 
 def square(nx: int, ny: int, mesh: Mesh) -> tuple[Floats, Ints]:
-    """Vertices (n, 2) and faces of a mesh of the unit square with nx by ny cells."""
+    """Return vertices (n, 2) and faces of a mesh of the unit square with nx by ny cells."""
     x, y = np.meshgrid(np.arange(nx + 1) / nx, np.arange(ny + 1) / ny, indexing="ij")
     uv = np.stack([x.ravel(), y.ravel()], axis=1)
     i, j = np.meshgrid(np.arange(nx), np.arange(ny), indexing="ij")
@@ -46,25 +46,26 @@ def square(nx: int, ny: int, mesh: Mesh) -> tuple[Floats, Ints]:
         ]
     )
     if mesh == "jittered":
-        inner = ((uv > NEAR) & (uv < 1 - NEAR)).all(axis=1) & (np.abs(uv - 0.5).max(axis=1) > NEAR)  # keep the centre
+        # the centre stays, because tests read values at it
+        inner = ((uv > NEAR) & (uv < 1 - NEAR)).all(axis=1) & (np.abs(uv - 0.5).max(axis=1) > NEAR)
         shift = np.random.default_rng(0).uniform(-0.25, 0.25, (inner.sum(), 2))
         uv[inner] += shift / (nx, ny)
     return uv, F
 
 
 def at(values: Floats, where: float) -> Bools:
-    """(k,) which parameters (k,) are `where`."""
+    """Return (k,) which parameters (k,) equal `position`."""
     return np.asarray(np.abs(values - where) < NEAR)
 
 
 def edges_on(surface: Surface, *lines: Bools) -> Bools:
-    """(e,) boundary edges with both ends on one of the lines of vertices."""
+    """Return (e,) boundary edges with both ends on one of the lines of vertices."""
     on = np.logical_or.reduce([line[surface.edges.ends].all(axis=1) for line in lines])
     return np.asarray(on & surface.edges.boundary)
 
 
 def octasphere(cells: int) -> tuple[Floats, Ints]:
-    """V (n, 3), F (m, 3): the unit sphere as an octahedron whose edges are cut into `cells`; normals point outwards."""
+    """Return V (n, 3), F (m, 3): the unit sphere as an octahedron with `cells` on each edge; normals point outwards."""
     b, faces = _octahedron_side(cells)
     signs = np.array([[x, y, z] for x in (1, -1) for y in (1, -1) for z in (1, -1)])
     points = (b[None] * signs[:, None]).reshape(-1, 3)
@@ -74,13 +75,13 @@ def octasphere(cells: int) -> tuple[Floats, Ints]:
 
 
 def octant(cells: int) -> tuple[Floats, Ints]:
-    """V (n, 3), F (m, 3): the part of `octasphere` with no negative coordinate."""
+    """Return V (n, 3), F (m, 3): the part of `octasphere` without negative coordinates."""
     b, faces = _octahedron_side(cells)
     return _on_sphere(b, cells), faces
 
 
 def _octahedron_side(cells: int) -> tuple[Ints, Ints]:
-    """Corners (n, 3), integers that sum to `cells`, and faces of one side of the octahedron."""
+    """Return corners (n, 3), integers that sum to `cells`, and faces of one side of the octahedron."""
     i, j = np.meshgrid(np.arange(cells + 1), np.arange(cells + 1), indexing="ij")
     inside = i + j <= cells
     number = np.full((cells + 1, cells + 1), -1)
@@ -101,19 +102,19 @@ def _octahedron_side(cells: int) -> tuple[Ints, Ints]:
 
 
 def _on_sphere(points: Ints, cells: int) -> Floats:
-    """Equal angles along the octahedron's edges: all triangles stay of similar size."""
+    """Return points with equal angles along the octahedron's edges, so that all triangles are of similar size."""
     bent = np.sign(points) * np.sin(np.pi / 2 * np.abs(points) / cells)
     return np.asarray(bent / np.linalg.norm(bent, axis=1, keepdims=True))
 
 
 @dataclass(frozen=True, eq=False)
 class Problem:
-    """One mesh of one test: what is solved, and the number that is looked at.
+    """One mesh of one test: the problem and its compared value.
 
     fixed   : (n, 3) held directions.                   clamped : (e,) edges that may not turn (built in, or symmetry).
     force   : (n, 3) concentrated loads, newtons.       spread  : loads per area and per length.
-    value   : the number of an answer that the reference is about.
-    modes   : the same of elements, where it is not of an equilibrium but of shapes that leave the plane.
+    value   : function from an answer to the compared value.
+    modes   : function from elements to the value, for eigenvalue problems.
     """
 
     surface: Surface
@@ -134,16 +135,16 @@ class Problem:
 
     @property
     def flat(self) -> int | None:
-        """The axis across a sheet that is solved in its plane, else None."""
+        """Axis across a sheet that is solved in its plane, else None."""
         return None if self.modes else flat_axis(self.surface, self.load)
 
     @property
     def needs_rotations(self) -> bool:
-        """Whether edges are clamped and the load bends the sheet."""
+        """True if edges are clamped and the load bends the sheet."""
         return bool(self.clamped.any()) and self.flat is None
 
     def unknowns(self, elements: Elements) -> int:
-        """How many unknowns of these elements the supports leave free: the size of the system that is solved."""
+        """Return the number of free unknowns of these elements."""
         fixed = self.fixed.copy()
         if self.flat is not None:
             fixed[:, self.flat] = True
@@ -151,10 +152,8 @@ class Problem:
         return int((~fixed).sum() + (~held_on_edges(self.surface, elements, fixed, self.clamped)).sum())
 
     def nodal_unknowns(self) -> int:
-        """The same for elements that others use on this mesh: three displacements and two rotations a vertex.
-
-        Vertices of clamped edges lose one rotation, both where they are built in; in a plane there are none.
-        """
+        """Return the number of free unknowns of usual elements: three displacements and two rotations a vertex.
+        Vertices of clamped edges lose one rotation, built-in vertices both; sheets in a plane have none."""
         fixed = self.fixed.copy()
         if self.flat is not None:
             fixed[:, self.flat] = True
@@ -165,7 +164,7 @@ class Problem:
         return int((~fixed).sum() + 2 * self.surface.n - turning.sum() - built_in.sum())
 
     def solve(self, elements: Elements) -> float:
-        """The value with these elements; raises StaticsError."""
+        """Return the value with these elements. Raises StaticsError."""
         if self.modes:
             return self.modes(elements)
         answer = solve_statics(
@@ -183,18 +182,18 @@ class Problem:
 class Test:
     """A structure with a known answer.
 
-    reference : of `value`, in SI units or the source's own consistent ones.
-    source    : where the reference comes from, with the share of the load that the meshed part carries.
+    reference : of `value`, in SI units or the source's own consistent units.
+    source    : of the reference, with the share of the load on the meshed part.
     about     : the structure in a line.
-    problem   : (cells, mesh) -> Problem, with `cells` along the side that is refined.
-    cells     : refinements, coarse to fine.      meshes : patterns it is run on.
-    within    : accepted relative error where it is less than that of the quantity.
-    targets   : relative errors that the elements for displacements are meant to stay below, by cells.
-    limit     : what the targets are about where it is not the reference: what the elements converge to (the exact
-                answer of a thin sheet where one is published) if the usual reference is not that. The table has both.
-    quantity  : what the number is: it says how far off it may be.
-    beyond    : what no thin sheet has and the reference does, in words: then it is `limit` that must be met.
-    outside   : (cells, mesh) -> unknowns and value of a program that is not ours, None where that is not installed.
+    problem   : (cells, mesh) -> Problem, with `cells` along the refined side.
+    cells     : refinements, coarse to fine.      meshes : patterns.
+    within    : tolerance if it is less than that of the quantity.
+    targets   : largest relative errors of the elements for displacements, by cells.
+    limit     : reference of the targets, if it is not `reference`: the limit of the elements, which is the exact answer
+                of a thin sheet if published. The table shows both.
+    quantity  : kind of value, which defines the tolerance.
+    beyond    : effect that the reference has and thin sheets lack, in words: then the value must meet `limit`.
+    outside   : (cells, mesh) -> unknowns and value by another program, None if that is not installed.
     """
 
     __test__ = False  # pytest collects classes of this name
@@ -215,12 +214,12 @@ class Test:
 
     @property
     def tolerance(self) -> float:
-        """Accepted relative error on the finest mesh, of every pair that something is reported from."""
+        """Accepted relative error on the finest mesh, for all pairs of reported values."""
         return tolerance_of(self.quantity) if self.within is None else self.within
 
 
 def held_directions(n: int, *supports: tuple[Bools, str]) -> Bools:
-    """(n, 3) from pairs of marked vertices and directions such as "xz"."""
+    """Return (n, 3) from pairs of marked vertices and directions such as "xz"."""
     fixed = np.zeros((n, 3), dtype=bool)
     for where, axes in supports:
         for axis in axes:
@@ -229,7 +228,7 @@ def held_directions(n: int, *supports: tuple[Bools, str]) -> Bools:
 
 
 def point_force(n: int, *forces: tuple[Bools, tuple[float, float, float]]) -> Floats:
-    """(n, 3) newtons from pairs of one marked vertex and its force."""
+    """Return (n, 3) newtons from pairs of one marked vertex and its force."""
     force = np.zeros((n, 3))
     for where, newtons in forces:
         force[np.flatnonzero(where)[0]] += newtons
@@ -237,12 +236,12 @@ def point_force(n: int, *forces: tuple[Bools, tuple[float, float, float]]) -> Fl
 
 
 def mean_move(where: Bools, direction: tuple[float, float, float]) -> Callable[[Equilibrium], float]:
-    """The value: mean displacement of the marked vertices (n,) along a direction, metres."""
+    """Return a value function: mean displacement of the marked vertices (n,) along a direction, metres."""
     return lambda answer: float((answer.u[where] @ np.array(direction)).mean())
 
 
 def lines_on(surface: Surface, where: Bools, newtons_per_metre: tuple[float, float, float]) -> Floats:
-    """(e, 3) the line load on marked edges."""
+    """Return (e, 3) the line load on marked edges."""
     return np.asarray(where[:, None] * np.array(newtons_per_metre))
 
 
@@ -254,8 +253,8 @@ def tip_loaded(
     thickness: float,
     force: tuple[float, float, float],
 ) -> Problem:
-    """A strip V (n, 3) built in where u = 0 of uv (n, 2), a force spread along its end u = 1; how far that end moves
-    is the value."""
+    """Return a strip V (n, 3), built in at u = 0 of uv (n, 2), with a force spread along its end u = 1. The value is
+    the movement of that end."""
     surface = Surface(V, F)
     root, tip = at(uv[:, 0], 0.0), at(uv[:, 0], 1.0)
     end = edges_on(surface, tip)

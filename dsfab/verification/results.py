@@ -1,4 +1,4 @@
-"""Results of benchmark problems: ratios and convergence rates, beside values published by others."""
+"""Results of benchmark problems: ratios and convergence rates, beside published values."""
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
@@ -16,18 +16,18 @@ from dsfab.verification.problems import Mesh, Problem, Test
 class VerificationRow:
     """One mesh of one test with one pair of elements.
 
-    unknowns : size of the system that is solved, supports taken off.
-    ratio    : value over reference; None (like `value`) where the elements cannot hold what the test holds.
-    rate     : observed order of convergence of the value, from this mesh and the two before, without the reference;
-               None on the first two and where the value does not change any more. Jittered meshes are not nested and
-               make it rough; so does a value that swings about its limit.
+    unknowns : number of free unknowns.
+    ratio    : value over reference; None (like `value`) if the elements cannot clamp the test's edges.
+    rate     : observed order of convergence from this mesh and the two before, without the reference. None on the first
+               two meshes and at round-off. It is rough for jittered meshes, which are not nested, and for oscillating
+               values.
     verdict  : `ok` within the test's tolerance; `coarse` not, but a finer mesh of the series is; `off` not, and the
-               finest is not either; `theory`: the finest is off, but within the tolerance of the test's limit: no thin
-               sheet has what is missing (`Test.beyond`); `not run`: the test clamps edges and hinges have no rotations;
-               `refused`: the solver did not trust its own answer (a sheet too thin for sixteen digits).
-    target   : relative error that the pair for displacements is meant to stay below on this mesh, if there is one.
-    met      : whether it does.
-    limit    : what the target is about where it is not the reference, see `Test.limit`.
+               finest mesh is not either; `theory`: the finest mesh is off, but within tolerance of the test's limit,
+               because thin sheets lack an effect (`Test.beyond`); `not run`: the test clamps edges and hinges have no
+               rotations; `refused`: the solver rejected its own answer (a sheet too thin for sixteen digits).
+    target   : largest relative error of the pair for displacements on this mesh, if set.
+    met      : True if the error is below it.
+    limit    : reference of the target, if it is not `reference`, see `Test.limit`.
     of_limit : value over limit.
     """
 
@@ -49,7 +49,7 @@ class VerificationRow:
 
 
 def series(test: Test, mesh: Mesh, elements: Elements) -> list[VerificationRow]:
-    """All refinements of one test on one pattern with one pair of elements."""
+    """Return all refinements of one test on one pattern with one pair of elements."""
     problems = [test.problem(cells, mesh) for cells in test.cells]
     if elements.bending == "hinge" and any(problem.needs_rotations for problem in problems):
         values: list[float | None] = [None] * len(problems)
@@ -86,11 +86,11 @@ def series(test: Test, mesh: Mesh, elements: Elements) -> list[VerificationRow]:
 
 
 OUTSIDE = "solid wedges (CalculiX)"
-"""In place of a pair of elements, in rows of a program that is not ours."""
+"""Name of another program in place of a pair of elements."""
 
 
 def outside_series(test: Test, mesh: Mesh) -> list[VerificationRow]:
-    """The same by the test's program that is not ours; nothing where there is none, or it is not installed."""
+    """Return all refinements by the test's other program; nothing if the test has none, or it is not installed."""
     found = [test.outside(cells, mesh) for cells in test.cells] if test.outside else []
     values = [one[1] for one in found if one is not None]
     if not values:
@@ -116,13 +116,14 @@ def outside_series(test: Test, mesh: Mesh) -> list[VerificationRow]:
 
 
 def failures(rows: Iterable[VerificationRow]) -> list[VerificationRow]:
-    """Those of the pairs that something is reported from which are off on the finest mesh, or refused."""
+    """Return rows of pairs of reported values that are off on the finest mesh, or refused."""
     gated = {str(pair) for pair in REPORTED}
     return [row for row in rows if row.elements in gated and row.verdict in ("off", "refused")]
 
 
 def observed_rate(values: Sequence[float | None]) -> float | None:
-    """log2 of the ratio of the last two steps of three values on meshes of 1, 1/2, 1/4 the size; None at round-off."""
+    """Return log2 of the ratio of the last two steps of three values on meshes of 1, 1/2, 1/4 the size; None at
+    round-off."""
     if any(value is None for value in values):
         return None
     a, b, c = (value for value in values if value is not None)
@@ -131,7 +132,7 @@ def observed_rate(values: Sequence[float | None]) -> float | None:
 
 
 def pattern_spread(rows: Iterable[VerificationRow]) -> dict[tuple[str, str, int], float]:
-    """Largest over smallest value, less 1, among the patterns of each (test, elements, cells) run on several."""
+    """Return the largest over the smallest value, less 1, among the patterns of each (test, elements, cells)."""
     values: dict[tuple[str, str, int], list[float]] = {}
     for row in rows:
         if row.value is not None:
@@ -147,7 +148,7 @@ def _value(problem: Problem, elements: Elements) -> float | None:
 
 
 def _verdict(test: Test, ratios: Sequence[float | None]) -> str:
-    """Of the first of some ratios, on meshes from this one to the finest."""
+    """Return the verdict on the first of the ratios, on meshes from this one to the finest."""
     near = [ratio is not None and abs(ratio - 1) <= test.tolerance for ratio in ratios]
     last, limit = ratios[-1], test.limit
     if test.beyond and limit and last is not None and not near[-1]:
@@ -166,7 +167,7 @@ Seen = Literal["page", "transcript", "recalled"]
 
 @dataclass(frozen=True)
 class Publication:
-    """A document, and how its numbers came here."""
+    """A document, and how its numbers were read."""
 
     title: str
     seen: Seen
@@ -178,14 +179,14 @@ class Publication:
 
 @dataclass(frozen=True)
 class Published:
-    """One value over the reference that the source uses.
+    """One published value over the source's reference.
 
-    cells    : the mesh in the sense of the test here (a whole roof has twice the cells of its quarter), or None where
-               the source says `note` only, such as "coarse mesh".
-    unknowns : of the source's mesh where the test has none like it (then `cells` is the next coarser one and `note`
-               says the source's), else None: counted on the test's mesh.
-    constant : whether its membrane is a triangle of constant strain, like that of `constant` here.
-    middles  : whether it has nodes in the middle of its sides as well.
+    cells    : mesh of this test (a whole roof has twice the cells of its quarter), or None if the source has a `note`
+               only, such as "coarse mesh".
+    unknowns : of the source's mesh if the test has no equal mesh (`cells` is then the next coarser mesh, and `note` has
+               the source's), else None: counted on the test's mesh.
+    constant : True if its membrane is a triangle of constant strain.
+    middles  : True if it has nodes in the middle of its sides as well.
     """
 
     test: str
@@ -276,7 +277,7 @@ NAFEMS: tuple[tuple[str, Publication, float, Ratios], ...] = (
     ("closed_hemisphere", LE3, 0.185, {"Abaqus S3R": (0.080, 0.161), "Abaqus S4R": (0.180, 0.180)}),
     ("closed_hemisphere", LE3, 0.185, {"Abaqus S8R5": (0.179, 0.185), "Abaqus S4": (0.083, 0.175)}),
 )
-"""Stress in MPa and displacement in metres on NAFEMS's own coarse and fine meshes."""
+"""Stress (MPa) and displacement (m) on NAFEMS's own coarse and fine meshes."""
 
 CONSTANT = ("OptiStruct TRI3", "CATIA TR3", "Abaqus CPS3", "Abaqus S3R", "constant strain triangle")
 MIDDLES = ("OptiStruct TRI6", "NASTRAN QUAD8", "Abaqus CPS6", "Abaqus CPS8R", "Abaqus S8R5")
@@ -314,28 +315,22 @@ def _one(
 
 
 PUBLISHED = tuple(_published())
-"""All of them."""
+"""All published values."""
 
-
-SAME = 0.005
-"""Errors closer than this count as alike: references themselves differ by as much."""
-
-SLACK = 0.8
-"""A published mesh with up to a fifth fewer unknowns than the coarsest mesh here still counts as equal."""
 
 Outcome = Literal["better", "alike", "worse", "unknown"]
 
 
 @dataclass(frozen=True)
 class Standing:
-    """One published value, and what the pair for displacements does beside it.
+    """One published value beside the pair for displacements.
 
-    unknowns : of the published mesh, None where the source does not tell.
-    ours     : relative error of that pair, on the worst of its regular patterns (published meshes are
-               regular too) and, so that luck does not count, not less than on any finer mesh; None: nothing compares.
-    basis    : `unknowns`: ours is interpolated (on logarithms) to as many unknowns, or taken from our finest mesh where
-               that has fewer; `cells`: all meshes here have more unknowns, so it is taken on the same cells.
-    outcome  : of ours against theirs.
+    unknowns : of the published mesh, None if the source lacks it.
+    ours     : relative error of that pair, the largest of its regular patterns (published meshes are regular too). It
+               is at least that of any finer mesh, so that luck does not count. None: no mesh compares.
+    basis    : `unknowns`: ours is interpolated (on logarithms) to as many unknowns, or taken from our finest mesh if
+               that has fewer; `cells`: ours is on the same cells, because all our meshes have more unknowns.
+    outcome  : of ours against the published error.
     """
 
     published: Published
@@ -346,7 +341,7 @@ class Standing:
 
 
 def standings(rows: Sequence[VerificationRow], tests: Mapping[str, Test]) -> list[Standing]:
-    """Every published value of the tests that `rows` has with the pair for displacements."""
+    """Return every published value of the tests that `rows` has with the pair for displacements."""
     found = []
     for published in PUBLISHED:
         here = [row for row in rows if row.test == published.test and row.mesh != "jittered"]
@@ -357,7 +352,7 @@ def standings(rows: Sequence[VerificationRow], tests: Mapping[str, Test]) -> lis
 
 
 def worst_by_cells(rows: Sequence[VerificationRow]) -> dict[int, tuple[int, float]]:
-    """Unknowns and the largest error over the patterns, for each number of cells that no pattern failed on."""
+    """Return unknowns and the largest error over the patterns, for each number of cells at which no pattern failed."""
     found: dict[int, tuple[int, float]] = {}
     for cells in sorted({row.cells for row in rows}):
         here = [row for row in rows if row.cells == cells]
@@ -368,7 +363,8 @@ def worst_by_cells(rows: Sequence[VerificationRow]) -> dict[int, tuple[int, floa
 
 
 def shortfalls(rows: Sequence[VerificationRow]) -> dict[str, str]:
-    """By test, a line where the paper's elements are off, with published values of triangles of constant strain."""
+    """Return by test a line about errors of the paper's elements, with published values of triangles of constant
+    strain."""
     lines = {}
     for name in dict.fromkeys(row.test for row in rows):
         ours = [row for row in rows if row.test == name and row.elements == str(PAPER) and row.ratio is not None]
@@ -398,10 +394,10 @@ def _standing(published: Published, ours: Mapping[int, tuple[int, float]], test:
     if unknowns is None or not ours:
         return Standing(published, unknowns, None, "", "unknown")
     sizes, errors = np.array(list(ours.values())).T
-    # a value that passes through the reference on its way is not yet near it: what follows counts
+    # a value may pass through the reference before it converges: later errors count
     errors = np.maximum.accumulate(errors[::-1])[::-1]
     theirs = abs(published.ratio - 1)
-    if unknowns >= SLACK * sizes[0]:
+    if unknowns >= 0.8 * sizes[0]:  # a mesh with up to a fifth fewer unknowns counts as equal
         error = float(np.exp(np.interp(np.log(unknowns), np.log(sizes), np.log(np.maximum(errors, 1e-9)))))
         return Standing(published, unknowns, error, "unknowns", _outcome(error, theirs))
     if published.cells is not None and published.cells in ours:
@@ -411,6 +407,6 @@ def _standing(published: Published, ours: Mapping[int, tuple[int, float]], test:
 
 
 def _outcome(ours: float, theirs: float) -> Outcome:
-    if abs(ours - theirs) <= SAME:
+    if abs(ours - theirs) <= 0.005:  # references differ by as much
         return "alike"
     return "better" if ours < theirs else "worse"

@@ -1,4 +1,4 @@
-"""A cylinder under axial load; the plate that buckles is among the plates."""
+"""Buckling of a cylinder under axial load; `plates` has the buckling plate."""
 
 from dataclasses import replace
 
@@ -9,25 +9,24 @@ from dsfab.surface import LoadCase, Surface
 from dsfab.verification.problems import Mesh, Problem, Test, at, edges_on, held_directions, lines_on, square
 
 WALL, THICKNESS = Material(young=1e7, poisson=0.3), 0.02
-"""Of a tube of radius 1."""
+"""Material and thickness of a tube of radius 1."""
 
 CLASSICAL = 1 / np.sqrt(3 * (1 - WALL.poisson**2))
-"""N R / (E t^2) at which a cylinder buckles, .605 for nu = .3 [Lorenz 1908, Timoshenko 1910, Southwell 1914]."""
+"""Buckling value N R / (E t^2) of a cylinder, .605 for nu = .3 [Lorenz 1908, Timoshenko 1910, Southwell 1914]."""
 
 WAVE = np.pi * np.sqrt(THICKNESS) / (12 * (1 - WALL.poisson**2)) ** 0.25
-"""Half a wave of the rings in which it buckles, for radius 1: the length of the tube.
+"""Half wavelength of the buckling rings for radius 1: the length of the tube.
 
-In so short a tube the rings, and waves around it of low number that lie within 1 % of them, are the lowest. In a longer
-one it is a chessboard of few waves around, and the theory of shallow shells, which says .605 of that too, has it too
-high: by 4 % for six waves (a tube of three half waves comes to .952 of it here, and its rings to .991).
+In so short a tube the lowest modes are the rings, and waves around it of low number within 1 % of them. A longer tube
+buckles as a chessboard of few waves around. The theory of shallow shells also gives .605 for that, which is 4 % too
+high
+for six waves: a tube of three half waves converges to .952 of it here, and its rings to .991.
 """
 
 
 def axial_cylinder(cells: int, mesh: Mesh) -> Problem:
-    """A quarter of a tube that is pressed along its axis, ends on simple supports; the value is N R / (E t^2).
-
-    Before it buckles its ends are free to widen, so that the stress is the same everywhere; then they are held round.
-    """
+    """Return a quarter of a tube pressed along its axis, ends on simple supports; the value is N R / (E t^2). Before
+    buckling its ends are free to widen, so that the stress is uniform; then they are held round."""
     along = 2 * max(1, round(cells * WAVE / np.pi))
     uv, F = square(cells, along, mesh)
     turn = np.pi / 2 * uv[:, 0]

@@ -14,7 +14,7 @@ VESSEL, WALL, PRESSURE = Material(210e9, 0.3), 0.01, 1e5
 
 
 def pressurised_sphere(cells: int, mesh: Mesh) -> Problem:
-    """A whole closed sphere; each pole of the three axes is held across its axis, which carries nothing."""
+    """Return a closed sphere; each pole of the three axes is fixed across its axis, without reaction."""
     V, F = octasphere(cells)
     surface = Surface(V, F)
     poles = [(np.abs(V[:, axis]) > 1 - 1e-12, "xyz".replace("xyz"[axis], "")) for axis in range(3)]
@@ -31,7 +31,7 @@ def pressurised_sphere(cells: int, mesh: Mesh) -> Problem:
 
 
 def pressurised_cylinder(cells: int, mesh: Mesh) -> Problem:
-    """A whole tube with free ends, 2 m long; four vertices of one end are held against rigid motions only."""
+    """Return a tube with free ends, 2 m long; four vertices of one end are fixed against rigid motions only."""
     uv, F = square(cells, cells // 2, mesh)
     # glue the first and the last line
     F = np.where(cells * (cells // 2 + 1) <= F, F - cells * (cells // 2 + 1), F)
@@ -54,7 +54,7 @@ def pressurised_cylinder(cells: int, mesh: Mesh) -> Problem:
 
 
 def _swelling(out: Floats) -> Callable[[Equilibrium], float]:
-    """The value: mean displacement along the unit vectors `out` (n, 3)."""
+    """Return a value function: mean displacement along the unit vectors `out` (n, 3)."""
 
     def value(answer: Equilibrium) -> float:
         return float(np.einsum("ni,ni->n", answer.u, out).mean())

@@ -17,9 +17,6 @@ from dsfab.workshop.parts import FlatPart
 from dsfab.workshop.plan import WorkshopPlan
 from dsfab.workshop.planks import PlankPlan, plank_courses, upright
 
-WALL = 1e-7
-"""Metres along a plank: the walls of its slots are that long, so that it has one depth at every place."""
-
 
 @dataclass(frozen=True, eq=False)
 class RefoldedStrip:
@@ -121,7 +118,8 @@ def _plank(part: FlatPart, course: StripCourse) -> RefoldedStrip:
     first = int((y > y.max() / 2).argmax())
     right, left = (at[:first], y[:first]), (at[first:][::-1], y[first:][::-1])
     chains = [_with_ends(right, left), _with_ends(left, right)]
-    steps = [np.maximum.accumulate(x) + WALL * np.arange(len(x)) for x, _ in chains]
+    # walls of slots are 1e-7 m long, so that the plank has one depth at every place
+    steps = [np.maximum.accumulate(x) + 1e-7 * np.arange(len(x)) for x, _ in chains]
     every = np.unique(np.concatenate([*steps, along]))
     sides = [np.interp(every, x, side) for x, (_, side) in zip(steps, chains, strict=True)]
     P, _, up, normal = layer.frame(np.interp(every, layer.length, course.s))

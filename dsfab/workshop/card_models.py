@@ -14,9 +14,9 @@ from dsfab.surface import Surface
 from dsfab.workshop.development import Development, StripCourse, member_course
 from dsfab.workshop.ground import Ground, StripFoot
 from dsfab.workshop.layers import Layering
-from dsfab.workshop.parts import FlatPart, Hole, label, text_length
+from dsfab.workshop.parts import FILLED, FlatPart, Hole, label, text_length
 from dsfab.workshop.splices import splice_cuts, strip_fits
-from dsfab.workshop.strips import DRILL, FILLED, StripLimits, bending_strain, is_strip, letter_height
+from dsfab.workshop.strips import DRILL, StripLimits, bending_strain, is_strip, letter_height
 
 CARD = 0.01
 """Strain at which greyboard creases: bent to a radius of fifty times its thickness. A rule of thumb; thin card and
@@ -25,8 +25,6 @@ NARROWEST = 0.002
 """Metres; narrower strips of card tear at their holes and burn through."""
 LETTERS = (0.003, 0.002)
 """Heights of names of parts and of nodes, metres, at most."""
-FIT = 1e-4
-"""Metres that holes of a model may be off their nodes, by a mesh that is too coarse."""
 
 
 def scaled_surface(surface: Surface, scale: float) -> Surface:
@@ -79,7 +77,8 @@ def model_notes(limits: StripLimits, graph: MemberGraph, scale: float, bolt: flo
             f"together at ({narrow[0].id} is {length(least)}): build at 1:{larger:g} or "
             f"larger, or make members {length(NARROWEST * scale)} wide, see [pattern.width]"
         )
-    wanted = limits.wanted * np.sqrt(FIT / (DRILL * bolt)) * scale if bolt else np.inf
+    fit = 1e-4  # metres that a coarse mesh may move holes of a model away from their nodes
+    wanted = limits.wanted * np.sqrt(fit / (DRILL * bolt)) * scale if bolt else np.inf
     if limits.edge * scale > 1.05 * wanted:
         found.append(
             f"HOLES MAY MISS EACH OTHER: edges of {length(limits.edge * scale)} are too coarse a mesh for this model; "
@@ -119,11 +118,6 @@ NEAR = 0.15
 the other side."""
 SHARP = float(np.sin(np.radians(25.0)))
 """Members that meet at less than that are not cut there: one lies on the other."""
-LEAST = 0.1
-"""Length of a panel between the tab of its foot and the one beneath what lies along the ground, over its width, at
-least."""
-TICK = 0.25
-"""Length of the marks where others end, over the width of what goes through."""
 
 
 @dataclass
@@ -286,7 +280,7 @@ class _Panels:
 
     def _standing(self, begin: _End, end: _End) -> tuple[_End, _End]:
         """Both ends of a panel. A foot beneath what lies along the ground still hangs together with its other tab."""
-        least = LEAST * self.member.mean_width
+        least = 0.1 * self.member.mean_width  # length of the panel between its two tabs
         if begin.foot and len(end.tab[0]):
             low = max(begin.right, begin.left) + least
             if low < end.tab[0][1:3].min():
@@ -340,10 +334,10 @@ class _Panels:
 
     def _ticks(self, layer: Development, span: tuple[float, float], under: Sequence[_Edge]) -> list[Floats]:
         """Short lines at the edges of a panel where others end beneath it, two at each side of each."""
-        found = list[Floats]()
+        found, share = list[Floats](), 0.25  # of the width
         for edge in under:
             right, left = self._sides(edge.s)
-            for y in (np.array([-right, -right + 2 * TICK * right]), np.array([left - 2 * TICK * left, left])):
+            for y in (np.array([-right, -right + 2 * share * right]), np.array([left - 2 * share * left, left])):
                 for side in (1, -1):
                     s = edge.at(side, edge.half, y)
                     if span[0] < s.min() and s.max() < span[1]:

@@ -10,14 +10,10 @@ from scipy.ndimage import gaussian_filter1d, median_filter
 from dsfab.core.arrays import Bools, Floats, cross, lock
 from dsfab.members import Member, MemberAxis, MemberGraph, Node
 
-CALM = 4.0
-"""Edges of a member are evened out over so many of its widths to both sides: they were cut on a mesh."""
 CONSTANT = 0.05
 """Even edges between which widths differ by less than this share are parallel."""
 OBLIQUE = 1.5
 """Widths from the ends of a member in which its cells do not tell how wide it is."""
-FOLDED = 0.9
-"""A strip whose inner edge is that much shorter than its axis turns about a point: it is no strip there."""
 BEYOND = 16
 """Stations that an axis is carried on by."""
 
@@ -116,7 +112,7 @@ def member_course(graph: MemberGraph, member: Member, past: float, more: float) 
 def turns_within_its_width(member: Member) -> Bools:
     """(k,) where the axis of a member turns about a point that lies within its own width, or nearly."""
     assert member.axis is not None
-    return np.asarray(np.abs(member.axis.kg) * member.width / 2 >= FOLDED)
+    return np.asarray(np.abs(member.axis.kg) * member.width / 2 >= 0.9)
 
 
 def uncurled(member: Member) -> tuple[float, float]:
@@ -146,7 +142,7 @@ def even_edges(axis: MemberAxis, sides: Floats) -> tuple[Floats, Floats]:
     if not axis.closed:
         sides = _square_ends(axis.s, sides)
     per_station = axis.length / (len(axis.s) - 1)
-    reach = min(CALM * float(np.median(sides.sum(axis=1))), axis.length / 4) / per_station
+    reach = min(4 * float(np.median(sides.sum(axis=1))), axis.length / 4) / per_station  # four widths to both sides
     mode: Literal["wrap", "nearest"] = "wrap" if axis.closed else "nearest"
     calm = median_filter(sides, size=(2 * round(reach / 2) + 1, 1), mode=mode)
     calm = gaussian_filter1d(calm, max(reach, 0.5), axis=0, mode=mode)
@@ -209,10 +205,6 @@ def _beyond(axis: MemberAxis, end: int, metres: float) -> MemberAxis:
     )
 
 
-STEPS = 4
-"""Newton steps to a place beside an axis."""
-EXACT = 1e-9
-"""Metres along an axis that such a place may be off."""
 SAGITTA = 2e-5
 """Metres that a chord of an outline may be off its arc."""
 
@@ -278,13 +270,13 @@ class Development:
         """Where the line through a point (3,) of the surface along a unit normal (3,) goes through the layer: the arc
         length of the course, near `s`, and metres to the left."""
         y = 0.0
-        for _ in range(STEPS):
+        for _ in range(4):  # Newton steps
             P, T, B, N = (row[0] for row in self.frame(np.array([s])))
             on = point + normal * ((P - point) @ N) / (normal @ N)
             y = float((on - P) @ B)
             step = float(np.interp(s, self.course.s, self.speed)) - y * self._bend(s)
             s += float((on - P) @ T) / step
-            if abs((on - P) @ T) < EXACT:
+            if abs((on - P) @ T) < 1e-9:
                 break
         return s, y
 

@@ -27,8 +27,6 @@ from dsfab.workshop.parts import FlatPart, strokes
 from dsfab.workshop.plan import WorkshopPlan
 from dsfab.workshop.stock import stock_cost
 
-BETWEEN = 1.15
-"""From sheet to sheet on the drawing of all, over the longest one."""
 TITLE, SMALL_TITLE = 0.06, 0.06
 """Height of the number of a sheet, metres; of small sheets that share of their width."""
 
@@ -70,8 +68,9 @@ def part_circles(part: FlatPart) -> tuple[FlatCircle, ...]:
 def nest_drawing(plan: WorkshopPlan, name: str) -> FlatDrawing:
     """All sheets of a plan, from left to right in rows, each with its number above it."""
     lines, circles = list[FlatLine](), list[FlatCircle]()
-    wide = max(sheet.size[0] for sheet in plan.sheets) * BETWEEN
-    high = max(sheet.size[1] for sheet in plan.sheets) * BETWEEN
+    pitch = 1.15  # from sheet to sheet, over the largest one
+    wide = max(sheet.size[0] for sheet in plan.sheets) * pitch
+    high = max(sheet.size[1] for sheet in plan.sheets) * pitch
     across = max(1, round(np.sqrt(len(plan.sheets) * high / wide)))
     for k, sheet in enumerate(plan.sheets):
         origin = np.array([k % across * wide, -(k // across) * high])
@@ -100,8 +99,6 @@ def sheet_drawing(sheet: NestedSheet, title: str) -> FlatDrawing:
 Cell = str | int | float
 NEVER = datetime(1980, 1, 1)
 """The date in every workbook: the same plan gives the same bytes."""
-WIDEST = 40
-"""Letters that a column of a workbook is wide, at most."""
 
 
 @dataclass(frozen=True)
@@ -261,14 +258,12 @@ def _number(cell: Cell) -> Cell:
     return float(cell) if isinstance(cell, str) and "e-" in cell and cell[0].isdigit() else cell
 
 
-def _widths(table: PlanTable) -> Sequence[int]:
+def _widths(table: PlanTable, widest: int = 40) -> Sequence[int]:
     columns = zip(table.head, *table.rows, strict=True)
-    return [min(max(len(str(cell)) for cell in column) + 3, WIDEST) for column in columns]
+    return [min(max(len(str(cell)) for cell in column) + 3, widest) for column in columns]
 
 
 NEST, CUTLIST, WORKBOOK, BARS, SHEET = "nest", "cutlist.csv", "cutlist.xlsx", "bars.csv", "sheet_"
-LASER = 1e-4
-"""Metres; width of lines in the SVG files of sheets."""
 
 
 def write_workshop(
@@ -309,7 +304,7 @@ def _write_sheets(plan: WorkshopPlan, folder: Path, name: str) -> None:
         path = folder / f"{SHEET}{k}.dxf"
         write_chunks(path, [flat_dxf(drawing)])
         check_flat_dxf(drawing, path)
-        write_chunks(path.with_suffix(".svg"), [flat_svg(drawing, LASER)])
+        write_chunks(path.with_suffix(".svg"), [flat_svg(drawing, 1e-4)])
 
 
 def _outdated(target: Path, partial: Path) -> set[str]:

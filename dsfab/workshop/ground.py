@@ -13,16 +13,8 @@ from dsfab.surface import LoadCase, Surface
 from dsfab.workshop.development import Development, StripCourse
 from dsfab.workshop.parts import FlatPart, label
 
-TAB = 0.6
-"""Width of a tab over that of its strip."""
 STEEP = np.sin(np.radians(25.0))
 """A strip that comes down less steeply lies on the plate rather than standing in it: it is glued, without a tab."""
-LEVEL = 1e-6
-"""Share of a structure's size that a foot may be above or below the plate."""
-STEPS = 20
-"""Newton steps to where a strip meets the plate; few are enough, as strips are all but straight there."""
-LEAST = 0.2
-"""A strip keeps this share of its width where it is cut off along the plate."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,7 +114,7 @@ class Ground:
         if -down @ self.up < STEEP:
             return None
         left, right = (float(np.interp(at, course.s, side)) for side in (course.left, course.right))
-        middle, half = (left - right) / 2, TAB * (left + right) / 2
+        middle, half = (left - right) / 2, 0.6 * (left + right) / 2  # the tab has .6 of the width
         sides = np.array([-right, middle - half, middle + half, left])
         shoulders = self.meeting(layer, sides, at, 0.0)
         tips = self.meeting(layer, sides[1:3], at, -self.thickness)
@@ -133,14 +125,14 @@ class Ground:
     def meeting(self, layer: Development, sides: Floats, at: float, height: float) -> Floats | None:
         """(q,) arc lengths, near one, where lines at sides (q,) of a layer are at a height over the plate."""
         s, course = np.full(len(sides), at), layer.course
-        for _ in range(STEPS):
+        for _ in range(20):  # Newton steps: strips are almost straight near the plate
             P, T, B, _ = layer.frame(s)
             slope = (T @ self.up) * np.interp(s, course.s, layer.speed)
             off = self.heights(P + sides[:, None] * B) - height
             s = np.clip(s - off / slope, course.s[0], course.s[-1])
         P, _, B, _ = layer.frame(s)
         size = float(np.ptp(course.P, axis=0).max())
-        level = np.abs(self.heights(P + sides[:, None] * B) - height) < LEVEL * size
+        level = np.abs(self.heights(P + sides[:, None] * B) - height) < 1e-6 * size
         return s if level.all() else None
 
     def _slot(self, layer: Development, s: Floats, sides: Floats, frame: tuple[Floats, Floats, Floats]) -> Floats:
@@ -169,7 +161,7 @@ class Ground:
         for side, way in ((course.left, slope), (course.right, -slope)):
             falls = way < -1e-9
             most = np.where(falls, above / np.where(falls, -way, 1.0), np.inf)
-            least = LEAST * (course.left + course.right) - side
+            least = 0.2 * (course.left + course.right) - side  # a strip keeps a fifth of its width
             sides.append(np.where(above + way * side < 0, np.clip(most, least, side), side))
         return replace(course, left=sides[0], right=sides[1])
 
@@ -204,14 +196,8 @@ def _caps(foot: StripFoot | None, layer: Development) -> Iterator[Floats]:
         yield foot.cap(layer)[1:-1]
 
 
-BORDER = 0.012
-"""Metres of plate around what stands on it."""
 NAME = 0.002
 """Height of names beside slots, metres."""
-ASIDE = 0.002
-"""Metres from a slot to its name."""
-CROSS = 0.002
-"""Metres from the middle of a cross to its ends: a support in one place."""
 
 NO_FEET = "no strip ends on the base plate steeply enough for a tab: glue the model on the engraved lines"
 
@@ -227,7 +213,8 @@ def base_parts(
     engraved = [*_support_marks(ground, surface), *_slot_names(feet)]
     slots = [foot.slot for _, foot in feet]
     every = np.concatenate([ground.plan(ground.supports), *slots])
-    low, size = every.min(axis=0) - BORDER, np.ptp(every, axis=0) + 2 * BORDER
+    border = 0.012  # metres of plate around the supports
+    low, size = every.min(axis=0) - border, np.ptp(every, axis=0) + 2 * border
     turned = [*room, *((b, a) for a, b in room)]
     counts = ((int(np.ceil(size[0] / a)), int(np.ceil(size[1] / b))) for a, b in turned)
     nx, ny = min(counts, key=lambda n: n[0] * n[1])
@@ -274,7 +261,7 @@ def _support_marks(ground: Ground, surface: Surface) -> list[Floats]:
     alone = on.copy()
     alone[np.unique(ends)] = False
     alone &= np.bincount(surface.edges.ends[on[surface.edges.ends].all(axis=1)].ravel(), minlength=surface.n) == 0
-    arms = CROSS * np.array([[[-1, 0], [1, 0]], [[0, -1], [0, 1]]])
+    arms = 0.002 * np.array([[[-1, 0], [1, 0]], [[0, -1], [0, 1]]])
     lines = [ground.plan(surface.V[pair]) for pair in ends]
     return lines + [place + arm for place in ground.plan(surface.V[alone]) for arm in arms]
 
@@ -292,7 +279,7 @@ def _slot_names(feet: list[tuple[str, StripFoot]]) -> list[Floats]:
         way = way / deep * (1 if way @ (middle - centre) >= 0 else -1)
         angle = float(np.arctan2(*(foot.slot[1] - foot.slot[0])[::-1]))
         angle -= np.pi * round(angle / np.pi) if abs(angle) > np.pi / 2 else 0.0  # to be read from below
-        found += label(name, middle + (deep / 2 + ASIDE + NAME / 2) * way, angle, NAME)
+        found += label(name, middle + (deep / 2 + 0.002 + NAME / 2) * way, angle, NAME)
     return found
 
 

@@ -18,8 +18,6 @@ END = 3.0
 """Bolt diameters from the middle of a bolt to the end of a part."""
 PITCH = 4.0
 """Bolt diameters from bolt to bolt of a splice."""
-SIDE = 3.0
-"""Bolt diameters to a side of a part, where two rows of bolts are to fit."""
 
 
 @dataclass(frozen=True)
@@ -78,15 +76,9 @@ class Layering:
 
     def splice_bolts(self, width: float) -> tuple[tuple[float, float], ...]:
         """Places of the bolts of a splice, metres along from it and to the left, in one row or two."""
-        rows = (-width / 4, width / 4) if width / 4 >= SIDE * self.bolt else (0.0,)
+        rows = (-width / 4, width / 4) if width / 4 >= 3 * self.bolt else (0.0,)  # two rows need wide parts
         along = (END * self.bolt, (END + PITCH) * self.bolt)
         return tuple((side * x, y) for side in (-1, 1) for x in along for y in rows)
-
-
-FINE = 6.0
-"""Places along strips are tried so many times per width."""
-TOUCH = 0.98
-"""Strips overlap where their middles are nearer to each other than this share of their mean width."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -102,14 +94,14 @@ class _End:
     @classmethod
     def of(cls, name: str, course: StripCourse, last: bool) -> "_End":
         width = float(np.median(course.left + course.right))
-        count = max(int(FINE * (course.end - course.begin) / width), 2)
+        count = max(int(6 * (course.end - course.begin) / width), 2)  # six places on each width
         s = np.linspace(course.begin, course.end, count)
         s = s[::-1] if last else s
         return cls(name, last, width, course.at(s)[0], s)
 
     def clear_of(self, other: "_End") -> float | None:
         """The arc length from which on it is clear of another one, where both overlap at their ends; else None."""
-        least = TOUCH * (self.width + other.width) / 2
+        least = 0.98 * (self.width + other.width) / 2
         away = np.asarray(cKDTree(other.places).query(self.places)[0])
         far = np.linalg.norm(other.places[0] - self.places[0]) > least
         if far or away[0] > least or (away <= least).all():

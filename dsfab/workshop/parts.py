@@ -55,6 +55,8 @@ def text_length(text: str, height: float) -> float:
     return (wide - SPACE) * height / HIGH
 
 
+FILLED = 0.9
+"""Share of the available length that a name fills, at most."""
 SAME = 2e-4
 """Metres within which the corners and holes of parts agree that are one part, cut several times."""
 TOLERANCE = 2e-5

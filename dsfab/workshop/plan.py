@@ -36,14 +36,6 @@ from dsfab.workshop.stock import price_notes, sheet_hints, stock_choices, stock_
 from dsfab.workshop.strips import NOTHING, StripLimits, StripParts, is_strip, strip_limits, strip_parts
 
 UP = np.array([0.0, 0.0, 1.0])
-SLACK = 5e-4
-"""Metres that parts are shorter than the stock has room for: what their direction may differ by on the drawing."""
-LEAST_DEPTH = 1.5
-"""Thicknesses that an upright plank is deep, at least."""
-
-
-STRAY = 0.5
-"""Widths of members that bars may leave the curved surface by: planks follow it, and are taken where these can be."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -106,11 +98,12 @@ def planned_planks(design: Design, graph: MemberGraph, up: Floats = UP) -> Plank
     if not wide:
         raise PatternError("no member of this design is long enough for a plank; build it as one piece")
     thickness, depth = ask.thickness or statics.thickness, ask.depth or float(np.median(wide))
-    if depth < LEAST_DEPTH * thickness:
+    slenderness = 1.5  # least depth of an upright plank over its thickness
+    if depth < slenderness * thickness:
         raise PatternError(
             f"planks {length(depth)} deep of boards {length(thickness)} thick do not stand upright: set "
-            f"workshop.thickness to {depth / LEAST_DEPTH:.2g} or less, or workshop.depth to "
-            f"{LEAST_DEPTH * thickness:.2g} or more"
+            f"workshop.thickness to {depth / slenderness:.2g} or less, or workshop.depth to "
+            f"{slenderness * thickness:.2g} or more"
         )
     stock = PlankStock(thickness, depth, ask.bolt, ask.splice, (LABEL, WORKSHOP_SMALL))
     ground = Ground.under(design.surface, design.load, up, thickness, 0.0) if design.has("statics") else None
@@ -121,7 +114,8 @@ def planned_planks(design: Design, graph: MemberGraph, up: Floats = UP) -> Plank
 
 def stock_room(ask: Workshop) -> list[tuple[float, float]]:
     """Lengths and widths, metres, that parts may have on the sheets of the stock. Raises PatternError for none."""
-    room = [(a - 2 * ask.gap - SLACK, b - 2 * ask.gap - SLACK) for a, b in ask.stock]
+    slack = 5e-4  # metres: parts may turn a little on the drawing
+    room = [(a - 2 * ask.gap - slack, b - 2 * ask.gap - slack) for a, b in ask.stock]
     if min(min(size) for size in room) <= 0:
         raise PatternError("workshop.gap leaves no room on the smallest stock; give a smaller gap or larger sheets")
     return room
@@ -163,7 +157,7 @@ def _possible_bars(design: Design, graph: MemberGraph, up: Floats) -> tuple[BarP
         return None, f"bars are longer than the stock ({long.id} is {length(long.size[0])})"
     wide = float(np.median([member.mean_width for member in graph.members if is_strip(member)]))
     far = f"bars would leave the surface by up to {length(bars.strayed)}, and members are {length(wide)} wide"
-    return bars, far if bars.strayed > STRAY * wide else ""
+    return bars, far if bars.strayed > 0.5 * wide else ""
 
 
 def _possible_planks(design: Design, graph: MemberGraph, up: Floats) -> tuple[PlankPlan | None, str]:

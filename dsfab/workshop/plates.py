@@ -19,9 +19,6 @@ from dsfab.workshop.parts import LABEL, FlatPart, Hole, label, polygon_area
 from dsfab.workshop.splices import SCARF
 from dsfab.workshop.strips import EDGE, is_strip
 
-STEPS = 60
-"""Rounds of flattening; a plate of a few hundred triangles needs fewer."""
-
 
 def is_plate(member: Member) -> bool:
     """Whether a member is built as a plate: fills are not built, and all others are strips."""
@@ -96,7 +93,7 @@ class FlattenedMesh:
         x /= np.linalg.norm(x)
         U = (V - V.mean(axis=0)) @ np.stack([x, np.cross(n, x)], axis=1)
         data = igl.ARAPData()
-        data.max_iter = STEPS
+        data.max_iter = 60
         igl.arap_precomputation(V, F, 2, np.zeros(1, dtype=np.int32), data)
         return cls(V, F, igl.arap_solve(U[:1], data, U))
 
@@ -127,8 +124,6 @@ FINGER, PITCH = 4.0, 2.0
 """Thicknesses that a finger is long, and about how wide it is."""
 ROUNDS, WHOLE = 4, 4.0
 """Rounds in which bits of fingers that hang on nothing, smaller than so many fingers, go to a piece beside them."""
-TRIES = 4
-"""Rounds in which rectangles become smaller, as a piece has a bit of another one and fits on no sheet with it."""
 ON = 1e-9
 """Share of a sheet's size by which an edge of its mesh may be off a line that it was divided along."""
 
@@ -179,7 +174,7 @@ def sheet_parts(surface: Surface, room: list[tuple[float, float]], joint: SheetJ
     x = in_plane(surface)
     level = Surface(np.pad(x - x.min(axis=0), ((0, 0), (0, 1))), surface.F)
     less = 0.0
-    for _ in range(TRIES):
+    for _ in range(4):  # smaller rectangles, because bits of neighbours can make a piece too large
         found = _divided(level, [(a - less, b - less) for a, b in room], joint)
         part, beyond = max(((part, _beyond(part, room)) for part in found.pieces), key=itemgetter(1))
         if beyond <= ON * float(np.ptp(x)):

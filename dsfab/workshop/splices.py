@@ -11,14 +11,8 @@ from dsfab.core.messages import length
 from dsfab.workshop.development import Development
 from dsfab.workshop.parts import label, polygon_area
 
-SHORTEST = 0.3
-"""A piece is not made shorter than this share of the longest possible one, if it can be avoided."""
-HALVINGS = 14
-"""Of the length between a piece that fits and one that does not."""
 SCARF = 8.0
 """Thicknesses that the pieces of a scarf joint overlap by: bevelled 1 to 8, as plywood and boards are glued."""
-NEAR = 1e-6
-"""Metres that are left to rounding where a piece is found too long before its outline is made."""
 BEVEL = ("BEVEL", "BEVEL BACK")
 """What stands on the end of a piece that is bevelled on the engraved face, and on that which is so on the other."""
 
@@ -77,7 +71,7 @@ def splice_cuts(
                 "workshop.stock, or narrower members"
             )
         far = min(far, max(end - 2 * clear, (last + end) / 2))
-        least = last + SHORTEST * (far - last)
+        least = last + 0.3 * (far - last)  # no short pieces if it can be avoided
         free = _free(nodes, clear, least, far)
         near += free is None
         cuts.append(_middle_of_bay(nodes, least, far) if free is None else free)
@@ -86,7 +80,7 @@ def splice_cuts(
 
 def _farthest(begin: float, end: float, fits: Callable[[float, float], bool]) -> float:
     low, high = begin, end
-    for _ in range(HALVINGS):
+    for _ in range(14):
         middle = (low + high) / 2
         low, high = (middle, high) if fits(begin, middle) else (low, middle)
     return low
@@ -146,7 +140,7 @@ def lap_marks(
 
 def strip_fits(development: Development, room: Sequence[tuple[float, float]]) -> Callable[[float, float], bool]:
     """Whether the strip of a development from one arc length to another fits into one of some rectangles."""
-    longest = max(np.hypot(x, y) for x, y in room) + NEAR
+    longest = max(np.hypot(x, y) for x, y in room) + 1e-6
 
     def fits(begin: float, end: float) -> bool:
         (x, y), _ = development.at(np.array([begin, end]))  # most that are tried are far too long

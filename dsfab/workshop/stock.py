@@ -72,18 +72,8 @@ def money(amount: float) -> str:
 
 NARROWER = (0.95, 0.9)
 """Shares of the width of strips that are tried, the widest first."""
-LARGER = 1.1
-"""Stock that is longer, or wider, by this much is tried."""
 WORTH = 0.04
 """Share of the sheets, or of their area, that a hint saves at least."""
-TIGHTEST = 0.95
-"""No nest uses more of its sheets: what would have to is not tried."""
-PATIENCE = 20_000
-"""Parts times sheets; more take too long to be nested again."""
-BOLTS = 3.0
-"""Strips are not made narrower than so many bolts."""
-ALIKE = 0.05
-"""Strips whose widths differ by less than this share are told by one width."""
 Stock = Sequence[tuple[float, float]]
 
 
@@ -103,7 +93,7 @@ def sheet_hints(
     stock : lengths and widths in metres.   gap : metres.   grain : as for `nested`. Each number is that of a nest
     that was made.
     """
-    if len(parts) * len(sheets) > PATIENCE:
+    if len(parts) * len(sheets) > 20_000:  # nesting again would take too long
         return []
     ask = _Asked(gap, grain)
     return [*_narrower(parts, sheets, stock, ask), *_larger(parts, sheets, stock, ask)]
@@ -136,11 +126,11 @@ def _narrower(parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: S
         return
     wide = float(np.median(widths))
     bolt = max((hole.diameter for part in parts for hole in part.holes), default=0.0)
-    alike = np.ptp(np.quantile(widths, [0.05, 0.95])) < ALIKE * wide
+    alike = np.ptp(np.quantile(widths, [0.05, 0.95])) < 0.05 * wide
     step = 10.0 ** np.floor(np.log10(wide)) / 20 if alike else 0.0
     for share in NARROWER:
         new = step * round(share * wide / step) if step else share * wide
-        if new < BOLTS * bolt or new >= wide:
+        if new < 3 * bolt or new >= wide:
             return
         most = int((1 - WORTH) * len(sheets) + 1e-9)
         tried = _tried([narrowed(part, new / wide) for part in parts], stock, ask, most)
@@ -154,9 +144,9 @@ def _larger(parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: Sto
     """The longer, or else the wider stock, where all of it together has less area; with one size of stock only."""
     if len(stock) != 1:
         return
-    ((long, wide),) = stock
-    for size in ((LARGER * long, wide), (long, LARGER * wide)):
-        most = int((1 - WORTH) * len(sheets) / LARGER + 1e-9)
+    ((long, wide),), larger = stock, 1.1
+    for size in ((larger * long, wide), (long, larger * wide)):
+        most = int((1 - WORTH) * len(sheets) / larger + 1e-9)
         tried = _tried(parts, [size], ask, most)
         if tried is not None:
             yield (
@@ -168,7 +158,7 @@ def _larger(parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: Sto
 
 def _tried(parts: Sequence[FlatPart], stock: Stock, ask: _Asked, most: int) -> list[NestedSheet] | None:
     """The parts on so many sheets at most; None where that cannot be."""
-    room = TIGHTEST * most * max(a * b for a, b in stock)
+    room = 0.95 * most * max(a * b for a, b in stock)
     if sum(part.area for part in parts) > room:
         return None
     return stacked(parts, stock, ask.gap, most, ask.grain)

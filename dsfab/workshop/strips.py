@@ -13,17 +13,13 @@ from dsfab.surface import Surface
 from dsfab.workshop.development import Development, StripCourse, member_course, turns_within_its_width, uncurled
 from dsfab.workshop.ground import Ground, StripFoot, footed_outline
 from dsfab.workshop.layers import END, Layering, courses_without_rest, curled_courses, stopped_courses
-from dsfab.workshop.parts import FlatPart, Hole, label, text_length
+from dsfab.workshop.parts import FILLED, FlatPart, Hole, label, text_length
 from dsfab.workshop.splices import SCARF, Cuts, lap_marks, lapped, splice_cuts, strip_fits
 
 STRIPS = ("strip", "stub", "rim", "band", "ring")
 """Kinds of members that are built as strips."""
 EDGE = 1.0
 """A hole is made where that many bolt diameters are between its middle and the edges of its part, at least."""
-LETTERS = 0.3
-"""Height of letters over the width of a part, at most."""
-FILLED = 0.9
-"""Of the length of a part, or of a bay where letters are large for it, by a name, at most."""
 LEGIBLE, TALL = 0.002, 0.6
 """Letters that would be lower than so many metres take up to that share of the width."""
 
@@ -248,7 +244,7 @@ class _Strip:
 
 def letter_height(width: float, most: float) -> float:
     """Of letters on a part of a width, metres: `most` where there is room for it."""
-    return min(most, max(LETTERS * width, min(LEGIBLE, TALL * width)))
+    return min(most, max(0.3 * width, min(LEGIBLE, TALL * width)))
 
 
 def _is_clear(place: float, long: float, taken: list[tuple[float, float]], stops: Floats, bolt: float) -> bool:
@@ -272,14 +268,9 @@ DRILL = 1 / 40
 
 Measured on surfaces in closed form and by unrolling: at .2 mm off, bays are right to .7 mm; at 1.4 mm, to 14 mm.
 """
-USUAL = 0.95
-"""Curvatures that are passed by less than one in twenty places are not what a mesh is judged by."""
 
 NOTHING = 5e-6
 """Stretching under this share would be told as 0.000 %: it is not told."""
-
-ALIKE = 0.999
-"""Of two members that mirror each other, which differ by round-off, the first is named."""
 
 
 @dataclass(frozen=True)
@@ -346,8 +337,8 @@ def strip_limits(graph: MemberGraph, surface: Surface, thickness: float, limit: 
         bends.append(float(kn.max(initial=0.0)))
         near = np.asarray(tree.query(member.axis.P[calm])[1])
         shapes.append(float(np.median(np.abs(K[near]))) * member.mean_width**2 / 12 if len(near) else 0.0)
-    worst = int(np.argmax(np.array(bends) >= ALIKE * max(bends)))
-    bend = float(np.quantile(np.concatenate(usual), USUAL)) if strips else 0.0
+    worst = int(np.argmax(np.array(bends) >= 0.999 * max(bends)))  # the first of members that mirror each other
+    bend = float(np.quantile(np.concatenate(usual), 0.95)) if strips else 0.0  # rare peaks do not judge a mesh
     wanted = float(np.sqrt(8 * DRILL * bolt / bend)) if bend > 0 else np.inf
     name = strips[worst - 1].id if worst else "none"
     return StripLimits(

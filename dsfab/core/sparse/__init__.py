@@ -1,14 +1,14 @@
-"""Factorisation of sparse symmetric positive definite matrices, the one heavy kernel that statics and modes share.
+"""Factorisation of sparse symmetric positive definite matrices, shared by statics and diffusion modes.
 
-The ladder, from the first step that can be taken:
+`factorise` takes the first solver that can be used:
 
 1. PARDISO (extra `fast`): the fastest, on all cores.
-2. Multifrontal Cholesky over the BLAS that numpy and scipy bring: about PARDISO's time on one core, a quarter of
-   SuperLU's, and less memory than SuperLU, which keeps L and U. It works wherever scipy does.
-3. Multigrid (extra `amg`) where the factor, whose size the analysis tells, is larger than the free memory. For three
-   unknowns a point, and only if the rigid motions are given; slower, and its true residual is checked at each solve.
+2. Multifrontal Cholesky on scipy's BLAS: about PARDISO's time on one core, a quarter of SuperLU's. It needs less
+   memory than SuperLU, which stores L and U, and works wherever scipy does.
+3. Multigrid (extra `amg`), if the analysis shows that the factor exceeds the free memory. It needs three unknowns a
+   point and the rigid motions. It is slower, and each solve checks its true residual.
 
-SuperLU can be asked for by name: its solves with one right-hand side are the quickest for one unknown a point.
+A caller may request SuperLU by name: it is the fastest for one right-hand side and one unknown a point.
 """
 
 import importlib.util
@@ -46,29 +46,30 @@ __all__ = [
 ]
 
 Factor = Pardiso | Multifrontal | SuperLU | Multigrid
-"""Called with b, (N,) or (N, k), it returns K^-1 b; `refactor(K)` takes new values on the same pattern."""
+"""Factor of K: a call with b, (N,) or (N, k), returns K^-1 b; `refactor(K)` takes new values on the same pattern."""
 
 
 def solver_name() -> str:
-    """The back end in use, for reports: 'PARDISO' or 'multifrontal'."""
+    """Return the name of the installed solver for reports: 'PARDISO' or 'multifrontal'."""
     return "PARDISO" if importlib.util.find_spec("pypardiso") else "multifrontal"
 
 
 def factorise(
     K: Matrix, points: Floats, node: Ints | None = None, solver: str | None = None, rigid: Floats | None = None
 ) -> Factor:
-    """The function b -> K^-1 b for a positive definite K (N, N) with all its diagonal: symmetric, or Hermitian, which
-    PARDISO and the multifrontal factor take.
+    """Return the function b -> K^-1 b for a positive definite K (N, N) with a full diagonal.
 
-    K      : or a function that makes it, which is called where K is needed: PARDISO then keeps its upper triangle
-             alone while it works, which is when most memory is taken.
+    K is symmetric, or Hermitian, which PARDISO and the multifrontal factor accept.
+
+    K      : the matrix, or a function that builds it. PARDISO then stores only its upper triangle during the
+             factorisation, when memory use is highest.
     points : (n, 3) positions; they only steer the elimination order.
-    node   : (N,) the point that each unknown sits on; unknown i on point i when left out.
-    solver : "PARDISO", "multifrontal", "SuperLU" or "multigrid"; when left out, the first of the ladder that fits.
+    node   : (N,) the point of each unknown; by default unknown i is on point i.
+    solver : "PARDISO", "multifrontal", "SuperLU" or "multigrid"; by default the first of the module's list that fits.
     rigid  : (N, 6) rigid motions in the unknowns of K, which multigrid needs.
 
-    Raises NotPositiveDefinite when the factorisation meets a pivot that is not positive, and FactorMemoryError when the
-    factor would not fit and multigrid cannot be used.
+    Raises NotPositiveDefinite for a pivot that is not positive, and FactorMemoryError if the factor does not fit into
+    memory and multigrid cannot be used.
     """
     node = np.arange(len(points)) if node is None else node
     build = _BUILDERS[solver or solver_name()]
@@ -81,11 +82,11 @@ def factorise(
 
 
 class OnePattern:
-    """Factors of matrices that have one pattern, as those of one mesh have: it is analysed once.
+    """Factors of matrices with the same pattern (of one mesh), which are analysed once.
 
     points, node : see `factorise`.
-    many_solves  : whether so much is solved with each factor that PARDISO had better not see points with two unknowns
-                   as blocks: solves take three quarters of the time then, factorisations five sixths.
+    many_solves  : whether there are many solves with each factor. PARDISO then does not treat points with two unknowns
+                   as blocks: solves take three quarters of the time, factorisations five sixths.
     """
 
     def __init__(self, points: Floats, node: Ints | None = None, many_solves: bool = False) -> None:
@@ -93,11 +94,9 @@ class OnePattern:
         self._factor: Factor | None = None
 
     def factor(self, K: csr_array) -> Factor:
-        """The function b -> K^-1 b for a positive definite K (N, N), until the next one is asked for; real or Hermitian
-        as the first was.
-
-        Raises what `factorise` raises, and ValueError for another pattern.
-        """
+        """Return the function b -> K^-1 b for a positive definite K (N, N), real or Hermitian like the first matrix.
+        The function is valid until the next call. Raises the errors of `factorise`, and ValueError for another
+        pattern."""
         if self._factor is None and self._many_solves and solver_name() == "PARDISO":
             self._factor = Pardiso(K, blocks=False)
         elif self._factor is None:
@@ -129,5 +128,5 @@ _BUILDERS: dict[str, Callable[[Matrix, Floats, Ints, Floats | None], Factor]] = 
 
 
 def _blocks(node: Ints) -> bool:
-    """Whether points have several unknowns each: PARDISO then analyses blocks."""
+    """Return whether points have several unknowns each; PARDISO then analyses blocks."""
     return len(node) > 1.5 * float(np.count_nonzero(np.bincount(node)))

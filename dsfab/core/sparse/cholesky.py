@@ -1,4 +1,8 @@
-"""Multifrontal Cholesky factorisation: nested dissection, memory and BLAS threads."""
+"""Multifrontal Cholesky factorisation: nested dissection, memory and BLAS threads.
+
+The unknowns of a part of the mesh form a dense front. Its elimination leaves an update, which is added to the front of
+a later separator. `dissection_keys` chooses the parts, `Fronts` analyses the pattern, `Multifrontal` computes.
+"""
 
 import ctypes
 import os
@@ -25,11 +29,11 @@ MEMINFO = Path("/proc/meminfo")
 
 
 class FactorMemoryError(DsfabError, MemoryError):
-    """A factor would not fit into the memory of the machine."""
+    """Error for a factor that does not fit into the memory of the machine."""
 
     @classmethod
     def of(cls, needed: int | None, free: int | None = None) -> Self:
-        """needed, free : bytes, where they are known."""
+        """Return the error for `needed` and `free` bytes, as far as these are available."""
         need = "more memory than there is" if needed is None else f"{needed / 2**30:.1f} GiB"
         there = "" if free is None else f", {free / 2**30:.1f} GiB are free"
         return cls(
@@ -39,7 +43,7 @@ class FactorMemoryError(DsfabError, MemoryError):
 
 
 def free_memory() -> int | None:
-    """Bytes that can still be had without swapping; None where the system does not say."""
+    """Return the bytes available without swapping; None if the system does not report them."""
     if MEMINFO.exists():
         for line in MEMINFO.read_text(encoding="ascii").splitlines():
             if line.startswith("MemAvailable:"):
@@ -51,7 +55,7 @@ def free_memory() -> int | None:
 
 
 def peak_memory() -> int:
-    """Bytes, the largest that this process has held; 0 on Windows, which does not say."""
+    """Return the largest memory of this process so far, bytes; 0 on Windows, which does not report it."""
     try:
         import resource
     except ImportError:
@@ -61,22 +65,25 @@ def peak_memory() -> int:
 
 
 def require_memory(needed: int) -> None:
-    """Raise FactorMemoryError when `needed` bytes are more than what is free."""
+    """Raise FactorMemoryError if `needed` bytes exceed the free memory."""
     free = free_memory()
     if free is not None and needed > free:
         raise FactorMemoryError.of(needed, free)
 
 
 LITTLE = 20e6
-"""Bytes that are not worth being given back: looking for them takes up to 20 ms in a process that has run for long,
-which is as long as all the rest of a factor of a thousand unknowns."""
+"""Bytes that `give_back` does not release. The search for them takes up to 20 ms in a long-running process, as long as
+all other work on a thousand unknowns."""
 
 
 def give_back(held: float) -> None:
-    """Hand memory that was freed to the system: glibc keeps what small blocks above it hold, 60 MB after a factor of
-    90,000 unknowns was prepared and 170 MB after it was freed. Does nothing elsewhere; takes 10 ms for 100 MB.
+    """Return freed memory to the system; glibc otherwise holds it as long as small blocks lie above it.
 
-    held : about how many bytes were freed; nothing is done for `LITTLE` or less.
+    That is 60 MB after the analysis of 90,000 unknowns, and 170 MB after the release of their factor. The function
+    takes
+    10 ms for 100 MB and does nothing on other systems.
+
+    freed : approximate number of freed bytes; the function does nothing up to `LITTLE`.
     """
     if held > LITTLE and (trim := _malloc_trim()):
         trim(0)
@@ -97,32 +104,26 @@ def _pools() -> Any:
 
 @contextmanager
 def one_blas_thread() -> Iterator[None]:
-    """BLAS on one thread: on vectors and on fronts of a few hundred, threads cost up to ten times what they give.
+    """Limit BLAS to one thread: on vectors and small fronts, threads cost up to ten times their gain.
 
-    The number of threads belongs to the process: other threads of Python wait their turn.
+    The number of threads belongs to the process, so other threads of Python wait.
     """
     with _ONE_AT_A_TIME, _pools().limit(limits=1, user_api="blas"):
         yield
 
 
-LEAF = 192
-"""Parts of at most this many unknowns are not cut further: fronts of one to two hundred unknowns suit BLAS best."""
-
-SMALL_LEAF = 24
-"""The same for SuperLU, which finds its own dense blocks: a fifth fewer entries in the factor."""
-
-
-def dissection_keys(graph: tuple[Ints, Ints], points: Floats, unknowns: int, leaf: int = LEAF) -> Ints:
-    """(n,) sort keys of the points; equal keys belong to one part or to one separator.
+def dissection_keys(graph: tuple[Ints, Ints], points: Floats, unknowns: int, leaf: int = 192) -> Ints:
+    """Return the sort keys (n,) of a nested dissection; equal keys belong to one part or to one separator.
 
     graph    : pairs of different points that the matrix couples, each pair in both directions.
-    unknowns : how many unknowns all points have together.
-    leaf     : parts of at most this many unknowns are not cut further.
+    unknowns : number of unknowns of all points together.
+    leaf     : parts of at most this many unknowns are not divided; fronts of one to two hundred unknowns suit BLAS
+               best.
 
-    Each part is halved at the median of its longest axis. The points of the one half that touch the other separate the
-    two (the half with fewer such points gives them) and are eliminated after both. The choice is one base-4 digit a
-    level (0 lower, 1 upper, 2 separator), so that sorting by the number is eliminating in order; all parts of a level
-    are cut at once.
+    Each part is halved at the median of its longest axis. The points of one half that touch the other half separate the
+    two (the half with fewer such points) and are eliminated after both. Each level adds one base-4 digit (0 lower, 1
+    upper,
+    2 separator), so the order of the keys is the order of elimination. All parts of a level are divided at once.
     """
     i, j = graph
     n = len(points)
@@ -145,7 +146,7 @@ def dissection_keys(graph: tuple[Ints, Ints], points: Floats, unknowns: int, lea
 
 
 def upper_half(points: Floats, part: Ints) -> Ints:
-    """(k,) 1 for the points above the median of their part along the part's longest axis, else 0.
+    """Return 1 (k,) for points above the median of their part along its longest axis, else 0.
 
     part : (k,) numbers from 0.
     """
@@ -162,9 +163,9 @@ def upper_half(points: Floats, part: Ints) -> Ints:
 
 
 def point_graph(K: csr_array, node: Ints, n: int) -> tuple[Ints, Ints]:
-    """Pairs of different points that K couples, each pair in both directions.
+    """Return the pairs of different points that K couples, each pair in both directions.
 
-    node : (N,) the point that each unknown sits on, 0 to n - 1.
+    node : (N,) the point of each unknown, 0 to n - 1.
     """
     pairs = csr_array((np.ones(K.nnz, dtype=bool), node[K.indices].astype(np.int32), K.indptr), (K.shape[0], n))
     gather = csr_array((np.ones(len(node), dtype=bool), (node, np.arange(len(node)))), (n, len(node)))
@@ -174,7 +175,8 @@ def point_graph(K: csr_array, node: Ints, n: int) -> tuple[Ints, Ints]:
 
 
 def along_a_curve(points: Floats) -> Ints:
-    """(n,) positions on a space-filling curve [Morton 1966], 1024 steps an axis: near points get near numbers."""
+    """Return the positions (n,) on a space-filling curve [Morton 1966], 1024 steps an axis: near points get near
+    numbers."""
     low = points.min(axis=0)
     cell = ((points - low) * (1023 / max(float((points - low).max()), np.finfo(float).tiny))).astype(np.int64)
     number = np.zeros(len(points), dtype=np.int64)
@@ -185,30 +187,27 @@ def along_a_curve(points: Floats) -> Ints:
 
 
 Index = npt.NDArray[np.integer[Any]]
-"""Indices of 4 bytes where they suffice: there are as many as entries of the matrix."""
+"""Indices of 4 bytes where these suffice, because each entry of the matrix has one."""
 
 
 Numbers = npt.NDArray[Any]
-"""Real or complex."""
-
-ADJOINT = 2
-"""Of a matrix of real numbers the transpose, in BLAS's numbers."""
+"""Real or complex array."""
 
 
-class NotPositiveDefinite(ArithmeticError):  # noqa: N818  (it names the finding, as LinAlgError does)
-    """The matrix has no Cholesky factor: for a stiffness, the structure is a mechanism."""
+class NotPositiveDefinite(ArithmeticError):  # noqa: N818  (named like LinAlgError)
+    """Error for a matrix without a Cholesky factor: for a stiffness, the structure is a mechanism."""
 
 
 @dataclass(frozen=True, eq=False)
 class Fronts:
-    """What the pattern of a matrix says about its factor; values play no part.
+    """Analysis of the pattern of a matrix for its factor, independent of its values.
 
-    order    : (N,) unknowns in the order of elimination. Everything below counts in that order.
-    start    : (fronts + 1,) own unknowns of front s are start[s] to start[s + 1].
+    order    : (N,) unknowns in the order of elimination; all other fields count in that order.
+    start    : (fronts + 1,) the pivots of front s are the unknowns start[s] to start[s + 1].
     rows     : per front, the later unknowns that it touches, ascending.
-    children : per front, the fronts that add to it; they come before it.
-    entry    : where the lower triangle's values stand in K.data, column by column.
-    row, column : of each entry.     pointer : (N + 1,) where each column begins.
+    children : per front, the earlier fronts that add to it.
+    entry    : positions of the lower triangle's values in K.data, column by column.
+    row, column : of each entry.     pointer : (N + 1,) start of each column.
     """
 
     order: Ints
@@ -222,11 +221,12 @@ class Fronts:
 
     @classmethod
     def of(cls, K: csr_array, points: Floats, node: Ints) -> Self:
-        """Analyse K (N, N), whose unknown i sits on point node[i]: on points, not unknowns, since those share rows."""
+        """Analyse K (N, N), whose unknown i is on point node[i]; by points, because the unknowns of a point share
+        rows."""
         used, node = np.unique(node, return_inverse=True)
         points, n, N = points[used], len(used), K.shape[0]
         keys = dissection_keys(point_graph(K, node, n), points, N)
-        # along a curve: what a child touches is then a few runs of a separator, which are added as blocks
+        # along a curve, a child touches a few runs of a separator, which can be added as blocks
         sequence = np.lexsort((along_a_curve(points), keys))
         rank = np.empty(n, dtype=np.int32)
         rank[sequence] = np.arange(n)
@@ -247,13 +247,14 @@ class Fronts:
 
     @property
     def entries(self) -> int:
-        """Numbers that the factor holds, 8 bytes each."""
+        """Number of values in the factor, 8 bytes each."""
         own = np.diff(self.start)
         return int(sum(k * (k + len(rows)) for k, rows in zip(own.tolist(), self.rows, strict=True)))
 
     @property
     def peak(self) -> int:
-        """Numbers held at the worst moment of the factorisation: the factor so far, updates waiting, and a front."""
+        """Largest number of values in memory during the factorisation: the factor so far, waiting updates, and a
+        front."""
         held = waiting = worst = 0
         for k, rows, children in zip(np.diff(self.start).tolist(), self.rows, self.children, strict=True):
             m = len(rows)
@@ -264,9 +265,9 @@ class Fronts:
 
 
 def _touched_points(row: Index, column: Index, first: Ints) -> tuple[list[Ints], list[list[int]]]:
-    """Per front the later points that it touches, fill included, and its children.
+    """Return the later points that each front touches, fill included, and the children of each front.
 
-    row, column : the points of every entry below the diagonal.   first : (fronts + 1,) where the fronts' points begin.
+    row, column : points of every entry below the diagonal.   front_start : (fronts + 1,) first point of each front.
     """
     n = int(first[-1])
     front = np.repeat(np.arange(len(first) - 1), np.diff(first))
@@ -284,16 +285,14 @@ def _touched_points(row: Index, column: Index, first: Ints) -> tuple[list[Ints],
 
 
 def _expanded(begin: Ints, points: Ints) -> Ints:
-    """The unknowns of `points`: begin[p] to begin[p + 1] of each, in a row."""
+    """Return the unknowns of `points` in a row: begin[p] to begin[p + 1] of each point p."""
     count = begin[points + 1] - begin[points]
     return np.asarray(np.arange(count.sum()) + np.repeat(begin[points] - (np.cumsum(count) - count), count))
 
 
 class Multifrontal:
-    """The factor of a positive definite matrix, real or Hermitian; called with b, (N,) or (N, k), it returns K^-1 b.
-
-    Raises NotPositiveDefinite when a pivot is not positive.
-    """
+    """Factor of a positive definite matrix, real or Hermitian; a call with b, (N,) or (N, k), returns K^-1 b. Raises
+    NotPositiveDefinite for a pivot that is not positive."""
 
     def __init__(self, K: csr_array, fronts: Fronts) -> None:
         self._fronts = fronts
@@ -301,7 +300,7 @@ class Multifrontal:
         self.refactor(K)
 
     def refactor(self, K: csr_array) -> None:
-        """Take the values of K (n, n), whose pattern must be that of the matrix analysed."""
+        """Factorise K (n, n), whose pattern must be that of the analysed matrix."""
         f = self._fronts
         if len(K.data) != 0 and (K.shape[0] != len(f.order) or K.nnz < len(f.entry)):
             raise ValueError("the pattern of the matrix has changed")
@@ -328,22 +327,20 @@ class Multifrontal:
         with one_blas_thread():
             for s, (L, P) in enumerate(self._factor):
                 mine = slice(start[s], start[s + 1])
-                x[mine] = y = _triangular(L, x[mine], 0)
+                x[mine] = y = _triangular(L, x[mine])
                 x[rows[s]] -= P @ y
             for s in range(len(self._factor) - 1, -1, -1):
                 L, P = self._factor[s]
                 mine = slice(start[s], start[s + 1])
-                x[mine] = _triangular(L, x[mine] - P.conj().T @ x[rows[s]], ADJOINT)
+                x[mine] = _triangular(L, x[mine] - P.conj().T @ x[rows[s]], adjoint=True)
         solution = np.empty_like(x)
         solution[self._fronts.order] = x
         return solution
 
 
 def _add(own: Numbers, rest: Numbers, update: Numbers, to: Ints) -> None:
-    """Add a child's update (c, c), upper triangle, to rows and columns `to` (c,) of the parent's front.
-
-    Column by run of neighbouring columns: rows of consecutive numbers are copied several times faster than one by one.
-    """
+    """Add a child's update (c, c), upper triangle, to rows and columns `positions` (c,) of the parent's front. Runs of
+    neighbouring columns are added together, which is several times faster than column by column."""
     k = len(own)
     inner = int(np.searchsorted(to, k))
     ends = np.flatnonzero((np.diff(to) != 1) | (to[1:] == k)) + 1
@@ -357,8 +354,9 @@ def _add(own: Numbers, rest: Numbers, update: Numbers, to: Ints) -> None:
 
 
 def _eliminated(own: Numbers, rest: Numbers) -> tuple[Numbers, Numbers, Numbers]:
-    """L (k, k), P (m, k) and the update (m, m), whose upper triangle counts, of a front [own; own^H rest]; transposed,
-    own (k, k + m) is the lower triangle of the matrix, and so is rest."""
+    """Eliminate the pivots of a front [pivots; pivots^H rest]; return L (k, k), P (m, k) and the update (m, m). The
+    upper triangle of the update counts. Transposed, pivot_rows (k, k + m) and rest are lower triangles of the
+    matrix."""
     k, is_complex = len(own), np.iscomplexobj(own)
     potrf, trsm, rank_k = (zpotrf, ztrsm, zherk) if is_complex else (dpotrf, dtrsm, dsyrk)
     if not k:
@@ -368,13 +366,14 @@ def _eliminated(own: Numbers, rest: Numbers) -> tuple[Numbers, Numbers, Numbers]
         raise NotPositiveDefinite("a pivot is not positive")
     if not len(rest):
         return L, np.zeros((0, k), own.dtype), rest
-    P = trsm(1.0, L, np.ascontiguousarray(own[:, k:]).T, side=1, lower=1, trans_a=ADJOINT, overwrite_b=1)
+    P = trsm(1.0, L, np.ascontiguousarray(own[:, k:]).T, side=1, lower=1, trans_a=2, overwrite_b=1)
     return L, P, rank_k(-1.0, P, beta=1.0, c=rest.T, lower=1, overwrite_c=1).T
 
 
-def _triangular(L: Numbers, b: Numbers, transposed: int) -> Numbers:
+def _triangular(L: Numbers, b: Numbers, adjoint: bool = False) -> Numbers:
     if not len(L):
         return b
+    transposed = 2 if adjoint else 0  # numbers of BLAS
     trsv, trsm = (ztrsv, ztrsm) if np.iscomplexobj(L) else (dtrsv, dtrsm)
     solve = trsv(L, b, lower=1, trans=transposed) if b.ndim == 1 else trsm(1.0, L, b, lower=1, trans_a=transposed)
     return np.asarray(solve)

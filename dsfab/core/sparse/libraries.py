@@ -17,7 +17,6 @@ from scipy.sparse.linalg import splu
 from dsfab.core.arrays import Floats, Ints
 from dsfab.core.errors import DsfabError
 from dsfab.core.sparse.cholesky import (
-    SMALL_LEAF,
     FactorMemoryError,
     NotPositiveDefinite,
     along_a_curve,
@@ -27,19 +26,16 @@ from dsfab.core.sparse.cholesky import (
     require_memory,
 )
 
-PANEL = 4
-"""Columns that are updated together: with one unknown a point a tenth quicker than SuperLU's own choice."""
-
 SUPERLU_OPTIONS = {"SymmetricMode": True, "Equil": False}
 
 
 class SuperLU:
-    """The factor of a symmetric positive definite matrix; called with b, (N,) or (N, k), it returns K^-1 b.
+    """Factor of a symmetric positive definite matrix; a call with b, (N,) or (N, k), returns K^-1 b.
 
-    order    : (N,) in which the unknowns are eliminated, from another matrix of the same pattern.
-    definite : K is known to be positive definite: reading the pivots costs a tenth of the factorisation.
+    order    : (N,) elimination order, from another matrix of the same pattern.
+    definite : K is positive definite; the check of the pivots takes a tenth of the factorisation.
 
-    Raises NotPositiveDefinite when a pivot is not positive.
+    Raises NotPositiveDefinite for a pivot that is not positive.
     """
 
     def __init__(
@@ -50,10 +46,11 @@ class SuperLU:
         self.refactor(K)
 
     def refactor(self, K: csr_array) -> None:
-        """Take the values of K (n, n); the order of elimination stays."""
+        """Factorise the values of K (n, n) in the same order of elimination."""
         permuted = csc_array(K[self.order][:, self.order])
         try:
-            self._lu = splu(permuted, "NATURAL", diag_pivot_thresh=0.0, panel_size=PANEL, options=SUPERLU_OPTIONS)
+            # with one unknown a point, panels of 4 are a tenth faster than SuperLU's own choice
+            self._lu = splu(permuted, "NATURAL", diag_pivot_thresh=0.0, panel_size=4, options=SUPERLU_OPTIONS)
         except RuntimeError as error:  # "Factor is exactly singular"
             raise NotPositiveDefinite(str(error)) from error
         if not self._definite and self._lu.U.diagonal().min() <= 0:
@@ -66,10 +63,12 @@ class SuperLU:
 
 
 def elimination_order(K: csr_array, points: Floats, node: Ints) -> Ints:
-    """(N,) the unknowns of K (N, N) in the order of a nested dissection of their points; equal parts along a curve."""
+    """Return the unknowns (N,) of K (N, N) in the order of a nested dissection of their points. Equal parts follow a
+    space-filling curve. Leaves are small, because SuperLU forms its own dense blocks: the factor has a fifth fewer
+    entries."""
     used, node = np.unique(node, return_inverse=True)
     points = points[used]
-    keys = dissection_keys(point_graph(K, node, len(used)), points, K.shape[0], SMALL_LEAF)
+    keys = dissection_keys(point_graph(K, node, len(used)), points, K.shape[0], leaf=24)
     rank = np.empty(len(used), dtype=np.int64)
     rank[np.lexsort((along_a_curve(points), keys))] = np.arange(len(used))
     return np.argsort(rank[node], kind="stable")
@@ -82,39 +81,41 @@ SYMMETRIC, HERMITIAN = 2, 4
 """Kinds of positive definite matrices, in PARDISO's numbers."""
 
 PARDISO_OPTIONS = {0: 1, 1: 2, 9: 8, 17: -1, 23: 1}
-"""Entries of PARDISO's `iparm`, counted from 0: own choices; nested dissection by METIS; pivots as for symmetric
-matrices; count the factor's entries; the two-level factorisation, whose factor solves in 40 % of the time with one
-unknown a point (with three nothing changes). All others are 0: above all no refinement at each solve (entry 7), which
-would triple its time; whoever needs more digits refines with longer numbers."""
+"""Entries of PARDISO's `iparm`, counted from 0.
+
+In order: user's choices; nested dissection by METIS; pivots as for symmetric matrices; count of the factor's entries;
+the two-level factorisation. With one unknown a point its factor solves in 40 % of the time; with three nothing changes.
+The other entries are 0. Entry 7 would refine at each solve and triple its time; callers that need more digits
+refine with longer numbers.
+"""
 
 BLOCKS = {36: -100}
-"""The same where points have several unknowns: rows of one structure are analysed as one. With three unknowns a point
-the analysis takes a third of the memory and of the time, which is worth more than the few percent that the
-factorisation then takes longer."""
+"""Additional entry where points have several unknowns: rows of one structure are analysed as one. With three unknowns a
+point the analysis takes a third of the memory and time. The factorisation takes a few percent longer, which costs
+less."""
 
 ALONE = 12_000
-"""Unknowns up to which one thread does it: with two, solves of 10 000 took twice the time on the clock and three times
-that of the processor, and factorisations as long. The answer is then the same on any number of cores."""
+"""Unknowns up to which PARDISO uses one thread. With two threads, solves of 10 000 unknowns took twice the time and
+three times the processor time, and factorisations as long. One thread also gives the same answer on any number of
+cores."""
 
-PREPARED = 700.0
-"""Bytes for each unknown that making the matrix and its analysis leave."""
 
 OUT_OF_MEMORY = (-2, -9)
-"""PARDISO's errors for want of memory; every other one of the factorisation means a pivot that is not positive."""
+"""PARDISO's errors for lack of memory; any other error of the factorisation means a pivot that is not positive."""
 
 
 Matrix = csr_array | Callable[[], csr_array]
-"""A matrix, or what makes it: for those who need it for a moment only."""
+"""A matrix, or a function that builds it for callers that need it only for a moment."""
 
 
 def pardiso_matrix(K: Matrix) -> csr_array:
-    """The matrix (n, n) itself."""
+    """Return the matrix (n, n) itself."""
     return K() if callable(K) else K
 
 
 @dataclass(frozen=True, eq=False)
 class _Pattern:
-    """Where a symmetric matrix (n, n) has entries, and which of these are its upper triangle.
+    """Positions of the entries of a symmetric matrix (n, n), and of those in its upper triangle.
 
     indptr, indices : of the matrix.    pointer, column : of the upper triangle.    place : its entries among all.
     """
@@ -135,26 +136,24 @@ class _Pattern:
         return cls(K.indptr, K.indices, found.indptr, found.indices, found.data)
 
     def fits(self, K: csr_array) -> bool:
-        """Whether a matrix has entries in the same places."""
         return np.array_equal(self.indptr, K.indptr) and np.array_equal(self.indices, K.indices)
 
     def upper(self, K: csr_array) -> csr_array:
-        """The upper triangle of a matrix that it fits."""
         return csr_array((K.data[self.place], self.column, self.pointer), shape=K.shape)
 
 
 class Pardiso:
-    """The factor of a positive definite matrix, real or Hermitian; called with b, (N,) or (N, k), it returns K^-1 b.
+    """Factor of a positive definite matrix, real or Hermitian; a call with b, (N,) or (N, k), returns K^-1 b.
 
     K      : see `dsfab.core.sparse.factorise`.
     blocks : whether unknowns come in groups with rows of one structure.
 
-    Raises NotPositiveDefinite when a pivot is not positive, FactorMemoryError when the factor would not fit.
+    Raises NotPositiveDefinite for a pivot that is not positive, FactorMemoryError if the factor does not fit.
     """
 
     def __init__(self, K: Matrix, blocks: bool = False) -> None:
         os.environ.setdefault("MKL_CBWR", "AUTO")  # bitwise repeatable sums: the same preset gives the same file
-        # a thread that waits for work sleeps: on a shared machine it would take the time of those who have some
+        # waiting threads sleep at once, because on a shared machine they would take the time of busy processes
         os.environ.setdefault("KMP_BLOCKTIME", "0")
         _point_to_mkl()
         from pypardiso import PyPardisoSolver
@@ -166,17 +165,17 @@ class Pardiso:
         weakref.finalize(self, _release, self._solver)  # MKL's memory is not Python's
         self._threads = 1 if K.shape[0] <= ALONE else int(self._solver.libmkl.MKL_Get_Max_Threads())
         self._upper = _Pattern.of(K).upper(K)
-        self._known: _Pattern | None = None  # it takes memory that one factor alone can do without
+        self._known: _Pattern | None = None  # only `refactor` needs it, so a single factor saves its memory
         del K
         nothing = np.zeros((self._upper.shape[0], 1), dtype=self._upper.dtype)
         self._call(ANALYSE, nothing)
         analysis, kept, work = (1024 * int(self._solver.iparm[k]) for k in (14, 15, 16))
-        give_back(PREPARED * len(nothing))  # what made the matrix, before the factor takes the most of all
+        give_back(700.0 * len(nothing))  # bytes that assembly and analysis leave, before the factor takes the most
         require_memory(max(analysis, kept + work))
         self._call(FACTORISE, nothing)
 
     def refactor(self, K: csr_array) -> None:
-        """Take the values of K (n, n), whose pattern must be that of the matrix analysed."""
+        """Factorise K (n, n), whose pattern must be that of the analysed matrix."""
         if self._known is None or not self._known.fits(K):
             self._known = _Pattern.of(K)
         taken = self._known.upper(K)
@@ -193,7 +192,7 @@ class Pardiso:
         from pypardiso.pardiso_wrapper import PyPardisoError
 
         self._solver.set_phase(phase)
-        # the two-level factor is laid out for its threads: solved with another number of them, the answer is wrong
+        # the two-level factor is laid out for its threads: a solve with another number of threads is wrong
         before = self._solver.libmkl.MKL_Set_Num_Threads_Local(self._threads)
         try:
             x: Floats = self._solver._call_pardiso(self._upper, b)  # `solve` would hash the matrix at every call
@@ -207,7 +206,8 @@ class Pardiso:
 
 
 def _point_to_mkl() -> None:
-    """Tell pypardiso where MKL is, before its import: it would search the whole Python installation (0.5 to 1 s)."""
+    """Set the path of MKL for pypardiso before its import, which otherwise searches the Python installation (0.5 to 1
+    s)."""
     if "PYPARDISO_MKL_RT" in os.environ:
         return
     try:
@@ -220,41 +220,36 @@ def _point_to_mkl() -> None:
 
 
 def _release(solver: Any) -> None:
-    """Give all its memory back. PARDISO refuses where Ctrl-C came between its phases: nobody could act on that."""
+    """Release the solver's memory. PARDISO refuses after Ctrl-C between its phases; nobody could act on that."""
     from pypardiso.pardiso_wrapper import PyPardisoError
 
     with suppress(PyPardisoError):
         solver.free_memory(everything=True)
 
 
-TOLERANCE = 1e-12
-"""Relative residual that the iteration aims at."""
-
-REACHED = 1e-9
-"""Relative residual, computed anew from the answer, above which the answer is refused."""
-
 ITERATIONS = 1000
 
 
 class ConvergenceError(DsfabError, ArithmeticError):
-    """The iteration stopped short of the wanted residual."""
+    """Error for an iteration that stopped above the accepted residual."""
 
 
 def has_pyamg() -> bool:
-    """Whether pyamg can be used."""
+    """Return whether pyamg is installed."""
     return importlib.util.find_spec("pyamg") is not None
 
 
 class Multigrid:
-    """A solver for the stiffness of thin sheets with up to three unknowns a point; called with b it returns K^-1 b.
+    """Solver for the stiffness of thin sheets with up to three unknowns a point; a call with b returns K^-1 b.
 
-    Smoothed aggregation [Vanek, Mandel and Brezina 1996] told everything it can use: points as blocks of three, the
-    rigid motions, strength 0, energy-smoothed prolongation, symmetric block Gauss-Seidel. Without these it needs
-    hundreds of steps or diverges on irregular sheets, hence the true residual is computed after every solve.
+    Smoothed aggregation [Vanek, Mandel and Brezina 1996] with all available knowledge: points as blocks of three, rigid
+    motions, strength 0, energy-smoothed prolongation, symmetric block Gauss-Seidel. Otherwise it needs hundreds of
+    steps
+    or diverges on irregular sheets. Each solve therefore computes the true residual.
 
     rigid : (N, 6) the rigid motions in the unknowns of K, which K nearly annihilates away from supports.
 
-    Raises ConvergenceError at a solve whose true residual is above `REACHED`.
+    Raises ConvergenceError for a solve whose true relative residual exceeds 1e-9.
     """
 
     def __init__(self, K: csr_array, node: Ints, rigid: Floats) -> None:
@@ -268,7 +263,7 @@ class Multigrid:
         self._K = K
         self._place, size = _in_threes(self._node)
         full = K.tocoo()
-        spare = np.setdiff1d(np.arange(size), self._place)  # held unknowns: a unit diagonal, so that blocks are whole
+        spare = np.setdiff1d(np.arange(size), self._place)  # supported unknowns get a unit diagonal to fill the blocks
         blocks = coo_array(
             (
                 np.concatenate([full.data, np.ones(len(spare))]),
@@ -296,19 +291,20 @@ class Multigrid:
         wanted = np.zeros(self._levels.levels[0].A.shape[0])
         wanted[self._place] = b
         state = np.random.get_state()
-        x = self._levels.solve(wanted, tol=TOLERANCE, accel="cg", maxiter=ITERATIONS)[self._place]
+        x = self._levels.solve(wanted, tol=1e-12, accel="cg", maxiter=ITERATIONS)[self._place]
         np.random.set_state(state)
         off, whole = float(np.linalg.norm(b - self._K @ x)), float(np.linalg.norm(b))
-        if off > REACHED * whole:
+        accepted = 1e-9  # relative residual
+        if off > accepted * whole:
             raise ConvergenceError(
-                f"the multigrid solver stopped at a relative residual of {off / whole:.1e} (wanted: {REACHED:g}); "
+                f"the multigrid solver stopped at a relative residual of {off / whole:.1e} (wanted: {accepted:g}); "
                 "use a coarser or more regular mesh, a thicker sheet, or a machine with more memory for a direct solver"
             )
         return np.asarray(x)
 
 
 def _in_threes(node: Ints) -> tuple[Ints, int]:
-    """(N,) places of the unknowns when every used point has three, and how many places there are."""
+    """Return the positions (N,) of the unknowns when every used point has three, and the number of positions."""
     used, at, count = np.unique(node, return_inverse=True, return_counts=True)
     if count.max() > 3:
         raise ValueError("multigrid takes up to three unknowns a point")

@@ -1,9 +1,7 @@
-"""What of a design goes into which file, and a built design read back from its folder.
+"""Content of each output file of a design, and a design read back from its folder.
 
-files     one file of a design            lines, fields, curved   what drawings, ParaView and smooth STEP take of it
-archive   `design.npz`: a design kept     archive_even            and its evenly spaced stripes
-member_records, member_shapes  its members and nodes, for files: what is known of them; as bodies
-beam_records, bar_records      its beam model, and what members bear
+files     one file of a design, and smooth STEP    fields    lines and fields for drawings and ParaView
+archive   `design.npz`, the design for later       records   members, nodes, beam model, forces and utilisation
 """
 
 from dsfab.design.output.fields import design_lines

@@ -1,4 +1,4 @@
-"""`design.npz`: the archive of a design, from which other formats are written without a new computation."""
+"""`design.npz`: the archive of a design, from which other formats are written without solving again."""
 
 import json
 import zipfile
@@ -26,11 +26,11 @@ from dsfab.thickening import Repairs, Solid
 Field = Floats | CornerField | DividedField
 Arrays = dict[str, NDArray[Any]]
 STEERED = ("along", "guided", "over")
-"""What is kept of `Steered`; what it told is among the notes."""
+"""Fields of `Steered` in the archive; its message is among the notes."""
 
 
 def field_arrays(key: str, field: Field) -> Arrays:
-    """The arrays of a field; one without corners is one array, called by the key."""
+    """Return the arrays of a field; a field without corners is one array with the name `key`."""
     if isinstance(field, DividedField):
         divided = field.divided
         rows = {"data": divided.weights.data, "indices": divided.weights.indices, "indptr": divided.weights.indptr}
@@ -44,8 +44,7 @@ def field_arrays(key: str, field: Field) -> Arrays:
 
 
 def division_of(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> Divided | None:
-    """What the faces of a surface are divided into: arrays part_V (p, 3), metres, part_F ...; None where they are
-    not."""
+    """Return the division of a surface's faces from arrays part_V (p, 3), metres, part_F ...; None without these."""
     if "part_V" not in arrays:
         return None
     parts = Surface(arrays["part_V"], arrays["part_F"])
@@ -54,7 +53,7 @@ def division_of(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> Divided
 
 
 def field_of(key: str, divided: Divided | None, arrays: Mapping[str, NDArray[Any]]) -> Field:
-    """The field with the array `key`, (n,) or (n, 2), perhaps on such parts of faces."""
+    """Return the field with the array `key`, (n,) or (n, 2), perhaps on parts of faces."""
     if f"{key}_sign" not in arrays:
         x = arrays[key]
         return DividedField(divided, x) if divided and len(x) == divided.surface.n else x
@@ -63,7 +62,7 @@ def field_of(key: str, divided: Divided | None, arrays: Mapping[str, NDArray[Any
 
 
 def even_arrays(even: EvenStripes) -> Arrays:
-    """The arrays of evenly spaced stripes."""
+    """Return the arrays of evenly spaced stripes."""
     found: Arrays = {"even_slope": even.slope, "even_density": even.density, "even_first": np.array(even.first)}
     for k, (phase, wanted) in enumerate(zip(even.phases, even.wanted, strict=True)):
         found |= {f"even_{k}_value": phase.value, f"even_{k}_singular": phase.singular}
@@ -80,7 +79,7 @@ def even_arrays(even: EvenStripes) -> Arrays:
 
 
 def even_of(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> EvenStripes | None:
-    """The evenly spaced stripes that have these arrays, as even_slope (n, 2); None where there are none of them."""
+    """Return the evenly spaced stripes of these arrays, such as even_slope (n, 2); None without these."""
     if "even_slope" not in arrays:
         return None
     one, two = (_phase(arrays, k) for k in (0, 1))
@@ -98,7 +97,7 @@ def even_of(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> EvenStripes
 
 
 def _whole(array: Floats) -> NDArray[Any]:
-    """Whole numbers that were kept as floating ones."""
+    """Return integers that are stored as floats."""
     return np.rint(array).astype(np.int64)
 
 
@@ -109,23 +108,22 @@ def _phase(arrays: Mapping[str, NDArray[Any]], k: int) -> CornerPhase:
 
 NAME = "design.npz"
 LAYOUT = 1
-"""Raised whenever what is inside changes its meaning; other layouts are not read."""
+"""Version of the archive; other versions are not read."""
 
 MADE_BY = tuple(stage for stage in STAGES if stage != "export")
-"""Sections of a preset that a design is made by; the last one says how it is written only."""
+"""Sections of a preset that determine a design; `export` determines the files only."""
 
 MESH = "surface.ply"
-"""The mesh of a design whose preset has none in a file: metres, every bit of it."""
+"""File of a mesh that Python held, metres, to the last bit."""
 
 _BROKEN = (OSError, ValueError, KeyError, TypeError, EOFError, zipfile.BadZipFile)
 
 
 def with_mesh(preset: Preset, folder: Path, home: Path) -> Preset:
-    """The preset as a folder holds it: a mesh that lies in it, or that Python held, is named without a path; curves of
-    drawings are in the preset.
+    """Return the preset for a folder: meshes in the folder have no path, and curves of drawings are in the preset.
 
-    folder : where the mesh is written if no file holds it.  home : the same folder, by the name that it will have.
-    Raises SurfaceError for a drawing that is not there any more.
+    folder : receives a mesh that no file holds.  home : the same folder, by its final name.
+    Raises SurfaceError for a missing drawing.
     """
     preset = preset.self_contained()
     given = preset.surface
@@ -141,7 +139,7 @@ def with_mesh(preset: Preset, folder: Path, home: Path) -> Preset:
 
 
 def write_archive(design: Design, folder: Path, preset: Preset | None = None) -> Path:
-    """Write the archive of a design into a folder, as made by `preset` (its own where left out); returns its path."""
+    """Write the archive of a design into a folder, as made by `preset` (by default its own); return its path."""
     pattern, sheet, solid, values = design.pattern, design.sheet, design.solid, design_fields(design)
     about = {
         "layout": LAYOUT,
@@ -173,7 +171,7 @@ def write_archive(design: Design, folder: Path, preset: Preset | None = None) ->
 
 
 def read_archive(folder: Path, preset: Preset) -> Design | None:
-    """The design that a folder holds, or None where it holds none that this preset would make."""
+    """Return the design in a folder, or None if it has no design of this preset."""
     try:
         with open(folder / NAME, "rb") as file, np.load(file) as archive:
             about = json.loads(str(archive["about"]))
@@ -185,7 +183,7 @@ def read_archive(folder: Path, preset: Preset) -> Design | None:
 
 
 def sections(preset: Preset) -> dict[str, Any]:
-    """What a design is made by, as JSON has it: of a material the values, however it is called."""
+    """Return the sections that determine a design, as JSON; a material by its values, not by its name."""
     found: dict[str, Any] = json.loads(preset.model_dump_json(include=set(MADE_BY), exclude={"statics": {"material"}}))
     return found
 
@@ -224,7 +222,7 @@ def _read(archive: Any, about: dict[str, Any], preset: Preset) -> Design:
 
 
 def _short(array: NDArray[Any]) -> NDArray[Any]:
-    """Whole numbers in 32 bits, if they fit."""
+    """Return integers in 32 bits, if they fit."""
     if array.dtype == np.int64 and (not array.size or np.abs(array).max() < 2**31):
         return array.astype(np.int32)
     return array

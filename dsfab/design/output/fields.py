@@ -14,15 +14,12 @@ from dsfab.slicing.measures.lines import STRIPES, CornerLines, Phase, centre_lin
 from dsfab.surface import StructureLine, simplified_line
 from dsfab.surface.fields import CornerField
 
-FULL = 0.5
-"""Half-width in periods at which the stripes of a family touch everywhere: one sheet, without members."""
-
 
 def design_lines(design: Design, tolerance: float = 0.0) -> tuple[StructureLine, ...]:
-    """Edges of the kept sheet by family, then the middles of its members; metres, on the middle surface.
+    """Return edges of the sheet by family, then centre lines of its members; metres, on the middle surface.
 
-    tolerance : metres that points left out may be off the polylines; lengths are those of all points.
-    A family whose stripes are nowhere, or touch everywhere, has no middles.
+    tolerance : metres that dropped points may be off the polylines; lengths are those of all points.
+    A family without stripes, or whose stripes touch everywhere, has no centre lines.
     """
     pattern, sheet, surface = design.pattern, design.sheet, design.surface
     phases = [stripe_phase(design, k) for k in range(len(pattern.names))]
@@ -30,8 +27,8 @@ def design_lines(design: Design, tolerance: float = 0.0) -> tuple[StructureLine,
     half_widths = dict(zip(pattern.names, pattern.half_widths, strict=True))  # alike where a family has several
     for k, name in enumerate(pattern.names):
         z, d = phases[k], half_widths[name]
-        if z is None or pattern.names.index(name) < k or not ((d > 0).any() and (d < FULL).any()):
-            continue
+        if z is None or pattern.names.index(name) < k or not ((d > 0).any() and (d < 0.5).any()):
+            continue  # from half a period on stripes touch: the family is one sheet without members
         if isinstance(z, CornerLines):
             assert pattern.even is not None
             lines += chart_lines(sheet, surface, pattern.names, name, pattern.even.chart, d)
@@ -41,8 +38,11 @@ def design_lines(design: Design, tolerance: float = 0.0) -> tuple[StructureLine,
 
 
 def stripe_phase(design: Design, k: int) -> Phase:
-    """Whose integers are the middles of the stripes of field k: z (n,), or that at corners where no value at a vertex
-    serves; None for a field that draws none."""
+    """Return the phase of field k, whose integers are the centre lines of its stripes; None for a field without
+    stripes.
+
+    z (n,), or lines at corners if no value at a vertex serves all faces.
+    """
     pattern = design.pattern
     field = pattern.fields[k]
     if pattern.names[k] not in STRIPES:
@@ -57,14 +57,14 @@ def stripe_phase(design: Design, k: int) -> Phase:
 
 
 def design_fields(design: Design) -> dict[str, Floats]:
-    """By name, values at the vertices (n, ...) or in the faces (m, ...).
+    """Return fields by name, at the vertices (n, ...) or in the faces (m, ...).
 
-    Vertices: displacement of every load case, forces, what is held, modes, and for each family the phase z (middles of
-    members at its integers), the half-width d and the wave of z. Faces: stress in xyz, its principal values and the
-    isotropic faces as the tensors of the diffusion see them (gamma times the stress).
+    Vertices: displacement of every load case, forces, supports, modes, and for each family the phase z (centre lines at
+    its integers), the half-width d and the wave of z. Faces: stress in xyz, its principal values and the isotropic
+    faces as the diffusion tensors have them (gamma times the stress).
 
-    The phase of evenly spaced stripes is no field of the vertices: instead of it there are the distance from the
-    nearest middle and the density of the lines that are drawn; d and the wave count in these lines as well.
+    Evenly spaced stripes have no phase at vertices: instead there are the distance from the nearest centre line and the
+    density of the drawn lines; d and the wave count in these lines as well.
     """
     statics, tensors = design.statics, design.diffusion.tensors
     fields = {
@@ -98,7 +98,7 @@ def design_fields(design: Design) -> dict[str, Floats]:
 
 
 def _distances(design: Design) -> dict[str, Floats]:
-    """(n,) metres from what regions are kept around, by their names; beyond their reach too large, but finite."""
+    """Return metres (n,) from the origins of kept regions, by their names; beyond their reach too large, but finite."""
     ask, surface = design.preset.pattern, design.surface
     found = {}
     if ask.keep and "keep" in design.pattern.names:
@@ -109,13 +109,13 @@ def _distances(design: Design) -> dict[str, Floats]:
 
 
 def _even_fields(even: EvenStripes, family: int) -> dict[str, Floats]:
-    """What has one value at each vertex: of lines that one of the openings there draws, the nearest counts."""
+    """Return fields with one value at each vertex, from the nearest line of all openings around it."""
     name, chart, density = STRIPES[family], even.chart, even.density[:, family]
     weights = chart.weights.tocoo()
     row, vertex = (index.astype(np.int64) for index in weights.coords)
     here = (weights.data >= ON_SIMPLEX) & (chart.scale[row, family] > 0)
     z = chart.z[row[here], family]
-    off = np.full(len(density), 0.5)  # where the lines have no phase: as between two
+    off = np.full(len(density), 0.5)  # half a period, if the lines have no phase
     np.minimum.at(off, vertex[here], np.abs(z - np.rint(z)))
     return {
         f"{name} middle [m]": off / density,

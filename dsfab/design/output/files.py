@@ -42,20 +42,13 @@ if TYPE_CHECKING:
     import build123d
 
 
-VOID = 0.1
-"""What a metre of a seam in a void counts for, where one in the sheet counts for one more."""
-
-NOTHING = 1e-12
-"""Metres from anywhere on the boundary to any place of it."""
-
-MOST = 1000
-"""Times that a seam is made shorter; each time by many faces."""
-
-
 class Opening(NamedTuple):
-    """given : the surface (n, m) as it was, but for its faces that were turned over: `turned` (m,).
+    """A one-sided surface cut open along a seam.
+
+    given   : the surface (n, m) before, with some faces turned over: `turned` (m,).
     surface : (n', m) cut open, its faces in the same order.
-    twins   : (k, 2) vertices of `surface` at one place, on both sides of the seam."""
+    twins   : (k, 2) vertices of `surface` at one place, on both sides of the seam.
+    """
 
     given: Surface
     turned: Bools
@@ -63,14 +56,15 @@ class Opening(NamedTuple):
     twins: Ints
 
     def offsets(self, corners: Floats) -> Floats:
-        """(n', 3) half-thickness vectors of those (m, 3, 3) that the faces' corners had before."""
+        """Return half-thickness vectors (n', 3), from those (m, 3, 3) at the corners of the faces before."""
         found = np.zeros((self.surface.n, 3))
         found[self.surface.F] = np.where(self.turned[:, None, None], -corners[:, [0, 2, 1]], corners)
         return found
 
     def sheet(self, sheet: Sheet) -> tuple[Sheet, Ints]:
-        """A sheet that was cut from the surface, cut open, its cells in the same order; and (k, 2) its half-edges on
-        both sides of the seam."""
+        """Return a sheet of the surface, cut open, its cells in the same order, and half-edges (k, 2) on both sides
+        of the seam.
+        """
         whole = _with_turned(sheet.surface, self.turned[sheet.parent])
         seam = _seam(whole)
         F = corner_fans(whole.F, whole.edges, apart=seam)
@@ -88,12 +82,11 @@ class Opening(NamedTuple):
 
 
 def opened(surface: Surface, sheet: Sheet) -> Opening | None:
-    """A surface cut open along a seam, of which little is in a sheet that was cut from it; None where no piece has one
-    side only."""
+    """Return a surface cut open along a seam, mostly outside a sheet of it; None if no piece is one-sided."""
     if not one_sided_pieces(surface.F, surface.edges).any():
         return None
     kept = np.bincount(sheet.parent, sheet.surface.areas, surface.m) / surface.areas
-    turned = _turned_for_best_way(surface, VOID + kept)
+    turned = _turned_for_best_way(surface, 0.1 + kept)  # a metre in a void costs a tenth, in the sheet 1 more
     if turned is None:
         turned = flips_along_tree(surface.F, surface.edges)
         turned ^= _turned_for_short_seam(_with_turned(surface, turned))
@@ -108,10 +101,12 @@ def opened(surface: Surface, sheet: Sheet) -> Opening | None:
 
 
 def _turned_for_best_way(surface: Surface, counts: Floats) -> Bools | None:
-    """(m,) faces to turn over so that the seam is the shortest way from boundary to boundary that crosses a loop, along
-    which a side becomes the other, an odd number of times; None where they do not agree beside it then.
+    """Return faces (m,) to turn over for the shortest seam; None if faces beside it disagree about their side.
 
-    counts : (m,) what a metre of a seam in each face counts for.
+    The seam is the shortest path between boundaries that crosses a loop, along which one side becomes the other, an odd
+    number of times.
+
+    counts : (m,) cost of a metre of a seam in each face.
     """
     n, m, edges = surface.n, surface.m, surface.edges
     h0, h1 = edges.pairs.T
@@ -128,7 +123,7 @@ def _turned_for_best_way(surface: Surface, counts: Floats) -> Bools | None:
         np.append(ends[:, 0], border),
         np.append(ends[:, 1], outer),
         np.append(crossed % 2, 0 * outer),
-        np.append(long, np.full(len(border), NOTHING)),
+        np.append(long, np.full(len(border), 1e-12)),  # all places of the boundary are next to each other
         n,
         2 * n + 1,
     )
@@ -141,8 +136,10 @@ def _turned_for_best_way(surface: Surface, counts: Floats) -> Bools | None:
 
 
 def _way(count: int, one: Ints, two: Ints, turns: Ints, long: Floats, first: int, last: int) -> Ints:
-    """The edges, in order, of the shortest way from node `first` to node `last` of `count`, half of which are on the
-    other side: edges with turns of 1 lead there. (0,) where there is none."""
+    """Return the edges, in order, of the shortest path between two nodes; (0,) without any.
+
+    Half of the `count` nodes are on the other side, where edges with `turns` of 1 lead.
+    """
     half = count // 2
     a, b = np.concatenate([one, one + half]), np.concatenate([two + half * turns, two + half * (1 - turns)])
     graph = csr_array((np.tile(long, 2), (a, b)), shape=(count, count))
@@ -155,13 +152,13 @@ def _way(count: int, one: Ints, two: Ints, turns: Ints, long: Floats, first: int
     return np.array(found, dtype=np.int64)
 
 
-def _turned_for_short_seam(surface: Surface) -> Bools:
-    """(m,) faces to turn over, each while more of its outline is seam than is not: along a tree it has teeth."""
+def _turned_for_short_seam(surface: Surface, rounds: int = 1000) -> Bools:
+    """Return faces (m,) to turn over so that no face has more than half its outline on the seam: a tree gives teeth."""
     h0, h1 = surface.edges.pairs.T
     f, g, (a, b) = h0 // 3, h1 // 3, half_edges(surface.F)
     long = np.linalg.norm(surface.V[a[h0]] - surface.V[b[h0]], axis=1)
     clash, turned = a[h0] == a[h1], np.zeros(surface.m, dtype=bool)
-    for _ in range(MOST):
+    for _ in range(rounds):
         worth = np.bincount(np.append(f, g), np.tile(np.where(clash, long, -long), 2), surface.m)
         rank = np.lexsort([np.arange(surface.m), worth]).argsort()
         best = worth > 1e-9 * long.max()
@@ -175,32 +172,28 @@ def _turned_for_short_seam(surface: Surface) -> Bools:
 
 
 def _with_turned(surface: Surface, turned: Bools) -> Surface:
-    """The surface with some faces (m,) turned over."""
+    """Return the surface with marked faces (m,) turned over."""
     F = surface.F.copy()
     F[turned] = F[turned][:, [0, 2, 1]]
     return Surface(surface.V, F)
 
 
 def _seam(surface: Surface) -> Bools:
-    """(e,) the edges along which faces do not agree about their side."""
+    """Return edges (e,) along which faces disagree about their side."""
     h0, h1 = surface.edges.pairs.T
     start, found = surface.F.ravel(), np.zeros(len(surface.edges.ends), dtype=bool)
     found[surface.edges.count == 2] = start[h0] == start[h1]
     return found
 
 
-SNAP = 0.1
-"""Snap fraction of the borders of charts (see `cut`)."""
-
-
 def write(thing: Design | Sheet | Solid | Surface, path: str | Path, **options: Any) -> Path:
-    """Write one file, its format by the suffix of `path`, and read it back; returns the path.
+    """Write one file, its format by the suffix of `path`, and read it back; return the path.
 
-    Of a design what `dsfab build` and `dsfab export` write, byte for byte: the solid with its edges and facts, the
-    lines of the sheet, or the fields of the uncut surface, whichever the format holds. Of a solid, a sheet or a surface
-    alone that alone. `options` are those of `dsfab.export.write`; of a design they go before those of its preset.
+    A design is written byte for byte as by `dsfab build` and `dsfab export`: the solid with its edges and facts, the
+    lines of the sheet, or the fields of the uncut surface, as the format holds. A solid, a sheet or a surface is
+    written alone. `options` are those of `dsfab.export.write`, and replace those of the preset.
 
-    Raises ExportError: see there.
+    Raises ExportError as `dsfab.export.write`.
     """
     if not isinstance(thing, Design):
         return written(thing.surface if isinstance(thing, Sheet) else thing, path, **options)
@@ -212,9 +205,10 @@ def write(thing: Design | Sheet | Solid | Surface, path: str | Path, **options: 
 
 
 def to_build123d(thing: Design | Solid) -> "build123d.Shape":
-    """As STEP has it, millimetres: of a design what `design.write("x.step")` writes, smooth where it is.
+    """Return the CAD shape, millimetres; of a design the shape that `design.write("x.step")` writes, smooth if
+    possible.
 
-    Raises ExportError: see `write`.
+    Raises ExportError as `write`.
     """
     import build123d
 
@@ -223,10 +217,10 @@ def to_build123d(thing: Design | Solid) -> "build123d.Shape":
 
 
 def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str, Any]]:
-    """The thing, and the keywords for `dsfab.export.write`; `suffix` is one of `FORMATS`, with its dot.
+    """Return the part to write, and the keywords for `dsfab.export.write`; `suffix` is one of `FORMATS`, with its dot.
 
-    The solid for formats of meshes, with the lines for those that hold both; the kept sheet for formats of lines, of
-    members, also as bodies, of section forces and of beams; the uncut surface for fields, which are known there.
+    The solid for formats of meshes, with lines if these hold both. The sheet for formats of lines, members, bodies,
+    section forces and beams. The uncut surface for fields.
     """
     ask, takes = design.preset.export, FORMATS[suffix].takes
     if takes == "fields":
@@ -247,7 +241,7 @@ def deliverable(design: Design, suffix: str) -> tuple[Solid | Surface, dict[str,
 
 
 def body_details(design: Design) -> Details:
-    """Members as bodies, with what is known of them and what they are made of."""
+    """Return members as bodies, with their records and material."""
     tolerance = design.preset.export.step_tolerance or OUTLINE * design.preset.statics.thickness
     records = graph_records(design.members) | {"material": design.preset.statics.material}
     shapes = member_shapes(design)
@@ -264,16 +258,16 @@ _OF_SHEET: dict[Takes, Callable[[Design], Details]] = {
     "utilisation": lambda design: Details(records=utilisation_records(design)),
     "frame": lambda design: Details(records=beam_records(design)),
 }
-"""What formats of the kept sheet take of a design, but for those of lines."""
+"""Details of a design for each kind of format of the sheet, except lines."""
 
 
 def step_options(ask: Export) -> StepOptions:
-    """How STEP is made, as the preset has it."""
+    """Return the STEP options of the preset."""
     return StepOptions(ask.step, ask.step_faces, ask.step_tolerance, ask.step_mb)
 
 
 def _origin(design: Design) -> tuple[float, float, float]:
-    """Metres, of a mesh file with a survey's coordinates; shapes have none."""
+    """Return the origin, metres, of a mesh file with survey coordinates; 0 for shapes."""
     surface = design.preset.surface
     return surface.origin if isinstance(surface, FileSurface) else (0.0, 0.0, 0.0)
 
@@ -298,7 +292,7 @@ def _facts(design: Design) -> tuple[str, ...]:
 
 
 def curved_design(design: Design) -> Curved:
-    """The sheet of a design; raises ExportError where the solid is more than that sheet, thickened."""
+    """Return the smooth sheet of a design. Raises ExportError if the solid is more than that sheet, thickened."""
     ask = design.preset.thickening
     if ask.extra:
         raise ExportError("the solid has extra parts beside the sheet")
@@ -309,16 +303,18 @@ def curved_design(design: Design) -> Curved:
 
 
 def striped_sheet(surface: Surface, sheet: Sheet, pattern: PatternResult) -> StripedSheet:
-    """A kept sheet that was cut from `surface` along a pattern, by its stripes; opened if the surface has one side."""
+    """Return a sheet that was cut from `surface` along a pattern, by its stripes; cut open if the surface is
+    one-sided.
+    """
     cells, opening = striped_cells(surface, sheet, pattern), opened(surface, sheet)
     whole, seam = opening.sheet(cells.sheet) if opening else (cells.sheet, NO_PAIRS)
     return StripedSheet(whole.surface.F, whole.weights, cells.label, cells.loose, seam)
 
 
 def curved_sheet(surface: Surface, sheet: Sheet, thickness: float | Floats, side: Side = "mid") -> Curved:
-    """A kept sheet and the surface it was cut from.
+    """Return a sheet and the surface that it was cut from; a one-sided surface is cut open.
 
-    thickness : metres, or (n,) of them.   A surface with one side only is cut open.
+    thickness : metres, or (n,) of them.
     """
     found, opening, twins = offsets(surface, thickness, side), opened(surface, sheet), NO_PAIRS
     D = found.D
@@ -329,13 +325,13 @@ def curved_sheet(surface: Surface, sheet: Sheet, thickness: float | Floats, side
     return Curved(surface.V, surface.F, D, SHIFT[side], cut_in, twins=twins)
 
 
-def divided(surface: Surface, sheet: Sheet, D: Floats, fields: Floats) -> DividedSheet:
-    """The kept sheet cut along the upper envelope of fields (n, c) on the uncut surface."""
+def divided(surface: Surface, sheet: Sheet, D: Floats, fields: Floats, snap: float = 0.1) -> DividedSheet:
+    """Return the sheet, cut along the upper envelope of fields (n, c) on the uncut surface; snap : see `cut`."""
     count = fields.shape[1]
     chart = np.zeros(sheet.surface.m, dtype=np.int64)
     if count > 1:
         over = [fields[:, k] - fields[:, k + 1 :].max(axis=1) for k in range(count - 1)]
-        parts = cut(sheet.surface, [sheet.carry(x) for x in over], [np.zeros(1)] * len(over), SNAP)
+        parts = cut(sheet.surface, [sheet.carry(x) for x in over], [np.zeros(1)] * len(over), snap)
         chart = np.where(parts.material, parts.family, count - 1)
         family, weights = sheet.family[parts.parent], parts.weights @ sheet.weights
         sheet = Sheet(parts.surface, sheet.parent[parts.parent], family, weights)
@@ -345,9 +341,9 @@ def divided(surface: Surface, sheet: Sheet, D: Floats, fields: Floats) -> Divide
 
 
 def _where_largest(fields: Floats, F: Ints, chart: Ints) -> Ints:
-    """(m,) charts, but for faces where theirs is largest at no corner: there the largest in the middle.
+    """Return charts (m,), changed to the largest at the centre in faces where the given chart is largest at no corner.
 
-    Where three borders meet, what is cut away by one of them may be none of the others': it would be left to the last
+    Where three borders meet, a part cut off by one of them may belong to none of the others: it would go to the last
     chart, which may be far away.
     """
     corners = fields[F]

@@ -20,11 +20,11 @@ if TYPE_CHECKING:
 
 
 DIGITS, CURVATURE = 4, 9
-"""Decimals of millimetres, and of curvatures per metre."""
+"""Decimals of millimetres, and of directions and curvatures per metre."""
 
 
 def graph_records(graph: MemberGraph) -> dict[str, Any]:
-    """What a file says of a graph: notes, members and nodes."""
+    """Return notes, members and nodes of a graph, for a file."""
     return {
         "notes": list(graph.notes),
         "members": [_member(graph, member) | _counted(graph, k) for k, member in enumerate(graph.members)],
@@ -56,7 +56,7 @@ def _member(graph: MemberGraph, member: Member) -> dict[str, Any]:
 
 
 def _counted(graph: MemberGraph, k: int) -> dict[str, Any]:
-    """Of the area of a member what it does not leave to those that cross it, and who these are."""
+    """Return the area of a member without the parts counted with members that cross it, and the names of these."""
     cells = graph.members[k].cells
     owner = graph.owner[cells]
     own = float(graph.sheet.surface.areas[cells[owner == k]].sum())
@@ -65,7 +65,7 @@ def _counted(graph: MemberGraph, k: int) -> dict[str, Any]:
 
 
 def _axis(axis: MemberAxis, sides: Floats) -> dict[str, Any]:
-    """Station by station."""
+    """Return the stations of an axis."""
     metres = {"s": axis.s, "points": axis.P, "left": sides[:, 0], "right": sides[:, 1]}
     lengths = {name: _rounded(MM_PER_M * values) for name, values in metres.items()}
     directions = {"normals": _rounded(axis.N, CURVATURE)}
@@ -90,12 +90,12 @@ def _mm(metres: float) -> float | None:
 
 
 def _number(value: float, digits: int) -> float | None:
-    """None where there is none."""
+    """Round; None for nan."""
     return None if np.isnan(value) else round(value, digits) + 0.0
 
 
 def _rounded(values: Floats, digits: int = DIGITS) -> list[Any]:
-    """As lists, without negative zeros."""
+    """Return nested lists, without negative zeros."""
     found: list[Any] = (values.round(digits) + 0.0).tolist()
     return found
 
@@ -105,8 +105,11 @@ PLATES = ("disc", "plate", "fill")
 
 
 def member_shapes(design: Design) -> tuple[MemberShape, ...]:
-    """In the order of the names, metres. Where two members cross both are there, so that all bodies together have more
-    volume than the solid; `own_area` of `member_records` says what each is counted with."""
+    """Return bodies of the members, metres, in the order of their names.
+
+    Members overlap at crossings, so that all bodies together exceed the solid's volume; `own_area` of the records
+    counts each area once.
+    """
     sheet, ask = design.members.sheet, design.preset.thickening
     offset = offsets(design.surface, design.preset.statics.thickness, ask.side)
     D = sheet.carry_corners(offset.at_corners(design.surface.F), design.surface.F)
@@ -123,10 +126,10 @@ def _shape(surface: Surface, D: Floats, member: Member, shift: int) -> MemberSha
 
 
 def beam_records(design: Design) -> dict[str, Any]:
-    """`frame_records` of a design, and `actions`, by case, permanent, snow, wind or variable; `description`; `told`,
-    sentences on how far beams answer as the sheet does.
+    """Return `frame_records` of a design with `actions` by case, `description`, and `told`: sentences on agreement of
+    beams and sheet.
 
-    Raises StaticsError where there are no members with an axis, or nothing carries their loads.
+    Raises StaticsError if no member has an axis, or if nothing carries a load.
     """
     return frame_records(design.frame) | {
         "actions": dict(design.frame.actions),
@@ -136,7 +139,7 @@ def beam_records(design: Design) -> dict[str, Any]:
 
 
 def frame_records(frame: "Frame") -> dict[str, Any]:
-    """`frame`: columns of the beam model, see `dsfab.members.frame.Frame`, and `material`."""
+    """Return `frame`, columns of the beam model (see `dsfab.members.frame.Frame`), and `material`."""
     named = MATERIALS.get(frame.material.name)
     names = (
         *("points", "nodes", "ends", "width", "thickness", "eccentricity", "length", "fixed", "spring"),
@@ -165,10 +168,12 @@ COLUMNS = ("N [N]", "Vy [N]", "Vz [N]", "Mt [N m]", "My [N m]", "Mz [N m]")
 
 
 def bar_records(design: Design) -> dict[str, Any]:
-    """`bars`, by member its `bay` (k,), the place `s` (k,) along its axis, and `forces` (k, 6) by case and combination,
-    and the `least` and the `greatest` of all; `columns`, the names of the six.
+    """Return `bars` by member, and `columns`, the names of the six forces.
 
-    Raises StaticsError where the cut sheet does not carry its loads.
+    Each has `bay` (k,), the place `s` (k,) along the axis, and `forces` (k, 6) by case and combination, with the
+    `least` and the `greatest` of several.
+
+    Raises StaticsError if the cut sheet does not carry its loads.
     """
     bars = {}
     for name, one in design.member_forces.items():
@@ -179,16 +184,18 @@ def bar_records(design: Design) -> dict[str, Any]:
 
 
 def utilisation_records(design: Design) -> dict[str, Any]:
-    """`utilisation`: `rows`, by bay, worst first, its `member`, `bay`, numbers and words as `export.utilisation` has
-    them; `checks`, names with clauses; `standard`, `assumed`, `unchecked`, sentences; `told`, the worst of all.
+    """Return `utilisation` of a design, for a file.
 
-    Raises StaticsError where neither the material nor a strength is known, or nothing carries the loads.
+    `rows` by bay, worst first: `member`, `bay`, numbers and words as in `export.utilisation`; `checks`, names with
+    clauses; `standard`, `assumed`, `unchecked`, sentences; `told`, the worst of all.
+
+    Raises StaticsError if neither the material nor a strength is set, or if nothing carries a load.
     """
     return found_records(design.member_utilisation)
 
 
 def found_records(found: "Utilisation") -> dict[str, Any]:
-    """The same of what was found."""
+    """Return `utilisation_records` of a computed utilisation."""
     bays, rows = found.bays, []
     for bay in found.order.tolist():
         check, case, station = found.governing(bay)
@@ -213,10 +220,12 @@ def found_records(found: "Utilisation") -> dict[str, Any]:
 
 
 def force_records(design: Design) -> dict[str, Any]:
-    """`convention`, lines of text; `faces`, columns (m,) or (m, 3) of each face; `cases`, by name, the columns of each
-    load case and combination.
+    """Return section forces of a design, for a file.
 
-    Raises StaticsError where the cut sheet does not carry its loads.
+    `convention`, lines of text; `faces`, columns (m,) or (m, 3); `cases`, by name, the columns of each load case and
+    combination.
+
+    Raises StaticsError if the cut sheet does not carry its loads.
     """
     found = design.section_forces
     surface, first = design.sheet.surface, next(iter(found.values()))

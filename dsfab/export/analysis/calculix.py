@@ -13,31 +13,25 @@ from dsfab.core.arrays import Bools, Floats, Ints, first, lock, locked
 from dsfab.core.errors import ExportError
 from dsfab.export.analysis.opensees import all_loads
 from dsfab.export.part import Part
-from dsfab.export.readback import ReadBack, differs
+from dsfab.export.readback import NUMBERS_READ_BACK, ReadBack, differs
 from dsfab.export.writing import one_line, replacing, rows, write_chunks
 
 Element = Literal["S6", "CPS6"]
 
 UNITS = "lengths in metres, forces in newtons, Young's modulus and stresses in pascals, density in kg/m3"
 
-NAME_LENGTH = 80
-"""CalculiX cuts names of sets and materials after this many characters."""
-
-NEGLIGIBLE = 1e-14
-"""Components of forces under this share of the step's largest are rounding and are not written."""
-
 
 @dataclass(frozen=True, eq=False)
 class CalculixModel:
-    """A sheet of six-node triangles, what holds it and what presses on it.
+    """A sheet of six-node triangles with its supports and loads.
 
     nodes     : (p, 3) metres.
     triangles : (m, 6) nodes: three corners, then the middles after them.
     thickness : metres.           young : pascals.         density : kg/m3.
     steps     : by name, (p, 3) newtons on the nodes; one *STEP each.
-    supports  : by name, (p, 3) directions that are held; a node set each. Names are upper-case words.
-    clamped   : (p,) nodes that may not turn (S6 only).
-    springs   : (p, 3) newtons per metre between node and ground; 0 where there is none.
+    supports  : by name, (p, 3) fixed directions; a node set each. Names are upper-case words.
+    clamped   : (p,) nodes with fixed rotations (S6 only).
+    springs   : (p, 3) newtons per metre between node and ground; 0 without a spring.
     notes     : lines for the top of the file.
 
     Raises ExportError for arrays that do not fit together, no step or no support, and for CPS6 out of the plane z = 0.
@@ -88,11 +82,11 @@ class CalculixModel:
 
 
 def write_calculix(model: CalculixModel, path: str | Path) -> Path:
-    """Write a model to an .inp file, whole or not at all; returns the path.
+    """Write a model to an .inp file atomically; return the path.
 
-    `ccx NAME` (the name without .inp) then leaves NAME.frd, to look at, and NAME.dat: for every step the displacements
-    of all nodes, the total force on the nodes of every support (its reaction together with the loads on these nodes:
-    that is what CalculiX prints) and the internal energy, which is half of the compliance.
+    `ccx NAME` (without .inp) then writes NAME.frd for viewers and NAME.dat. For every step NAME.dat has the
+    displacements of all nodes, the total force on the nodes of every support (its reaction plus the loads on these
+    nodes, because CalculiX prints their sum) and the internal energy, which is half of the compliance.
     Raises ExportError for another suffix, and when the file cannot be written.
     """
     path = Path(path)
@@ -104,11 +98,11 @@ def write_calculix(model: CalculixModel, path: str | Path) -> Path:
 
 
 def cards(model: CalculixModel) -> Iterator[str]:
-    """The file's text in pieces. The same model gives the same text."""
+    """Yield the text of the file in pieces; equal models give equal text."""
     yield from _header(model)
     numbers = np.arange(1, len(model.nodes) + 1)
     yield "*NODE, NSET=ALL\n"
-    yield from rows("%d, %.11e, %.11e, %.11e\n", numbers, *model.nodes.T)  # 20 characters of a number are read
+    yield from rows("%d, %.11e, %.11e, %.11e\n", numbers, *model.nodes.T)  # ccx reads 20 characters
     yield f"*ELEMENT, TYPE={model.element}, ELSET=SHEET\n"
     yield from rows("%d, %d, %d, %d, %d, %d, %d\n", np.arange(1, len(model.triangles) + 1), *(model.triangles.T + 1))
     yield from _section(model)
@@ -140,7 +134,6 @@ def _section(model: CalculixModel) -> Iterator[str]:
 
 
 def _supports(model: CalculixModel) -> Iterator[str]:
-    """A node set for each support, and its held directions; across their plane CPS6 triangles need none."""
     axes = range(3 if model.element == "S6" else 2)
     for name, held in model.supports.items():
         members: Bools = np.asarray(held.any(axis=1))
@@ -157,7 +150,6 @@ def _supports(model: CalculixModel) -> Iterator[str]:
 
 
 def _springs(model: CalculixModel) -> Iterator[str]:
-    """Springs to the ground, one set of elements for each stiffness and direction."""
     count, group = len(model.triangles), 0
     for axis in range(3 if model.element == "S6" else 2):
         for stiffness in np.unique(model.springs[:, axis][model.springs[:, axis] > 0]).tolist():
@@ -165,14 +157,14 @@ def _springs(model: CalculixModel) -> Iterator[str]:
             group += 1
             yield f"*ELEMENT, TYPE=SPRING1, ELSET=SPRING_{group}\n"
             yield from rows("%d, %d\n", count + 1 + np.arange(len(at)), at + 1)
-            # a line of integers is a direction, a line with a decimal point the stiffness: CalculiX skips empty lines
+            # CalculiX reads a line of integers as a direction, and a line with a decimal point as the stiffness
             yield f"*SPRING, ELSET=SPRING_{group}\n{axis + 1}\n{stiffness:.11e}\n"
             count += len(at)
 
 
 def _step(model: CalculixModel, k: int, name: str, force: Floats) -> Iterator[str]:
     yield f"** LOAD CASE {k}: {one_line(name)}\n"
-    yield "*STEP\n*STATIC\n*CLOAD, OP=NEW\n"  # NEW: the loads of the step before are gone
+    yield "*STEP\n*STATIC\n*CLOAD, OP=NEW\n"  # NEW removes the loads of the step before
     node, axis = np.nonzero(_acting(force))
     if len(node):
         yield from rows("%d, %d, %.11e\n", node + 1, axis + 1, force[node, axis])
@@ -185,8 +177,9 @@ def _step(model: CalculixModel, k: int, name: str, force: Floats) -> Iterator[st
 
 
 def _acting(force: Floats) -> Bools:
-    """(p, 3) which components are written."""
-    return np.asarray(np.abs(force) > NEGLIGIBLE * np.abs(force).max())
+    """(p, 3) components to write; smaller ones are rounding errors of the step's largest."""
+    rounding = 1e-14
+    return np.asarray(np.abs(force) > rounding * np.abs(force).max())
 
 
 def _node_set(name: str, members: Bools) -> Iterator[str]:
@@ -197,26 +190,23 @@ def _node_set(name: str, members: Bools) -> Iterator[str]:
 
 
 def _set_name(text: str) -> str:
-    """The nearest name that CalculiX takes for a set."""
-    word = "".join(c if c.isascii() and (c.isalnum() or c == "_") else "_" for c in text.upper())[:NAME_LENGTH]
+    word = "".join(c if c.isascii() and (c.isalnum() or c == "_") else "_" for c in text.upper())[:80]  # ccx cuts it
     return word if word[:1].isalpha() else f"S{word}"
 
 
 SUFFIX = ".beams.inp"
 PIECES = 4
 """Elements of a beam: with one the solids are up to 17 % too stiff where beams meet at angles, with four up to 8 %."""
-READ = 1e-9
-"""Coordinates read back may be off by this share of the largest one."""
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """The file; the same part gives the same bytes."""
+    """Yield the file; equal parts give equal bytes."""
     for text in _cards(part.name, part.details.records):
         yield text.encode("ascii", "replace")
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read back card by card: as many beams, and nodes where they are."""
+    """Read the cards back: number of beams, and coordinates of nodes."""
     cards = path.read_text(encoding="ascii").split("\n*")
     frame = part.details.records["frame"]
     beams = sum(card.startswith("ELEMENT, TYPE=B32R") for card in cards)
@@ -224,7 +214,7 @@ def check(part: Part, path: Path) -> ReadBack:
         raise differs(part, "elements", PIECES * len(frame["ends"]), beams)
     lines = next(card for card in cards if card.startswith("NODE, NSET=ALL")).splitlines()[1:]
     found = np.array([line.split(",")[1:] for line in lines], dtype=np.float64)
-    if not (np.abs(found - frame["points"]) <= READ * np.abs(frame["points"]).max()).all():
+    if not (np.abs(found - frame["points"]) <= NUMBERS_READ_BACK * np.abs(frame["points"]).max()).all():
         raise ExportError(f"the nodes of {part.name!r} read back elsewhere; write saf in place of it")
     return ReadBack(beams, "elements")
 

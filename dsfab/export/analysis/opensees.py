@@ -1,7 +1,6 @@
-"""OpenSees: the beam model as a Tcl script, `NAME.tcl`, that solves every case and combination and prints the answers.
+"""OpenSees: the beam model as a Tcl script, `NAME.tcl`, that solves every case and combination and prints the results.
 
-Units are metres, newtons and pascals. Beams are those of Timoshenko, as in `dsfab.members.frame`: the answers are
-the same.
+Units are metres, newtons and pascals. Beams are Timoshenko beams, as in `dsfab.members.frame`, with equal results.
 """
 
 from collections.abc import Iterator, Mapping
@@ -13,12 +12,9 @@ import numpy as np
 from dsfab import __version__
 from dsfab.core.arrays import Floats
 from dsfab.core.errors import ExportError
-from dsfab.export.analysis.saf import prepare, told
 from dsfab.export.part import Part
-from dsfab.export.readback import ReadBack, differs
+from dsfab.export.readback import NUMBERS_READ_BACK, ReadBack, differs
 from dsfab.export.writing import one_line
-
-__all__ = ["SUFFIX", "check", "encode", "prepare", "told"]
 
 SUFFIX = ".tcl"
 SOLVED = """
@@ -40,25 +36,23 @@ proc solve {name} {
 }
 puts "case;node;ux;uy;uz;rx;ry;rz;Rx;Ry;Rz;Mx;My;Mz"
 """
-READ = 1e-9
-"""Coordinates read back may be off by this share of the largest one."""
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """The script; the same part gives the same bytes."""
+    """Yield the script; equal parts give equal bytes."""
     for line in _lines(part.name, part.details.records):
         yield f"{line}\n".encode("ascii", "replace")
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read back word by word: as many beams, and nodes where they are."""
+    """Read the words back: number of beams, and coordinates of nodes."""
     rows = [line.split() for line in path.read_text(encoding="ascii").splitlines()]
     frame = part.details.records["frame"]
     beams = sum(row[:2] == ["element", "ElasticTimoshenkoBeam"] for row in rows)
     if beams != len(frame["ends"]):
         raise differs(part, "beams", len(frame["ends"]), beams)
     found = np.array([row[2:5] for row in rows if row[:1] == ["node"]], dtype=np.float64)[: len(frame["points"])]
-    if not (np.abs(found - frame["points"]) <= READ * np.abs(frame["points"]).max()).all():
+    if not (np.abs(found - frame["points"]) <= NUMBERS_READ_BACK * np.abs(frame["points"]).max()).all():
         raise ExportError(f"the nodes of {part.name!r} read back elsewhere; write saf in place of it")
     return ReadBack(beams, "beams")
 
@@ -87,7 +81,6 @@ def _lines(name: str, records: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _springs(frame: Mapping[str, Any]) -> Iterator[str]:
-    """A node at the same place that is held, and a spring of no length to it for each that is sprung."""
     n, b = len(frame["points"]), len(frame["ends"])
     for count, k in enumerate(np.flatnonzero((frame["spring"] > 0).any(axis=1)), 1):
         ways = np.flatnonzero(frame["spring"][k] > 0)
@@ -101,7 +94,6 @@ def _springs(frame: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _beams(frame: Mapping[str, Any], material: Mapping[str, Any]) -> Iterator[str]:
-    """A transformation and an element each: area, torsion, second moments about local y and z, areas in shear."""
     E, G = material["young"], material["shear"]
     columns = zip(*(frame[key] for key in ("ends", "z", "area", "inertia", "shear_area", "member")), strict=True)
     for k, (ends, z, area, (torsion, about_y, about_z), shear, member) in enumerate(columns, 1):
@@ -112,7 +104,7 @@ def _beams(frame: Mapping[str, Any], material: Mapping[str, Any]) -> Iterator[st
 
 
 def all_loads(frame: Mapping[str, Any]) -> dict[str, Floats]:
-    """(n, 6) of each case, then of each combination."""
+    """Return the loads (n, 6) of each case, then of each combination."""
     loads: dict[str, Floats] = dict(frame["loads"])
     sums = {
         name: np.sum([factor * loads[case] for case, factor in factors.items()], axis=0)
@@ -122,7 +114,6 @@ def all_loads(frame: Mapping[str, Any]) -> dict[str, Floats]:
 
 
 def _word(name: str) -> str:
-    """A name that Tcl takes between braces."""
     return "".join(c for c in name if c.isprintable() and c not in "{}\\;").strip()
 
 

@@ -16,17 +16,19 @@ from dsfab.core.arrays import Floats
 from dsfab.core.errors import ExportError
 from dsfab.core.units import MM_PER_M
 from dsfab.export.part import Part
-from dsfab.export.readback import ReadBack, differs
+from dsfab.export.readback import NUMBERS_READ_BACK, ReadBack, differs
 
 VERSION = "2.2.0"
 Cell = str | int | float
 KILO, MEGA = 1e3, 1e6
 FINE, COARSE = 0.1, 1.0
-"""Widths are rounded to so many millimetres, coarse from 100 mm on: else each beam would have a section of its own."""
+"""Steps to which widths are rounded (mm), coarse from 100 mm on; otherwise each beam would have its own section."""
 SMALL = {0: 1e-6, 3: 1e-2}
-"""Forces (0) under this share of the largest one of their case are left out, they are rounding errors, and moments (3),
-of loads beside their beam: of tower and snow_vault displacements change by under .07 %, and half of the rows go."""
+"""Forces (0) and moments (3) below this share of the largest of their case are left out: forces as rounding errors,
+moments of loads beside their beam. Displacements of tower and snow_vault change by under 0.07 %; half of the rows go.
+"""
 TYPES = {"S": "Steel", "GL": "Timber", "CLT": "Timber", "plywood": "Timber", "aluminium": "Aluminium"}
+"""Types of materials by the beginning of their names; all others are `Other`."""
 TYPES |= {"concrete": "Concrete"}
 """Types of materials by how their names begin; all others are `Other`."""
 ACTIONS = {
@@ -37,7 +39,7 @@ ACTIONS = {
 }
 """Action type and load type of a case."""
 GROUPS = {"snow": "Snow", "wind": "Wind", "variable": "Domestic"}
-"""Load types of groups that vary."""
+"""Load types of groups of variable loads."""
 DIRECTIONS = ("ux", "uy", "uz", "fix", "fiy", "fiz")
 STIFFNESS = (
     *("Stiffness X [MN/m]", "Stiffness Y [MN/m]", "Stiffness Z [MN/m]"),
@@ -47,7 +49,9 @@ STIFFNESS = (
 
 @dataclass(frozen=True)
 class SafSheet:
-    """A sheet: rows below a head. `Project` and `Model` have no head, and a name and a value in each row."""
+    """A sheet of a workbook: rows below a head. `Project` and `Model` have no head, and a name and a value in each
+    row.
+    """
 
     name: str
     head: tuple[str, ...]
@@ -55,13 +59,13 @@ class SafSheet:
 
     @classmethod
     def of(cls, name: str, rows: list[dict[str, Cell | None]]) -> "SafSheet":
-        """With a column for each key of any row, in the order in which they come."""
+        """Return a sheet with a column for each key of any row, in order of appearance."""
         head = tuple(dict.fromkeys(key for row in rows for key in row))
         return cls(name, head, tuple(tuple(row.get(key) for key in head) for row in rows))
 
 
 def saf_sheets(name: str, records: Mapping[str, Any]) -> list[SafSheet]:
-    """All sheets of a beam model, see `dsfab.design.output.records`; sheets without rows are left out."""
+    """Return the sheets of a beam model, see `dsfab.design.output.records`, without empty ones."""
     frame = records["frame"]
     sections = [_dimensions(t, w) for t, w in zip(frame["thickness"], frame["width"], strict=True)]
     numbers = {size: f"CS{k}" for k, size in enumerate(dict.fromkeys(sections), 1)}
@@ -113,14 +117,12 @@ def _material(given: Mapping[str, Any]) -> dict[str, Cell | None]:
 
 
 def _dimensions(thickness: float, width: float) -> tuple[float, float]:
-    """Height and width of a section, millimetres."""
     w = MM_PER_M * width
     step = COARSE if w >= 100 * COARSE else FINE
     return round(MM_PER_M * thickness, 3), round(max(round(w / step), 1) * step, 1)
 
 
 def _section(records: Mapping[str, Any], size: tuple[float, float], name: str) -> dict[str, Cell | None]:
-    """A rectangle, as high as the sheet is thick: H along local z, B along local y."""
     H, B = (x / MM_PER_M for x in size)
     a, t = max(H, B), min(H, B)
     torsion = a * t**3 * (1 / 3 - 0.21 * t / a * (1 - (t / a) ** 4 / 12))
@@ -193,7 +195,7 @@ def _supports(frame: Mapping[str, Any]) -> Iterator[dict[str, Cell | None]]:
 
 
 def _groups(actions: Mapping[str, str]) -> list[dict[str, Cell | None]]:
-    """A group for each kind of action; of cases of snow, and of wind, one acts at a time, as in EN 1990 here."""
+    """A group for each kind of action; cases of snow, and of wind, exclude each other, as in EN 1990 here."""
     return [
         {
             "Name": f"LG {kind}",
@@ -226,7 +228,6 @@ def _sum(name: str, factors: Mapping[str, float]) -> dict[str, Cell | None]:
 
 
 def _actions(frame: Mapping[str, Any], first: int) -> Iterator[dict[str, Cell | None]]:
-    """Forces (first 0) or moments (3) on nodes, a row for each direction."""
     letter, unit, words = ("F", "Value [kN]", "XYZ") if first == 0 else ("M", "Value [kNm]", ("Mx", "My", "Mz"))
     number = 0
     for case, rows in frame["loads"].items():
@@ -247,10 +248,8 @@ def _actions(frame: Mapping[str, Any], first: int) -> Iterator[dict[str, Cell | 
 
 SUFFIX = ".saf.xlsx"
 NEVER = datetime(1980, 1, 1)
-"""The date in every workbook: the same design gives the same bytes."""
+"""Date of every workbook, so that equal designs give equal bytes."""
 MAIN = "{http://schemas.openxmlformats.org/spreadsheetml/2006/main}"
-READ = 1e-9
-"""Coordinates read back may be off by this share of the largest one."""
 
 
 def ready() -> None:
@@ -260,19 +259,19 @@ def ready() -> None:
 
 
 def prepare(part: Part) -> Part:
-    """The part as it is; raises ExportError if it comes without a beam model."""
+    """Return the part itself; raises ExportError if it has no beam model."""
     if not part.details.records.get("frame"):
         raise ExportError(f"{part.name!r} has no beam model; only a design knows it: use design.write(...)")
     return part
 
 
 def told(part: Part, refused: Sequence[ExportError]) -> str:
-    """How far the beams answer as the sheet does, case by case."""
+    """Return the comparison of beams and sheet, a line for each case."""
     return "\n".join(part.details.records["told"])
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """The workbook; the same part gives the same bytes."""
+    """Yield the workbook; equal parts give equal bytes."""
     import xlsxwriter
 
     file = io.BytesIO()
@@ -292,8 +291,7 @@ def encode(part: Part) -> Iterator[bytes]:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read back by the standard library's readers of archives and XML: every sheet with its head and its rows, and the
-    nodes where they are."""
+    """Read every sheet back with the standard library's readers: head, number of rows, coordinates of nodes."""
     found, wanted = workbook_cells(path), saf_sheets(part.name, part.details.records)
     for sheet in wanted:
         rows = found.get(sheet.name, [])
@@ -304,7 +302,7 @@ def check(part: Part, path: Path) -> ReadBack:
             raise ExportError(f"the head of {sheet.name} of {part.name!r} reads back different; write it again")
     points = _coordinates(found["StructuralPointConnection"][1:])
     given = _coordinates([list(row) for row in _sheet(wanted, "StructuralPointConnection").rows])
-    if not (np.abs(points - given) <= READ * np.abs(given).max()).all():
+    if not (np.abs(points - given) <= NUMBERS_READ_BACK * np.abs(given).max()).all():
         raise ExportError(f"the nodes of {part.name!r} read back elsewhere; write members.json instead")
     return ReadBack(len(_sheet(wanted, "StructuralCurveMember").rows), "beams")
 
@@ -318,9 +316,9 @@ def _coordinates(rows: Sequence[Sequence[Cell | None]]) -> "np.ndarray[tuple[int
 
 
 def workbook_cells(path: Path) -> dict[str, list[list[Cell | None]]]:
-    """By the names of sheets, their rows; cells that are left out are None.
+    """Return the rows of each sheet by name; empty cells are None.
 
-    Of the parts of Office Open XML (ECMA-376) that XlsxWriter writes: numbers and shared strings.
+    It reads the parts of Office Open XML (ECMA-376) that XlsxWriter writes: numbers and shared strings.
     """
     with zipfile.ZipFile(path) as archive:
         shared = [

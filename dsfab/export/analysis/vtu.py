@@ -1,7 +1,7 @@
-"""VTU (VTK unstructured grid, XML) for ParaView: a sheet with all its fields. Metres and SI units, as each name says.
+"""VTU (VTK unstructured grid, XML) for ParaView: a sheet with all its fields. Metres and SI units, as each name tells.
 
-The file's field data repeats the unit of length, since the format has no place for one, and has what a person should
-know of the fields as `note 1`, `note 2`, ... Arrays are base64 with a 64-bit count of bytes before them, little-endian.
+The file's field data repeats the unit of length, because the format has no place for one, and holds the facts about
+the fields as `note 1`, `note 2`, ... Arrays are little-endian base64 after a 64-bit count of bytes.
 """
 
 import base64
@@ -22,13 +22,11 @@ from dsfab.core.units import MM_PER_M
 from dsfab.export.part import Part
 from dsfab.export.readback import ReadBack, check_mesh
 
-TRIANGLE = 5
-"""VTK's number for a triangle."""
 UNIT = "metre"
 
 
 def prepare(part: Part) -> Part:
-    """The part as it is; raises ExportError for a field that has neither a row per vertex nor one per face."""
+    """Return the part itself; raises ExportError for a field that has neither a row per vertex nor one per face."""
     for name, values in part.details.values.items():
         if len(values) not in (len(part.V), len(part.F)):
             raise ExportError(
@@ -39,7 +37,9 @@ def prepare(part: Part) -> Part:
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """One piece. A field with as many rows as vertices is put on them, any other on the faces."""
+    """Yield the file, one piece. A field with as many rows as vertices belongs to the vertices, any other to the
+    faces.
+    """
     values = part.details.values
     on_vertices = {name: array for name, array in values.items() if len(array) == len(part.V)}
     on_faces = {name: array for name, array in values.items() if name not in on_vertices}
@@ -56,12 +56,11 @@ def encode(part: Part) -> Iterator[bytes]:
         yield f"</{tag}>\n".encode()
     yield b"<Points>\n" + _array("Points", part.V / MM_PER_M) + b"</Points>\n<Cells>\n"
     yield _array("connectivity", part.F.ravel()) + _array("offsets", 3 * np.arange(1, len(part.F) + 1))
-    yield _array("types", np.full(len(part.F), TRIANGLE, dtype=np.uint8))
+    yield _array("types", np.full(len(part.F), 5, dtype=np.uint8))  # VTK_TRIANGLE
     yield b"</Cells>\n</Piece>\n</UnstructuredGrid>\n</VTKFile>\n"
 
 
 def _words(name: str, text: str) -> str:
-    """A string among the field data: its characters as numbers, ended by 0."""
     codes = " ".join(str(ord(character)) for character in text)
     return f'<DataArray type="String" Name="{name}" NumberOfTuples="1" format="ascii">{codes} 0</DataArray>\n'
 
@@ -76,7 +75,7 @@ def _array(name: str, values: NDArray[Any]) -> bytes:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read back by an XML parser: the mesh, and every field with its values."""
+    """Read the mesh and every field back with an XML parser."""
     found = dict(_arrays(path))
     V, F = found.pop("Points"), found.pop("connectivity").astype(np.int64).reshape(-1, 3)
     result = check_mesh(replace(part, V=part.V / MM_PER_M), V.reshape(-1, 3), F)

@@ -28,19 +28,17 @@ from dsfab.export.readback import (
 from dsfab.export.writing import listed_rows, one_line
 from dsfab.surface import connected, signed_volume, total_area
 
-DIGITS = 6
-"""Decimals of coordinates: 1e-6 mm."""
 PLATE_SETS = {
     "Qto_PlateBaseQuantities": {"Width": "LENGTH", "NetVolume": "VOLUME", "NetWeight": "WEIGHT"},
     "Dsfab_PieceQuantities": {"NetSurfaceArea": "AREA"},
 }
 """Sets of quantities of a piece, the standard's first, and their kinds; its width is the sheet's thickness."""
 Naming = Callable[[str], str]
-"""From a word to an identifier."""
+"""Function from a word to an identifier."""
 
 
 class Place(NamedTuple):
-    """Numbers of what elements refer to; 0 for a material or properties that are not known.
+    """Entity numbers that elements refer to; 0 for an unknown material or unknown properties.
 
     placement : of the whole.    part : of each of its parts, relative to that.
     """
@@ -55,7 +53,7 @@ class Place(NamedTuple):
 
 
 def beginning(name: str, version: str) -> str:
-    """The header; its time is fixed, so that the same solid gives the same file."""
+    """Return the header; its time is fixed, so that equal solids give equal files."""
     title = quoted(one_line(name))
     return (
         "ISO-10303-21;\nHEADER;\nFILE_DESCRIPTION(('ViewDefinition [ReferenceView_V1.2]'),'2;1');\n"
@@ -65,7 +63,7 @@ def beginning(name: str, version: str) -> str:
 
 
 def building(new: Numbered, name: str, details: Details, naming: Naming) -> Place:
-    """Units, project, site and building around the elements, and what all of these share."""
+    """Add units, project, site and building, and the entities that all elements share; return their numbers."""
     title, measures = quoted(one_line(name)), details.measures
     units = ",".join(f"#{k}" for k in _units(new))
     origin = new.add("IFCCARTESIANPOINT((0.,0.,0.))")
@@ -88,8 +86,7 @@ def building(new: Numbered, name: str, details: Details, naming: Naming) -> Plac
 
 
 def roof(new: Numbered, at: Place, name: str, elements: list[int], naming: Naming) -> None:
-    """What elements are parts of, in the building: placements and containment go by the whole. They share a material
-    and properties."""
+    """Add the roof that holds elements, with its placement, and the material and properties of the elements."""
     title, listed = quoted(one_line(name)), ",".join(f"#{k}" for k in elements)
     whole = new.add(f"IFCROOF('{naming('roof')}',$,'{title}',$,'diffusion structure',#{at.placement},$,$,.FREEFORM.)")
     new.add(f"IFCRELAGGREGATES('{naming('parts')}',$,$,$,#{whole},({listed}))")
@@ -101,7 +98,7 @@ def roof(new: Numbered, at: Place, name: str, elements: list[int], naming: Namin
 
 
 def _on_site(new: Numbered, context: int, origin: tuple[float, float, float]) -> None:
-    """Where the model lies in the coordinates of a survey, metres; which one that is nobody said."""
+    """Add the position of the model in a survey's coordinates (m); the file cannot name the survey."""
     metre = new.add("IFCSIUNIT(*,.LENGTHUNIT.,$,.METRE.)")
     survey = new.add(f"IFCPROJECTEDCRS('unknown','that of the mesh file',$,$,$,$,#{metre})")
     east, north, up = map(real, origin)
@@ -109,7 +106,7 @@ def _on_site(new: Numbered, context: int, origin: tuple[float, float, float]) ->
 
 
 def surface_style(new: Numbered, name: str, colour: tuple[float, float, float]) -> int:
-    """A colour, 0 to 1, by a name."""
+    """Add a named colour, 0 to 1; return its number."""
     red, green, blue = map(real, colour)
     rgb = new.add(f"IFCCOLOURRGB($,{red},{green},{blue})")
     shading = new.add(f"IFCSURFACESTYLESHADING(#{rgb},0.)")
@@ -117,7 +114,6 @@ def surface_style(new: Numbered, name: str, colour: tuple[float, float, float]) 
 
 
 def _units(new: Numbered) -> Iterator[int]:
-    """Millimetres, and m2, m3, kg, Pa, rad, kg/m3 for what is not a length."""
     yield new.add("IFCSIUNIT(*,.LENGTHUNIT.,.MILLI.,.METRE.)")
     for kind, unit in (("AREA", "SQUARE_METRE"), ("VOLUME", "CUBIC_METRE"), ("PRESSURE", "PASCAL")):
         yield new.add(f"IFCSIUNIT(*,.{kind}UNIT.,$,.{unit}.)")
@@ -129,7 +125,7 @@ def _units(new: Numbered) -> Iterator[int]:
 
 
 def _material(new: Numbered, measures: Mapping[str, float], called: str) -> int:
-    """The material and its numbers; 0 if none is known."""
+    """Add the material and its values; 0 if none is known."""
     kinds = {
         "density": ("Pset_MaterialCommon", "MassDensity", "IFCMASSDENSITYMEASURE"),
         "young": ("Pset_MaterialMechanical", "YoungModulus", "IFCMODULUSOFELASTICITYMEASURE"),
@@ -148,7 +144,6 @@ def _material(new: Numbered, measures: Mapping[str, float], called: str) -> int:
 
 
 def _properties(new: Numbered, measures: Mapping[str, float], naming: Naming) -> int:
-    """The thickness; 0 if it is not known."""
     if measures.get("thickness", 0) <= 0:
         return 0
     value = single_value(new, "Thickness", "IFCPOSITIVELENGTHMEASURE", measures["thickness"] * MM_PER_M)
@@ -156,6 +151,7 @@ def _properties(new: Numbered, measures: Mapping[str, float], naming: Naming) ->
 
 
 def single_value(new: Numbered, name: str, kind: str, value: float) -> int:
+    """Add a property with a number; return its entity number."""
     return new.add(f"IFCPROPERTYSINGLEVALUE('{name}',$,{kind}({real(value)}),$)")
 
 
@@ -167,8 +163,9 @@ def element(
     amounts: Mapping[str, float],
     naming: Naming,
 ) -> int:
-    """One piece, of V (n, 3), millimetres, and triangles (m, 3) whose corners count from 1, its colour and its
-    quantities; returns its number."""
+    """Add a piece with its colour and quantities, V (n, 3), in millimetres, and triangles (m, 3) whose corners count
+    from 1; return its number.
+    """
     (name, i), (V, corners) = which, mesh
     faces = face_set(new, V, corners, at.style)
     shape = new.add(f"IFCSHAPEREPRESENTATION(#{at.body},'Body','Tessellation',(#{faces}))")
@@ -187,8 +184,8 @@ def element(
 
 
 def face_set(new: Numbered, V: Floats, corners: Ints, style: int) -> int:
-    """Triangles (m, 3), whose corners count from 1, of a closed body V (n, 3) in a style; returns its number."""
-    points = "".join(listed_rows(f"(%.{DIGITS}f,%.{DIGITS}f,%.{DIGITS}f),", *V.T))
+    """Add triangles (m, 3), whose corners count from 1, of a closed body V (n, 3) in a style; return their number."""
+    points = "".join(listed_rows("(%.6f,%.6f,%.6f),", *V.T))
     listed = new.add(f"IFCCARTESIANPOINTLIST3D(({points}))")
     triangles = "".join(listed_rows("(%d,%d,%d),", *corners.T))
     faces = new.add(f"IFCTRIANGULATEDFACESET(#{listed},$,.T.,({triangles}),$)")
@@ -197,7 +194,7 @@ def face_set(new: Numbered, V: Floats, corners: Ints, style: int) -> int:
 
 
 def real(value: float) -> str:
-    """A number as ISO 10303-21 wants it: with a point."""
+    """Return a number with a decimal point, as ISO 10303-21 demands."""
     text = f"{value:.12g}".upper()
     head, e, power = text.partition("E")
     return (head if "." in head else head + ".") + e + power
@@ -205,7 +202,7 @@ def real(value: float) -> str:
 
 MM2, MM3 = MM_PER_M**2, MM_PER_M**3
 PLACE = uuid.uuid5(uuid.NAMESPACE_URL, "dsfab")
-"""Identifiers are made from names within this space."""
+"""Namespace of the identifiers."""
 
 
 def ready() -> None:
@@ -215,12 +212,12 @@ def ready() -> None:
 
 
 def prepare(part: Part) -> Part:
-    """The part as it is: the text holds every digit that matters."""
+    """Return the part itself, because the text holds every significant digit."""
     return part
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """Project, site, building and roof, then a plate for each piece; the same part gives the same bytes."""
+    """Yield project, site, building and roof, then a plate for each piece; equal parts give equal bytes."""
     shell, solids = solids_of(part)
     new, measures = Numbered(1), part.details.measures
     yield beginning(part.name, __version__).encode()
@@ -245,12 +242,13 @@ def encode(part: Part) -> Iterator[bytes]:
 
 
 def flushed(new: Numbered) -> Iterator[bytes]:
+    """Yield the text of the pending entities and clear it."""
     yield "".join(new.text).encode("ascii")
     new.text.clear()
 
 
 def identifier(name: str, what: str) -> str:
-    """The 22 characters of an IFC identifier: a number of 128 bits in base 64."""
+    """Return the 22 characters of an IFC identifier: a number of 128 bits in base 64."""
     value = uuid.uuid5(PLACE, f"{name}/{what}").int
     digits = "0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz_$"
     return "".join(digits[(value >> (6 * k)) & 63] for k in range(21, -1, -1))
@@ -265,14 +263,14 @@ def check(part: Part, path: Path) -> ReadBack:
 
 
 def millimetre_model(part: Part, path: Path) -> Any:
-    """A file as ifcopenshell reads it; raises ExportError unless it can, and finds lengths in millimetres."""
+    """Read a file with ifcopenshell; raises ExportError if that fails, or if its lengths are not in millimetres."""
     import ifcopenshell
     import ifcopenshell.util.unit
 
     try:
         model = ifcopenshell.open(str(path))
         scale = ifcopenshell.util.unit.calculate_unit_scale(model)
-    except Exception as error:  # whatever a reader of unknown files raises
+    except Exception as error:  # ifcopenshell documents no errors
         raise ExportError(f"ifcopenshell cannot read the IFC file of {part.name!r}: {error}") from error
     if abs(scale * MM_PER_M - 1) > 1e-9:
         raise ExportError(f"the IFC file of {part.name!r} does not read back in millimetres; write .step instead")
@@ -280,12 +278,11 @@ def millimetre_model(part: Part, path: Path) -> Any:
 
 
 def _arrays(model: Any) -> tuple[Floats, Ints]:
-    """All face sets as one mesh."""
     return joined_face_sets(model.by_type("IfcTriangulatedFaceSet"))
 
 
 def joined_face_sets(items: Iterable[Any]) -> tuple[Floats, Ints]:
-    """Face sets of ifcopenshell as one mesh, V (n, 3) and F (m, 3)."""
+    """Join face sets of ifcopenshell into one mesh, V (n, 3) and F (m, 3)."""
     points, faces, at = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], 0
     for item in items:
         points.append(np.array(item.Coordinates.CoordList, dtype=np.float64))
@@ -295,12 +292,13 @@ def joined_face_sets(items: Iterable[Any]) -> tuple[Floats, Ints]:
 
 
 KINDS = {"Length": "LENGTH", "Width": "LENGTH", "Thickness": "LENGTH", "NetArea": "AREA", "NetVolume": "VOLUME"}
+"""Kinds of quantities by name."""
 KINDS |= {"NetWeight": "WEIGHT", "GrossArea": "AREA", "GrossVolume": "VOLUME", "GrossWeight": "WEIGHT"}
 """Kinds of quantities by their names."""
 
 
 def encode_members(part: Part) -> Iterator[bytes]:
-    """Project, site and building, then a member after the other; the same part gives the same bytes."""
+    """Yield project, site and building, then each member; equal parts give equal bytes."""
     new, details = Numbered(1), part.details
     naming = partial(identifier, f"{part.name} members")
     yield beginning(part.name, __version__).encode()
@@ -332,14 +330,13 @@ def check_members(part: Part, path: Path) -> ReadBack:
     """Read back with ifcopenshell: each member by its name, its triangles closed, its volume."""
     model = millimetre_model(part, path)
     found = {}
-    for element in sorted(model.by_type("IfcBuildingElement"), key=lambda one: one.id()):  # it gives kind after kind
+    for element in sorted(model.by_type("IfcBuildingElement"), key=lambda one: one.id()):  # by_type sorts by kind
         if element.is_a() in ("IfcMember", "IfcPlate"):
             found[element.Name] = joined_face_sets(element.Representation.Representations[0].Items)
     return check_shapes(part, found)
 
 
 def _shells(shape: MemberShape) -> Iterator[tuple[Floats, Ints]]:
-    """Its bodies that do not hang together, each V (n, 3) and F (m, 3)."""
     F = shape.F
     count, of = connected(len(shape.V), F.ravel(), np.roll(F, -1, axis=1).ravel())
     for k in range(count):
@@ -369,7 +366,7 @@ def _element(new: Numbered, at: Place, shape: MemberShape, body: int, naming: Na
 
 
 def _amounts(shape: MemberShape, entry: Mapping[str, Any], measures: Mapping[str, float]) -> dict[str, float]:
-    """Of one member: millimetres, m2, m3, kg."""
+    """Quantities of a member: millimetres, m2, m3, kg."""
     volume, area = signed_volume(shape.V, shape.F) / MM3, entry["area"] / MM2
     own = entry["own_area"] / entry["area"] if entry["area"] else 1.0
     found = {"Length": entry["length"], "Width": entry["width"]["median"]}
@@ -384,12 +381,11 @@ def _amounts(shape: MemberShape, entry: Mapping[str, Any], measures: Mapping[str
 
 
 def _measured(new: Numbered, made: int, amounts: Mapping[str, float], shape: MemberShape, naming: Naming) -> None:
-    """The standard's set of quantities, and all of them by plain names."""
     title = "Qto_PlateBaseQuantities" if shape.plate else "Qto_MemberBaseQuantities"
     usual = {key: value for key, value in amounts.items() if key.endswith(("Volume", "Weight"))}
     if shape.plate:
         usual |= {key: value for key, value in amounts.items() if key.endswith("Area")}
-        usual |= {"Width": amounts["Thickness"]} if "Thickness" in amounts else {}  # so the standard calls it
+        usual |= {"Width": amounts["Thickness"]} if "Thickness" in amounts else {}  # the standard's word
     elif "Length" in amounts:
         usual |= {"Length": amounts["Length"]}
     for name, some in ((title, usual), ("Dsfab_MemberQuantities", amounts)):
@@ -400,7 +396,6 @@ def _measured(new: Numbered, made: int, amounts: Mapping[str, float], shape: Mem
 
 
 def _described(new: Numbered, made: int, entry: Mapping[str, Any], naming: Naming) -> None:
-    """What it is, and what it meets."""
     facts = {key: value for key, value in member_facts(entry).items() if not key.endswith("_mm")}
     if entry["counted_with"]:
         facts["crossings counted with"] = ", ".join(entry["counted_with"])
@@ -415,7 +410,6 @@ def _described(new: Numbered, made: int, entry: Mapping[str, Any], naming: Namin
 
 
 def _documented(new: Numbered, made: int, drawings: tuple[str, Any], naming: Naming) -> None:
-    """A reference to each drawing of a member; the same drawing may be that of several."""
     name, files = drawings
     for file in files:
         held = quoted(file)

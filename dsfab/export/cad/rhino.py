@@ -32,8 +32,6 @@ from dsfab.export.readback import (
 from dsfab.export.writing import one_line
 from dsfab.surface import StructureLine
 
-VERSION = 7
-"""Of Rhino: the oldest in wide use; newer ones read it."""
 COLOURS = {
     "major": (31, 78, 156, 255),
     "minor": (179, 38, 30, 255),
@@ -42,12 +40,11 @@ COLOURS = {
 }
 BLACK, GREY = (0, 0, 0, 255), (150, 150, 150, 255)
 MESH = "sheet"
-"""The layer of the mesh."""
+"""Layer of the mesh."""
 
-_HEADER = 32
-"""Bytes before the first chunk of an archive: a chunk is its code (4 bytes), its length (8), its content."""
 _PROPERTIES, _HISTORY, _SHORT = 0x10000014, 0x20008021, 0x80000000
-"""Codes of chunks: what the file is, who changed it when; a chunk with this bit has a value in place of a length."""
+"""Codes of chunks: properties of the file, and its history. A chunk with the bit `_SHORT` holds a value, no length.
+"""
 _TIME = struct.pack("<8i", 0, 0, 0, 1, 0, 80, 2, 0)
 """1 January 1980, a Tuesday, as C's `struct tm`."""
 
@@ -64,7 +61,8 @@ def prepare(part: Part) -> Part:
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """The archive as rhino3dm writes it in memory (to a file it would write the file's name too), its times unset."""
+    """Yield the archive as rhino3dm encodes it in memory, without times. A direct write would store the name of the
+    file too."""
     import rhino3dm
 
     model, ids = empty_model(), _ids(part)
@@ -94,11 +92,12 @@ def empty_model() -> Any:
 
 
 def archive(model: Any) -> bytes:
-    """The file of a model, its times unset."""
+    """Encode a model as a file without times."""
+    version = 7  # Rhino 7 is the oldest version in wide use; newer ones read its files
     import rhino3dm
 
     how = rhino3dm.File3dmWriteOptions()
-    how.Version = VERSION
+    how.Version = version
     return without_times(base64.b64decode(model.Encode(how)))
 
 
@@ -110,7 +109,8 @@ def _ids(part: Part) -> Ids:
 
 
 def ids_of(name: str, arrays: Iterable[NDArray[Any]]) -> Ids:
-    """Ids by name, that differ between files that differ: those of two designs may meet in one model."""
+    """Return a function that makes a UUID from a name. Files with other arrays get other ids, so two designs can share
+    a model."""
     held = hashlib.sha256()
     for array in arrays:
         held.update(np.ascontiguousarray(array).tobytes())
@@ -118,7 +118,7 @@ def ids_of(name: str, arrays: Iterable[NDArray[Any]]) -> Ids:
 
 
 def new_layer(model: Any, ids: Ids, name: str, colour: tuple[int, int, int, int]) -> int:
-    """The index of a new layer."""
+    """Add a layer and return its index."""
     import rhino3dm
 
     layer = rhino3dm.Layer()
@@ -128,13 +128,14 @@ def new_layer(model: Any, ids: Ids, name: str, colour: tuple[int, int, int, int]
 
 
 def without_times(written: bytes) -> bytes:
-    """An archive whose history says `_TIME` in place of when it was made and changed, its checksum right.
+    """Replace both times in the history of an archive by `_TIME` and correct its checksum.
 
-    The history: a byte of version; who made it (a count of letters of two bytes each, and these) and when (8 numbers);
-    who changed it, and when; how often; CRC-32 of all this. Raises ExportError for an archive without it.
+    The history holds a byte of version, the author and time of creation, those of the last change, a count, and a
+    CRC-32. An author is a count of letters (4 bytes) and these letters. Raises ExportError for other archives.
     """
+    header = 32  # bytes before the first chunk: its code (4 bytes), its length (8), its content
     content = bytearray(written)
-    properties = _chunk(written, _HEADER, len(written), _PROPERTIES)
+    properties = _chunk(written, header, len(written), _PROPERTIES)
     history = _chunk(written, *properties, _HISTORY) if properties else None
     if history is None:
         raise ExportError("rhino3dm writes .3dm files in another way than dsfab knows; write .dxf and .stl instead")
@@ -149,7 +150,7 @@ def without_times(written: bytes) -> bytes:
 
 
 def _chunk(written: bytes, start: int, end: int, wanted: int) -> tuple[int, int] | None:
-    """Where the content of the first chunk of that code begins and ends, of the chunks from `start` to `end`."""
+    """Return start and end of the content of the first chunk with a code, between `start` and `end`."""
     while start + 12 <= end:
         code, size = struct.unpack_from("<Iq", written, start)
         size = 0 if code & _SHORT else size
@@ -163,7 +164,7 @@ def _chunk(written: bytes, start: int, end: int, wanted: int) -> tuple[int, int]
 
 
 def rhino_mesh(V: Floats, F: Ints) -> Any:
-    """A mesh of rhino3dm of vertices (n, 3) and triangles (m, 3), with normals, in whatever unit they are."""
+    """Build a rhino3dm mesh with normals from vertices (n, 3) in any unit and triangles (m, 3)."""
     import rhino3dm
 
     mesh = rhino3dm.Mesh()
@@ -176,14 +177,14 @@ def rhino_mesh(V: Floats, F: Ints) -> Any:
 
 
 def rhino_polyline(points: Floats) -> Any:
-    """A polyline of rhino3dm through points (k, 3)."""
+    """Build a rhino3dm polyline through points (k, 3)."""
     import rhino3dm
 
     return rhino3dm.PolylineCurve(rhino3dm.Point3dList([rhino3dm.Point3d(*point) for point in points.tolist()]))
 
 
 def rhino_curve(chain: list[Curve]) -> Any:
-    """Curves that follow each other: a NURBS curve, a polyline, or one after the other."""
+    """Build one rhino3dm curve from consecutive curves: a NURBS curve, a polyline or a polycurve."""
     import rhino3dm
 
     made = list[Any]()
@@ -218,7 +219,8 @@ def _about(line: StructureLine, layer: int, tolerance: float) -> Any:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read back with rhino3dm, the only reader there is: one mesh and as many curves, valid, in millimetres."""
+    """Read the file back with rhino3dm, the only reader. Raises ExportError unless all objects are valid and complete,
+    in mm."""
     import rhino3dm
 
     model = rhino3dm.File3dm.Read(str(path))
@@ -238,14 +240,13 @@ def check(part: Part, path: Path) -> ReadBack:
 
 
 def rhino_arrays(mesh: Any) -> tuple[Floats, Ints]:
-    """Vertices (n, 3) and corners (m, 4) of a mesh of rhino3dm, which holds a triangle with its last corner twice."""
+    """Return vertices (n, 3) and corners (m, 4) of a rhino3dm mesh; a triangle has its last corner twice."""
     V = np.array([(v.X, v.Y, v.Z) for v in (mesh.Vertices[i] for i in range(len(mesh.Vertices)))]).reshape(-1, 3)
     F = np.array([mesh.Faces[i] for i in range(mesh.Faces.Count)], dtype=np.int64).reshape(-1, 4)
     return V, F
 
 
 def _points(curve: Any) -> list[Floats]:
-    """Points (k, 3) along a curve, or along each of those that a polycurve is made of."""
     if hasattr(curve, "SegmentCount"):
         return [points for i in range(curve.SegmentCount) for points in _points(curve.SegmentCurve(i))]
     if hasattr(curve, "Knots"):
@@ -257,11 +258,11 @@ def _points(curve: Any) -> list[Floats]:
 
 
 NODES = "nodes"
-"""The layer of points."""
+"""Layer of the nodes."""
 
 
 def encode_members(part: Part) -> Iterator[bytes]:
-    """Layers, then each member's mesh and axis, then the nodes."""
+    """Yield the archive of layers, meshes and axes of the members, and nodes."""
     import rhino3dm
 
     model, entries, shapes = empty_model(), member_entries(part), part.details.shapes
@@ -294,7 +295,8 @@ def _members_about(name: str, layer: int, identity: Any) -> Any:
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
-    """Read back with rhino3dm: valid, in millimetres, each member, axis and node by its name."""
+    """Read the file back with rhino3dm. Raises ExportError unless each member, axis and node is valid and has its name,
+    in mm."""
     import rhino3dm
 
     model = rhino3dm.File3dm.Read(str(path))
@@ -317,22 +319,24 @@ def check_members(part: Part, path: Path) -> ReadBack:
 
 
 def mesh_json(V: Floats, F: Ints) -> str:
-    """A mesh of vertices (n, 3) and triangles (m, 3); raises ExportError where rhino3dm is not installed."""
+    """Encode a mesh of vertices (n, 3) and triangles (m, 3) as JSON; raises ExportError without rhino3dm."""
     ready()
     return json.dumps(rhino_mesh(V, F).Encode())
 
 
 def polyline_json(points: Floats) -> str:
-    """A polyline through points (k, 3), or (k, 2) in the plane z = 0; raises ExportError likewise."""
+    """Encode a polyline through points (k, 3), or (k, 2) in the plane z = 0, as JSON; raises ExportError without
+    rhino3dm."""
     ready()
     full = np.column_stack([points, np.zeros(len(points))]) if points.shape[1] == 2 else points
     return json.dumps(rhino_polyline(full).Encode())
 
 
 def mesh_arrays(text: str) -> tuple[Floats, Ints]:
-    """Vertices (n, 3) and triangles (m, 3) of a mesh as it was sent; a quad becomes two along its shorter diagonal.
+    """Decode vertices (n, 3) and triangles (m, 3) of a mesh from Rhino's JSON. A quad is split along its shorter
+    diagonal.
 
-    Raises ExportError for what is no mesh.
+    Raises ExportError if the text holds no mesh.
     """
     mesh = _decoded(text)
     if type(mesh).__name__ != "Mesh":
@@ -342,7 +346,6 @@ def mesh_arrays(text: str) -> tuple[Floats, Ints]:
 
 
 def _triangles(V: Floats, corners: Ints) -> Ints:
-    """openNURBS holds a triangle as a quad with its last corner twice."""
     if not len(corners):
         return np.zeros((0, 3), dtype=np.int64)
     quad = corners[:, 2] != corners[:, 3]
@@ -359,7 +362,7 @@ def _decoded(text: str) -> Any:
 
     try:
         thing = rhino3dm.CommonObject.Decode(json.loads(text))
-    except Exception:  # whatever the library makes of it
+    except Exception:  # rhino3dm documents no exception types
         thing = None
     if thing is None:
         raise ExportError("the geometry that was sent is not readable as Rhino's JSON")

@@ -21,21 +21,19 @@ from dsfab.export.writing import one_line
 from dsfab.surface import StructureLine, polyline_length, simplified_line
 
 APPLICATION = "DSFAB"
-GAP = 0.15
-"""Between the sheet and its views, as a share of the sheet's longest side."""
 COLOURS = {"major": 5, "minor": 1, "keep": 3, "rim": 4, "boundary": 7}
-"""Of the AutoCAD palette: blue, red, green, cyan, and black on white paper."""
+"""Numbers of the AutoCAD palette: blue, red, green, cyan, and black on white paper."""
 WEIGHTS = {"boundary": 50, "edge": 25, "centre": 13}
-"""Hundredths of a millimetre."""
+"""Line weights, hundredths of a millimetre."""
 
 
 def prepare(part: Part) -> Part:
-    """The part as it is; raises ExportError if it has no lines."""
+    """Return the part itself; raises ExportError if it has no lines."""
     return with_lines(part, ".dxf")
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """The drawing as text; no date and no random identifier in it."""
+    """Yield the drawing as text without dates and random identifiers."""
     with same_bytes():
         document = new_document(part)
         space = document.modelspace()
@@ -50,7 +48,7 @@ def encode(part: Part) -> Iterator[bytes]:
 
 
 def new_document(part: Part) -> Any:
-    """An empty drawing of ezdxf in millimetres, for things as large as a part."""
+    """Return an empty ezdxf drawing in millimetres, with line types scaled to a part."""
     import ezdxf
 
     document = ezdxf.new("R2010", setup=["linetypes"])
@@ -65,17 +63,17 @@ def new_document(part: Part) -> Any:
 
 
 def dxf_bytes(document: Any) -> bytes:
-    """A document of ezdxf as a file, the same bytes in each process."""
+    """Return an ezdxf document as a file, with equal bytes in each process."""
     document.classes.add_required_classes(document.dxfversion)
-    document.classes.classes = dict(sorted(document.classes.classes.items()))  # a set has them in any order
+    document.classes.classes = dict(sorted(document.classes.classes.items()))  # ezdxf iterates over a set
     text = io.StringIO()
     document.write(text)
     return text.getvalue().encode(document.output_encoding, errors="dxfreplace")
 
 
 def _beside(document: Any, part: Part) -> None:
-    """The views in a row to the right of the sheet, each with its title below."""
-    gap = GAP * float(np.ptp(part.box, axis=0).max())
+    """Add the views in a row to the right of the sheet, with their titles."""
+    gap = 0.15 * float(np.ptp(part.box, axis=0).max())
     at = np.array([part.box[1, 0] + 3 * gap, part.box[0, 1]])
     for view in views(part):
         _placed(document, view, at - view.low, gap / 5, part.details.tolerance, one_line(part.name))
@@ -83,7 +81,7 @@ def _beside(document: Any, part: Part) -> None:
 
 
 def drawn_curves(space: Any, chain: list[Curve], flat: bool, layer: str) -> Iterator[Any]:
-    """What curves that follow each other are drawn with: splines, and their straight runs."""
+    """Add consecutive curves to a drawing and yield their entities: splines, and polylines for straight runs."""
     for run in joined(chain):
         if isinstance(run, Curve):
             poles, knots = run.poles.tolist(), run.knots.tolist()
@@ -105,6 +103,7 @@ def _placed(document: Any, view: DrawingView, shift: Floats, height: float, tole
 
 
 def drawn_polyline(space: Any, points: Floats, flat: bool, layer: str) -> Any:
+    """Add a polyline (k, 3) to a drawing and return its entity."""
     closed = len(points) > 2 and bool((points[0] == points[-1]).all())
     points = points[:-1] if closed else points
     if not flat:
@@ -114,7 +113,6 @@ def drawn_polyline(space: Any, points: Floats, flat: bool, layer: str) -> Any:
 
 
 def _layer(document: Any, line: StructureLine, prefix: str = "") -> str:
-    """The layer of a line, made when it is first asked for."""
     name = prefix + line.layer.upper()
     if name not in document.layers:
         weight = WEIGHTS.get(line.family, WEIGHTS[line.kind])
@@ -125,7 +123,7 @@ def _layer(document: Any, line: StructureLine, prefix: str = "") -> str:
 
 @contextmanager
 def same_bytes() -> Iterator[None]:
-    """ezdxf writes dates and random identifiers unless told not to."""
+    """Stop ezdxf from writing dates and random identifiers in this context."""
     import ezdxf
 
     before = ezdxf.options.write_fixed_meta_data_for_testing
@@ -137,7 +135,7 @@ def same_bytes() -> Iterator[None]:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read back by ezdxf with its auditor: no error, millimetres, every line in place."""
+    """Read back with ezdxf and its auditor: no error, millimetres, every line in place."""
     import ezdxf
 
     document = ezdxf.readfile(path)
@@ -152,7 +150,7 @@ def check(part: Part, path: Path) -> ReadBack:
 
 
 def points_along(entity: Any) -> Floats:
-    """(k, 3) points along a spline or a polyline of either kind, its first one again at the end if it is closed."""
+    """Return points (k, 3) along a spline or a polyline; a closed one repeats its first point."""
     if entity.dxftype() == "SPLINE":
         curve = entity.construction_tool()
         return np.array([tuple(point) for point in curve.points(sampled(np.array(entity.knots)))])
@@ -164,16 +162,12 @@ def points_along(entity: Any) -> Floats:
     return np.concatenate([points, points[:1]]) if entity.is_closed else points
 
 
-LETTER = 0.008
-"""Height of names, as a share of the longest side of the structure."""
-
-
 def encode_members(part: Part) -> Iterator[bytes]:
-    """The drawing as text; no date and no random identifier in it."""
+    """Yield the drawing as text without dates and random identifiers."""
     with same_bytes():
         document = new_document(part)
         space = document.modelspace()
-        height = LETTER * float(np.ptp(part.box, axis=0).max())
+        height = 0.008 * float(np.ptp(part.box, axis=0).max())  # of names
         for shape in part.details.shapes:
             made = list(_member(document, shape, within(part), height))
             for entity in made:
@@ -187,7 +181,6 @@ def encode_members(part: Part) -> Iterator[bytes]:
 
 
 def _member(document: Any, shape: MemberShape, tolerance: float, height: float) -> Iterator[Any]:
-    """The entities of a member."""
     space = document.modelspace()
     for line in shape.edges:
         layer = _members_layer(document, shape.layer, "EDGES")
@@ -212,7 +205,7 @@ def _members_layer(document: Any, family: str, what: str) -> str:
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
-    """Read back by ezdxf with its auditor: no error, millimetres, a group for each member with its axis and edges."""
+    """Read back with ezdxf and its auditor: no error, millimetres, a group for each member with its axis and edges."""
     import ezdxf
 
     document = ezdxf.readfile(path)

@@ -1,7 +1,7 @@
 """Flat drawings for cutters and engravers: polylines and circles on named layers, as DXF (R2010) and SVG. Millimetres.
 
-Nothing but LWPOLYLINE and CIRCLE, which every cutting program reads; letters are polylines too. The same drawing gives
-the same bytes.
+They use LWPOLYLINE and CIRCLE only, which every cutting program reads; letters are polylines too. Equal drawings give
+equal bytes.
 """
 
 from collections import Counter
@@ -22,7 +22,7 @@ from dsfab.export.drawing.dxf import dxf_bytes, same_bytes
 from dsfab.export.writing import one_line
 
 COLOURS = {"STOCK": 8, "CUT": 1, "HOLES": 5, "SLOTS": 6, "ENGRAVE": 3, "FOLD": 4, "AXIS": 9}
-"""Of the AutoCAD palette, by layer: grey, red, blue, magenta, green, cyan, light grey."""
+"""Numbers of the AutoCAD palette by layer: grey, red, blue, magenta, green, cyan, light grey."""
 STROKES = {
     "STOCK": "#888",
     "CUT": "#c00",
@@ -32,16 +32,12 @@ STROKES = {
     "FOLD": "#088",
     "AXIS": "#bbb",
 }
-"""The same for SVG."""
-HAIR = 0.001
-"""Width of a line over the longer side of an SVG drawing."""
-ENGRAVED = 0.8
-"""Millimetres that engraved lines are wide at most there: names 8 mm high ran together on a sheet of some metres."""
+"""The same colours for SVG."""
 
 
 @dataclass(frozen=True, eq=False)
 class FlatLine:
-    """A polyline through points (k, 2), metres, or a closed one: its last point is not its first one again."""
+    """A polyline through points (k, 2), metres; a closed one does not repeat its first point."""
 
     layer: str
     points: Floats
@@ -53,7 +49,7 @@ class FlatLine:
 
 @dataclass(frozen=True)
 class FlatCircle:
-    """A circle about a middle, with a diameter, metres."""
+    """A circle with centre and diameter, metres."""
 
     layer: str
     at: tuple[float, float]
@@ -62,7 +58,7 @@ class FlatCircle:
 
 @dataclass(frozen=True)
 class FlatDrawing:
-    """What is drawn, under a title."""
+    """A drawing with a title."""
 
     title: str
     lines: tuple[FlatLine, ...]
@@ -70,16 +66,16 @@ class FlatDrawing:
 
     @property
     def layers(self) -> list[str]:
-        """Names of the layers in the order of `COLOURS`."""
+        """Names of the used layers in the order of `COLOURS`."""
         used = {line.layer for line in self.lines} | {circle.layer for circle in self.circles}
         return [name for name in COLOURS if name in used]
 
 
 def flat_dxf(drawing: FlatDrawing) -> bytes:
-    """A drawing as a DXF file; no date and no random identifier in it.
+    """Return a drawing as a DXF file without dates and random identifiers.
 
-    ezdxf writes all but lines and circles, once for drawings with the same layers: it takes ten times as long for them,
-    and a workshop has hundreds of drawings.
+    ezdxf writes the frame of the file once for drawings with equal layers. The lines and circles are written here,
+    because ezdxf takes ten times as long for them and a workshop has hundreds of drawings.
     """
     frame = _frame(tuple(drawing.layers))
     count = len(drawing.lines) + len(drawing.circles)
@@ -94,8 +90,9 @@ _TITLE = "title of the drawing"
 
 
 class _Frame(NamedTuple):
-    """The text of a file before and after its entities, its encoding, the first free handle (an entity's number), and
-    the handle of the space that entities are in."""
+    """Text of a file before and after its entities, its encoding, the first free handle (number of an entity), and the
+    handle of the space that holds entities.
+    """
 
     before: str
     after: str
@@ -106,7 +103,6 @@ class _Frame(NamedTuple):
 
 @lru_cache(maxsize=8)
 def _frame(layers: tuple[str, ...]) -> _Frame:
-    """What ezdxf writes of a drawing with these layers and nothing on them."""
     with same_bytes():
         import ezdxf
 
@@ -126,7 +122,6 @@ def _frame(layers: tuple[str, ...]) -> _Frame:
 
 
 def _entities(drawing: FlatDrawing, frame: _Frame) -> Iterator[str]:
-    """Lines, then circles, as ezdxf would write them."""
     handle = frame.free
     for line in drawing.lines:
         points = ((MM_PER_M * line.points).round(6) + 0.0).tolist()
@@ -146,8 +141,11 @@ def _entity(kind: str, handle: int, space: str, layer: str, subclass: str) -> st
 
 
 def check_flat_dxf(drawing: FlatDrawing, path: Path) -> None:
-    """Raises ExportError unless a file reads back whole, with as many lines and circles as a drawing has, in
-    millimetres: pairs of a group code and a value, which ezdxf would take ten times as long to make entities of."""
+    """Raise ExportError unless a file reads back complete, with the drawing's numbers of lines and circles, in
+    millimetres.
+
+    The check reads pairs of group code and value, because ezdxf would take ten times as long.
+    """
     words = path.read_text("utf-8", errors="replace").removesuffix("\n").split("\n")
     codes, values = [code.strip() for code in words[::2]], [value.strip() for value in words[1::2]]
     begun = Counter(value for code, value in zip(codes, values, strict=False) if code == "0")
@@ -159,9 +157,9 @@ def check_flat_dxf(drawing: FlatDrawing, path: Path) -> None:
 
 
 def flat_svg(drawing: FlatDrawing, hair: float = 0.0) -> bytes:
-    """A drawing as SVG at full size, its layers as groups for Inkscape.
+    """Return a drawing as SVG at full size, its layers as groups for Inkscape.
 
-    hair : width of its lines, metres; 0 for one that is seen when all of it is.
+    hair : width of its lines, metres; 0 for a width that suits a view of the whole drawing.
     """
     return "".join(_svg(drawing, MM_PER_M * hair)).encode()
 
@@ -170,7 +168,7 @@ def _svg(drawing: FlatDrawing, thin: float) -> Iterator[str]:
     points = np.concatenate([line.points for line in drawing.lines]) * MM_PER_M
     low, high = points.min(axis=0), points.max(axis=0)
     margin = 0.02 * float((high - low).max())
-    (w, h), hair = high - low + 2 * margin, thin or HAIR * float((high - low).max())
+    (w, h), hair = high - low + 2 * margin, thin or 0.001 * float((high - low).max())
     shift = np.array([margin - low[0], high[1] + margin])
     yield (
         '<?xml version="1.0" encoding="UTF-8"?>\n<svg xmlns="http://www.w3.org/2000/svg" '
@@ -179,7 +177,8 @@ def _svg(drawing: FlatDrawing, thin: float) -> Iterator[str]:
         f"<title>{escape(one_line(drawing.title))}</title>\n<desc>Full size, millimetres; dsfab {__version__}</desc>\n"
     )
     for name in drawing.layers:
-        width = min(hair, ENGRAVED) if name == "ENGRAVE" else hair
+        # names of 8 mm stay legible on sheets of several metres
+        width = min(hair, 0.8) if name == "ENGRAVE" else hair
         style = f"fill: none; stroke: {STROKES[name]}; stroke-width: {width:.3f}; stroke-linejoin: round"
         yield f'<g inkscape:groupmode="layer" inkscape:label={quoteattr(name)} id="{name}" style="{style}">\n'
         yield from _svg_layer(drawing, name, shift)

@@ -34,12 +34,12 @@ svg { fill: none; stroke: #000; stroke-linecap: round; stroke-linejoin: round }
 
 
 def prepare(part: Part) -> Part:
-    """The part as it is; raises ExportError if it has no lines."""
+    """Return the part itself; raises ExportError if it has no lines."""
     return with_lines(part, ".svg")
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """The drawing, view by view."""
+    """Yield the drawing, view by view."""
     return (text.encode() for text in _texts(part))
 
 
@@ -64,7 +64,7 @@ def _texts(part: Part) -> Iterator[str]:
 
 
 def scale_name(scale: float) -> str:
-    """'1:20', or '5:1' for what is drawn larger than it is."""
+    """Return a scale as text: '1:20', or '5:1' for an enlargement."""
     return f"1:{scale:g}" if scale >= 1 else f"{1 / scale:g}:1"
 
 
@@ -74,7 +74,7 @@ def _view(one: Placed, scale: float) -> Iterator[str]:
     if view.loops:
         shape = " ".join(_path(one.on_paper(loop)) + "Z" for loop in view.loops)
         yield f'<path class="fill" fill-rule="evenodd" d="{shape}"/>\n'
-    order = {"centre": 0, "edges": 1, "boundary": 2}  # the heavier line is drawn over the lighter one
+    order = {"centre": 0, "edges": 1, "boundary": 2}  # heavy lines cover light ones
     for layer in sorted({line.layer for line, _ in view.runs}, key=lambda layer: (order[layer.split("-")[0]], layer)):
         group = layer.split("-")[0]
         yield f'<g class="{group} {layer}" inkscape:groupmode="layer" inkscape:label="{layer}">\n'
@@ -93,7 +93,6 @@ def _path(points: Floats) -> str:
 
 
 def _dimensions(one: Placed, scale: float) -> Iterator[str]:
-    """Overall width below and height to the left, in millimetres, with ticks."""
     (x, y), (w, h) = one.corner, one.size
     wide, high = (f"{value:,.0f}".replace(",", " ") if value >= 100 else f"{value:.3g}" for value in one.view.extent)
     below, left = y + h + 7, x - 7
@@ -119,7 +118,6 @@ def _box(x: float, y: float, wide: float, high: float, kind: str) -> str:
 
 
 def _title_block(part: Part, name: str, scale: float) -> Iterator[str]:
-    """Bottom right: name, facts, scale with its bar, unit, program."""
     x, y = PAPER[0] - PAPER_MARGIN - TITLE[0], PAPER[1] - PAPER_MARGIN - TITLE[1]
     yield '<g inkscape:groupmode="layer" inkscape:label="title block">\n'
     yield _box(x, y, *TITLE, "frame") + f'<g class="thin">{_line(x + 105, y, x + 105, y + TITLE[1])}</g>\n'
@@ -133,7 +131,6 @@ def _title_block(part: Part, name: str, scale: float) -> Iterator[str]:
 
 
 def _scale_bar(x: float, y: float, scale: float) -> Iterator[str]:
-    """Five fields of a round length, 50 mm of paper or a little less."""
     rough = 10 * scale
     power = 10.0 ** np.floor(np.log10(rough))
     field = float(max(k for k in (power, 2 * power, 5 * power) if k <= rough * (1 + 1e-9)))
@@ -146,7 +143,7 @@ def _scale_bar(x: float, y: float, scale: float) -> Iterator[str]:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read back as XML: every line is drawn where the views see it, and the paper has its size in millimetres."""
+    """Read back as XML: the number of lines that the views show, and the paper's size in millimetres."""
     root = ElementTree.parse(path).getroot()
     drawn = [element for element in root.iter() if element.get("data-id")]
     expected = sum(len(one.view.runs) for one in arranged(part, TITLE)[1])

@@ -1,4 +1,4 @@
-"""Plan and elevations of a sheet with hidden lines removed, and their scale and places on paper."""
+"""Plan and elevations of a sheet with hidden lines removed, and their scale and positions on paper."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -11,25 +11,19 @@ from dsfab.export.part import Part
 from dsfab.surface import StructureLine, simplified_line
 from dsfab.surface.mesh import Surface
 
-CELLS = 800
-"""Cells of the depth picture along its longer side."""
-MARGIN = 0.01
-"""Share of the part's size by which something must lie in front of a point to hide it."""
-THIN = 1e-6
-"""A view that is narrower than this share of the part's size is a line and is not drawn."""
-
 AXES = {
     "Plan": ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0)),
     "Front elevation": ((1.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.0, -1.0, 0.0)),
     "Right elevation": ((0.0, 1.0, 0.0), (0.0, 0.0, 1.0), (1.0, 0.0, 0.0)),
 }
-"""By title, what points to the right, upwards, and to the eye: from above, from -y, from +x."""
+"""Axes of each view, by title: to the right, upwards, and to the eye (from above, from -y, from +x)."""
 
 
 @dataclass(frozen=True, eq=False)
 class DrawingView:
-    """One drawing: `runs` are visible stretches of lines, (k, 2) millimetres; `loops` the outline of a region to fill,
-    even-odd, empty where the sheet covers itself."""
+    """A drawing: `runs` are visible stretches of lines, (k, 2) millimetres; `loops` the outline of a region to fill,
+    by the even-odd rule, empty where the sheet covers itself.
+    """
 
     title: str
     runs: tuple[tuple[StructureLine, Floats], ...]
@@ -44,7 +38,7 @@ class DrawingView:
 
 
 def views(part: Part) -> list[DrawingView]:
-    """Plan, front and right elevation of a sheet with its lines; without those in which it is seen edge-on."""
+    """Return plan, front and right elevation of a sheet with its lines, without views that show the sheet edge-on."""
     size = float(np.linalg.norm(np.ptp(part.box, axis=0)))
     sheet = Surface(part.V, part.F)
     found = []
@@ -53,7 +47,7 @@ def views(part: Part) -> list[DrawingView]:
         X = part.V @ np.stack([right, up], axis=1)
         used = X[part.F.ravel()]
         low, high = used.min(axis=0), used.max(axis=0)
-        if (high - low).min() > THIN * size:
+        if (high - low).min() > 1e-6 * size:  # else the view would be a line
             found.append(_view(title, sheet, part.details.lines, np.stack([right, up, eye]), low, high, size))
     return found
 
@@ -62,22 +56,23 @@ def _view(
     title: str, sheet: Surface, lines: tuple[StructureLine, ...], axes: Floats, low: Floats, high: Floats, size: float
 ) -> DrawingView:
     facing = sheet.normals @ axes[2]
-    if (facing > 0).all() or (facing < 0).all():  # one layer, all of it seen
+    if (facing > 0).all() or (facing < 0).all():  # no part of the sheet hides another
         loops = tuple(sheet.V[loop] @ axes[:2].T for loop in sheet.loops)
         return DrawingView(title, tuple((line, line.points @ axes[:2].T) for line in lines), loops, low, high)
-    cell = float((high - low).max()) / CELLS
+    cell = float((high - low).max()) / 800
+    margin = 0.01 * size  # a surface hides a point if it is in front of it by this much
     depth = _Depth.of(sheet.V @ axes.T, sheet.F, low, high, cell)
     runs = []
     for line in lines:
         points = _dense(line.points, 2 * cell) @ axes.T
-        seen = ~depth.hides(points, MARGIN * size)
+        seen = ~depth.hides(points, margin)
         runs += [(line, simplified_line(run, cell / 4)) for run in _stretches(points[:, :2], seen)]
     return DrawingView(title, tuple(runs), (), low, high)
 
 
 @dataclass(frozen=True, eq=False)
 class _Depth:
-    """The depth picture: (w, h) largest third coordinate in each cell, -inf where nothing is."""
+    """Depth picture: (w, h) largest third coordinate in each cell, -inf in empty cells."""
 
     low: Floats
     cell: float
@@ -85,7 +80,7 @@ class _Depth:
 
     @classmethod
     def of(cls, X: Floats, F: Ints, low: Floats, high: Floats, cell: float) -> "_Depth":
-        """Every triangle is sampled on a grid of its own, no coarser than 0.7 cells."""
+        """Sample every triangle of X (n, 3), F (m, 3) on its own grid, no coarser than 0.7 cells."""
         shape = np.ceil((high - low) / cell).astype(np.int64) + 3
         depth = np.full(int(shape.prod()), -np.inf)
         corners = X[F]
@@ -104,7 +99,7 @@ class _Depth:
         return cls(low, cell, depth.reshape(shape))
 
     def hides(self, points: Floats, margin: float) -> Bools:
-        """(k,) whether all nine cells around a point (k, 3) lie in front of it by the margin."""
+        """(k,) whether all nine cells around a point (k, 3) are in front of it by the margin."""
         at = np.clip(((points[:, :2] - self.low) / self.cell).astype(np.int64) + 1, 1, np.array(self.depth.shape) - 2)
         nearest = np.full(len(points), np.inf)
         for i in (-1, 0, 1):
@@ -114,7 +109,6 @@ class _Depth:
 
 
 def _dense(points: Floats, step: float) -> Floats:
-    """The polyline (k, 3) with points on it no farther apart than `step`."""
     lengths = np.linalg.norm(np.diff(points, axis=0), axis=1)
     counts = np.maximum(np.ceil(lengths / step).astype(np.int64), 1)
     segment = np.repeat(np.arange(len(counts)), counts)
@@ -124,19 +118,16 @@ def _dense(points: Floats, step: float) -> Floats:
 
 
 def _stretches(points: Floats, seen: Bools) -> list[Floats]:
-    """The runs of at least two seen points."""
     at = np.concatenate([[-1], np.flatnonzero(~seen), [len(seen)]])
     return [points[a + 1 : b] for a, b in pairwise(at) if b - a > 2]
 
 
 PAPER = (420.0, 297.0)
-"""A3, millimetres."""
+"""Width and height of A3 paper, millimetres."""
 PAPER_MARGIN = 10.0
-"""From the edge of the paper to the frame, millimetres."""
+"""Distance from the edge of the paper to the frame, millimetres."""
 ROOM = (24.0, 10.0, 12.0, 24.0)
-"""Paper left free around each view for its dimensions and its title: left, top, right, bottom; millimetres."""
-MOST = 30.0
-"""Free paper between views that stand in rows below each other, millimetres."""
+"""Free paper around each view for its dimensions and its title: left, top, right, bottom; millimetres."""
 STEPS = (1.0, 2.0, 2.5, 5.0)
 """Usual scales are these times a power of ten."""
 
@@ -155,13 +146,13 @@ class Placed:
         return np.asarray(self.view.extent / self.scale)
 
     def on_paper(self, points: Floats) -> Floats:
-        """Points (k, 2) of the view, in millimetres of paper, y downwards."""
+        """Transform points (k, 2) of the view to millimetres of paper, y downwards."""
         x, y = ((points - self.view.low) / self.scale).T
         return np.stack([self.corner[0] + x, self.corner[1] + self.size[1] - y], axis=1)
 
 
 def arranged(part: Part, title: tuple[float, float]) -> tuple[float, list[Placed]]:
-    """The scale (millimetres per millimetre of paper) and the views in rows, as large as they fit.
+    """Return the largest usual scale (mm per mm of paper) that fits, and the views in rows.
 
     title : width and height of the block that stays free in the lower right corner, millimetres.
     """
@@ -173,7 +164,7 @@ def arranged(part: Part, title: tuple[float, float]) -> tuple[float, list[Placed
 
 
 def _scale(rows: list[list[DrawingView]], title: tuple[float, float]) -> float:
-    """The first of the usual scales at which the rows fit above the title block, or beside it in the last row."""
+    """The first usual scale at which the rows fit above the title block, or beside it in the last row."""
     extents = np.concatenate([view.extent for row in rows for view in row])
     power = 10.0 ** np.floor(np.log10(extents.max() / max(PAPER)) - 1)
     while True:
@@ -198,7 +189,6 @@ def _row_size(row: list[DrawingView], scale: float) -> tuple[float, float]:
 
 
 def _placed(rows: list[list[DrawingView]], scale: float, title: tuple[float, float]) -> list[Placed]:
-    """Rows from the top, the free height shared out between them; views of a row stand on one line."""
     sizes = [_row_size(row, scale) for row in rows]
     total = sum(height for _, height in sizes)
     beside = sizes[-1][0] <= PAPER[0] - 2 * PAPER_MARGIN - title[0]
@@ -208,7 +198,7 @@ def _placed(rows: list[list[DrawingView]], scale: float, title: tuple[float, flo
     free = min(
         (PAPER[0] - 2 * PAPER_MARGIN - width) / (len(row) + 1) for row, (width, _) in zip(rows, sizes, strict=True)
     )
-    space = max(free if len(rows) == 1 else min(free, MOST), 0.0)  # the same in all rows: views stand below each other
+    space = max(free if len(rows) == 1 else min(free, 30.0), 0.0)  # equal in all rows, so that views align
     found, y = list[Placed](), PAPER_MARGIN
     for row, (_, height) in zip(rows, sizes, strict=True):
         y, x = y + gap, PAPER_MARGIN

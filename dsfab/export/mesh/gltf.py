@@ -23,22 +23,24 @@ from dsfab.export.readback import (
 from dsfab.export.writing import one_line
 
 FLOAT, UINT, VERTICES, INDICES = 5126, 5125, 34962, 34963
-"""Numbers that the standard gives to kinds of arrays."""
+"""Numbers of the standard for kinds of arrays."""
 
 
 def prepare(part: Part) -> Part:
-    """The part in single precision."""
+    """Return the part in single precision."""
     return in_single_precision(part)
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """Header of 12 bytes, a chunk of JSON that describes the buffer, then the buffer: vertices and faces."""
+    """Yield the header of 12 bytes, a chunk of JSON that describes the buffer, then the buffer with vertices and
+    faces.
+    """
     points = upright(part.V / MM_PER_M).astype("<f4")
     yield from chunked(_scene(part, points), points.tobytes() + part.F.astype("<u4").tobytes())
 
 
 def chunked(scene: dict[str, Any], buffer: bytes) -> Iterator[bytes]:
-    """The file of a scene and of its buffer, whose length is a multiple of four."""
+    """Yield the file of a scene and its buffer, whose length is a multiple of four."""
     text = json.dumps(scene, separators=(",", ":")).encode()
     text += b" " * (-len(text) % 4)
     yield b"glTF" + np.array([2, 28 + len(text) + len(buffer)], dtype="<u4").tobytes()
@@ -47,23 +49,23 @@ def chunked(scene: dict[str, Any], buffer: bytes) -> Iterator[bytes]:
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read back with trimesh, and back to millimetres."""
+    """Read back with trimesh, in millimetres."""
     V, F = read_with_trimesh(path)
     return check_mesh(part, millimetres(V), F)
 
 
 def millimetres(V: Floats) -> Floats:
-    """(n, 3) of a file's vertices (n, 3): z upwards again."""
+    """Return vertices (n, 3) of a file in millimetres, with z upwards."""
     return V[:, [0, 2, 1]] * [1, -1, 1] * MM_PER_M
 
 
 def upright(V: Floats) -> Floats:
-    """From z upwards to y upwards: a quarter turn about x."""
+    """Turn points (n, 3) about x from z upwards to y upwards."""
     return V[:, [0, 2, 1]] * [1, 1, -1]
 
 
 def _scene(part: Part, points: np.ndarray[Any, np.dtype[np.float32]]) -> dict[str, Any]:
-    """The JSON: one node, one mesh, two views of one buffer. Without normals, viewers must shade flat."""
+    """The JSON. It has no normals, so that viewers shade flat."""
     count, size, name = 3 * len(part.F), points.nbytes, one_line(part.name)
     low, high = (f(points, axis=0).astype(float).tolist() for f in (np.min, np.max))
     return {
@@ -90,7 +92,7 @@ def _scene(part: Part, points: np.ndarray[Any, np.dtype[np.float32]]) -> dict[st
 
 
 def encode_members(part: Part) -> Iterator[bytes]:
-    """Vertices and faces of all members in one buffer, two views of it for each."""
+    """Yield the file: vertices and faces of all members in one buffer, with two views of it for each member."""
     arrays = list[np.ndarray[Any, Any]]()
     for shape in part.details.shapes:
         arrays += [upright(shape.V / MM_PER_M).astype("<f4"), shape.F.astype("<u4")]
@@ -111,7 +113,6 @@ def check_members(part: Part, path: Path) -> ReadBack:
 
 
 def _members_scene(part: Part, arrays: list[np.ndarray[Any, Any]]) -> dict[str, Any]:
-    """The JSON. Without normals, viewers must shade flat."""
     shapes, entries = part.details.shapes, member_entries(part)
     layers = list(dict.fromkeys(shape.layer for shape in shapes))
     count = len(shapes)

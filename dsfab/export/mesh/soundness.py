@@ -13,10 +13,10 @@ from dsfab.thickening.self_intersection import intersecting_pairs
 
 
 def solids_of(part: Part) -> tuple[Ints, list[list[int]]]:
-    """The shell (m,) of each triangle, and the shells of each solid: the outer one first, then its voids.
+    """Return the shell (m,) of each triangle, and the shells of each solid: the outer one first, then its voids.
 
-    Shells with positive volume are outer; a void (its triangles face inwards) belongs to the smallest outer shell
-    around it. Raises ExportError for a void around which there is none.
+    Shells with positive volume are outer. A void (its triangles face inwards) belongs to the smallest outer shell
+    around it. Raises ExportError for a void without an outer shell.
     """
     count, shell = pieces(part.F, edge_table(part.F))
     volumes = [signed_volume(part.V, part.F[shell == i]) for i in range(count)]
@@ -35,8 +35,9 @@ def solids_of(part: Part) -> tuple[Ints, list[list[int]]]:
 
 
 def winding(point: Floats, V: Floats, F: Ints) -> float:
-    """How often the closed mesh V (n, 3), F (m, 3) goes around a point (3,): 1 inside, 0 outside [van Oosterom,
-    Strackee 1983]."""
+    """Return the winding number of the closed mesh V (n, 3), F (m, 3) around a point (3,): 1 inside, 0 outside [van
+    Oosterom, Strackee 1983].
+    """
     a, b, c = (V[F[:, i]] - point for i in range(3))
     la, lb, lc = (np.linalg.norm(x, axis=1) for x in (a, b, c))
     dot = [np.einsum("mi,mi->m", x, y) for x, y in ((a, b), (b, c), (c, a))]
@@ -52,12 +53,12 @@ FAULTS = {
     "crossing": "{} pairs of triangles cross: parts of the solid run through each other",
     "inside_out": "{} closed surfaces face inward: their faces are flipped",
 }
-"""What each kind of fault is: what it means for the one who has to mend it."""
+"""Meaning of each kind of fault for the person who mends it."""
 
 
 @dataclass(frozen=True)
 class Fault:
-    """What keeps a mesh from being a solid: how many of what, and a place of the first one, metres."""
+    """A fault of a mesh: its kind, count, and the place of the first one, metres."""
 
     kind: str
     count: int
@@ -65,22 +66,22 @@ class Fault:
 
     @property
     def told(self) -> str:
-        """What it is and what that means."""
+        """Message: the count, and the meaning of the fault."""
         return FAULTS[self.kind].format(self.count)
 
 
 @dataclass(frozen=True, eq=False)
 class Soundness:
-    """Whether a mesh is a solid, and what it measures.
+    """Faults and measures of a mesh.
 
-    faults    : none for a sound one. Kinds: `open` edges with one triangle, `crowded` edges with more than two,
+    faults    : empty for a sound mesh. Kinds: `open` edges with one triangle, `crowded` edges with more than two,
                 `turned` edges whose two triangles face opposite sides, `repeated` triangles, `inside_out` shells,
                 `crossing` pairs of triangles.
-    pinches   : points in which nothing but corners meet; told, and no fault: the two parts are sound.
-    tested    : whether crossings were looked for, which takes an oriented manifold.
+    pinches   : points at which only corners meet; no fault, because both parts are sound.
+    tested    : whether crossings were tested, which needs an oriented manifold.
     shells    : closed surfaces; a hollow body has two.    pieces : connected bodies of material.
-    crossings : (k, 2) triangles that cross, of those that were looked at last.
-    volume    : m3, of triangles as they are oriented; not to be trusted unless closed.     area : m2.
+    crossings : (k, 2) crossing triangles of the last test.
+    volume    : m3, of triangles as they are oriented; valid for closed meshes only.     area : m2.
     """
 
     faults: tuple[Fault, ...]
@@ -99,17 +100,17 @@ class Soundness:
 
     @property
     def watertight(self) -> bool:
-        """Closed, two triangles on each edge that agree about the outside."""
+        """True for a closed mesh with two triangles of consistent orientation on each edge."""
         return not any(fault.kind in ("open", "crowded", "turned", "repeated") for fault in self.faults)
 
     @property
     def sound(self) -> bool:
-        """No faults at all."""
+        """True for a mesh without faults."""
         return not self.faults
 
 
 def soundness(V: Floats, F: Ints) -> Soundness:
-    """Judge a mesh.
+    """Measure a mesh and find its faults.
 
     V : (n, 3) metres, no two at one place.     F : (m, 3) seen from outside.
     """
@@ -143,7 +144,7 @@ def soundness(V: Floats, F: Ints) -> Soundness:
 
 
 def fault_at(kind: str, places: Floats) -> Fault | None:
-    """As many as there are places (k, 3), metres; None for none."""
+    """Return the fault at places (k, 3), metres; None without a place."""
     if not len(places):
         return None
     x, y, z = places[0].tolist()
@@ -151,7 +152,6 @@ def fault_at(kind: str, places: Floats) -> Fault | None:
 
 
 def _bodies(V: Floats, F: Ints, label: Ints, volumes: Floats) -> tuple[int, Ints]:
-    """Number of outer shells, and the shells that face inward without one around them."""
     outer = np.flatnonzero(volumes > 0)
     homeless = []
     for k in np.flatnonzero(volumes <= 0):

@@ -21,17 +21,17 @@ _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribut
 
 
 def prepare_stl(part: Part) -> Part:
-    """The part in single precision. A file without indices joins vertices by their position, and so is it judged."""
+    """Return the part in single precision with vertices merged by position, because STL has no indices."""
     part = in_single_precision(part)
     V, F = merged_mesh(part.V, part.F)
     return replace(part, V=V, F=F)
 
 
 def encode_stl(part: Part) -> Iterator[bytes]:
-    """Header, number of triangles, then 50 bytes for each.
+    """Yield the header, the number of triangles, then 50 bytes for each.
 
-    The header must not begin with "solid", which is how readers recognise the text variant. It ends with a zero: admesh
-    prints it as a text of C, and went on into what lay behind it in memory.
+    The header must not begin with "solid", because readers recognise the text variant by it. It ends with a zero,
+    because admesh prints it as a C string.
     """
     records = np.zeros(len(part.F), dtype=_RECORD)
     corners = part.V[part.F]
@@ -50,12 +50,12 @@ def check_stl(part: Part, path: Path) -> ReadBack:
 
 
 def prepare_obj(part: Part) -> Part:
-    """The part as it is: the text holds every digit."""
+    """Return the part itself, because the text holds every digit."""
     return part
 
 
 def encode_obj(part: Part) -> Iterator[bytes]:
-    """One line per vertex and per face; 17 digits are what a double needs."""
+    """Yield one line per vertex and per face; a double needs 17 digits."""
     yield f"# written by dsfab {__version__}\n# unit: millimetre\no {one_line(part.name)}\n".encode()
     yield from (text.encode("ascii") for text in rows("v %.17g %.17g %.17g\n", *part.V.T))
     yield from (text.encode("ascii") for text in rows("f %d %d %d\n", *(part.F + 1).T))
@@ -67,12 +67,12 @@ def check_obj(part: Part, path: Path) -> ReadBack:
 
 
 def prepare_off(part: Part) -> Part:
-    """The part as it is: the text holds every digit."""
+    """Return the part itself, because the text holds every digit."""
     return part
 
 
 def encode_off(part: Part) -> Iterator[bytes]:
-    """Counts of vertices, faces and edges (0: not counted, as the format allows), then a line each."""
+    """Yield the counts of vertices, faces and edges (0: not counted, as the format allows), then a line each."""
     yield f"OFF\n# {one_line(part.name)}, written by dsfab {__version__}\n# unit: millimetre\n".encode()
     yield f"{len(part.V)} {len(part.F)} 0\n".encode()
     yield from (text.encode("ascii") for text in rows("%.17g %.17g %.17g\n", *part.V.T))
@@ -85,17 +85,17 @@ def check_off(part: Part, path: Path) -> ReadBack:
 
 
 def prepare_ply(part: Part) -> Part:
-    """The part as it is: nothing is rounded."""
+    """Return the part itself, because the format does not round."""
     return part
 
 
 def encode_ply(part: Part) -> Iterator[bytes]:
-    """Header, vertices, faces; little endian."""
+    """Yield header, vertices, faces; little endian."""
     return ply_chunks(part.V, part.F, "millimetre")
 
 
 def check_ply(part: Part, path: Path) -> ReadBack:
-    """Read back with libigl, which says nothing of a last face that is cut off: the file is as long as it should be."""
+    """Read back with libigl, and compare the length, because libigl accepts a file without its last face."""
     read = check_mesh(part, *read_with_igl(path))
     short = sum(map(len, encode_ply(part))) - path.stat().st_size
     if short > 0:
@@ -118,12 +118,12 @@ _BEGINNING_OF_ZIP = (1980, 1, 1, 0, 0, 0)
 
 
 def prepare_3mf(part: Part) -> Part:
-    """The part in single precision."""
+    """Return the part in single precision."""
     return in_single_precision(part)
 
 
 def encode_3mf(part: Part) -> Iterator[bytes]:
-    """The zip, made in memory: its directory comes last but its entries' sizes first."""
+    """Yield the zip as one piece, because the sizes of its entries come before them."""
     package = io.BytesIO()
     with zipfile.ZipFile(package, "w") as archive:
         contents = {"[Content_Types].xml": _TYPES, "_rels/.rels": _RELATIONS, "3D/3dmodel.model": "".join(_model(part))}
@@ -136,7 +136,7 @@ def encode_3mf(part: Part) -> Iterator[bytes]:
 
 
 def check_3mf(part: Part, path: Path) -> ReadBack:
-    """Read back with lib3mf, which must have no warnings and find one manifold, oriented mesh in millimetres."""
+    """Read back with lib3mf, without warnings: one manifold, oriented mesh in millimetres."""
     import lib3mf
 
     model = lib3mf.get_wrapper().CreateModel()
@@ -163,7 +163,6 @@ def check_3mf(part: Part, path: Path) -> ReadBack:
 
 
 def _model(part: Part) -> Iterator[str]:
-    """The XML of the model: one object, built once."""
     title = one_line(part.name)
     yield _HEAD + (
         '<model unit="millimeter" xml:lang="en-US" xmlns="http://schemas.microsoft.com/3dmanufacturing/core/2015/02">\n'
@@ -178,7 +177,6 @@ def _model(part: Part) -> Iterator[str]:
 
 
 def _arrays(mesh: object) -> tuple[Floats, Ints]:
-    """Vertices and faces of a lib3mf mesh object."""
     points, corners = b"".join(mesh.GetVertices()), b"".join(mesh.GetTriangleIndices())  # type: ignore[attr-defined]
     V, F = np.frombuffer(points, np.float32), np.frombuffer(corners, np.uint32)  # as lib3mf lays them out
     return V.reshape(-1, 3).astype(np.float64), F.reshape(-1, 3).astype(np.int64)

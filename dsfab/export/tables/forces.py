@@ -13,7 +13,7 @@ from dsfab.core.arrays import Floats
 from dsfab.core.errors import ExportError
 from dsfab.export.analysis.saf import NEVER, workbook_cells
 from dsfab.export.part import Part
-from dsfab.export.readback import ReadBack, differs
+from dsfab.export.readback import NUMBERS_READ_BACK, ReadBack, differs
 from dsfab.export.writing import rows
 
 UNITS = "units: metres, newtons, newton metres; n and q per metre of section, m per metre of section"
@@ -24,14 +24,14 @@ READ = 1e-6
 
 
 def prepare_sheet(part: Part) -> Part:
-    """The part as it is; raises ExportError if it comes without section forces."""
+    """Return the part itself; raises ExportError if it has no section forces."""
     if not part.details.records.get("cases"):
         raise ExportError(f"{part.name!r} has no section forces; only a design knows them: use design.write(...)")
     return part
 
 
 def prepare_fields(part: Part) -> Part:
-    """The part with what a VTU file holds: fields of each face, the case before the name of each of its own."""
+    """Return the part with the fields of a VTU file, one value per face; each name begins with its case."""
     records = prepare_sheet(part).details.records
     values = {name: column for name, column in records["faces"].items() if not name.startswith(("centre", "area"))}
     for case, columns in records["cases"].items():
@@ -41,7 +41,7 @@ def prepare_fields(part: Part) -> Part:
 
 
 def encode_sheet(part: Part) -> Iterator[bytes]:
-    """Lines that begin with #, a line of names, then a row per face and case; faces count from 1."""
+    """Yield lines that begin with #, a line of names, then a row per face and case; faces count from 1."""
     records = part.details.records
     said = (UNITS, *records["convention"], "one row per face and case; " + Q_LESS)
     yield "".join(f"# {line}\r\n" for line in said).encode()
@@ -57,7 +57,7 @@ def encode_sheet(part: Part) -> Iterator[bytes]:
 
 
 def check_sheet(part: Part, path: Path) -> ReadBack:
-    """Read back number by number, by numpy."""
+    """Read the numbers back with numpy."""
     records = part.details.records
     faces, names = _scalars(records["faces"]), _names(records)
     head = len(records["convention"]) + 3
@@ -83,7 +83,7 @@ def _names(records: Mapping[str, Mapping[str, Mapping[str, Floats]]]) -> list[st
 
 
 def _scalars(columns: Mapping[str, Floats]) -> dict[str, Floats]:
-    """Columns of one number each: `local x [1]` of three becomes `local x.x [1]`, `local x.y [1]`, `local x.z [1]`."""
+    """Split vector columns: `local x [1]` becomes `local x.x [1]`, `local x.y [1]`, `local x.z [1]`."""
     found: dict[str, Floats] = {}
     for name, values in columns.items():
         if values.ndim == 1:
@@ -109,11 +109,10 @@ MEMBER_NOTES = (
     "least and greatest: of all cases and combinations, each number by itself",
     "bays end where joints begin; Vz is the weak one: up to a fifth of it is missing in ribs of 3 or 4 faces",
 )
-DIGITS = 8
 
 
 def prepare_members(part: Part) -> Part:
-    """The part as it is; raises ExportError if it comes without forces of members."""
+    """Return the part itself; raises ExportError if it has no member forces."""
     if "bars" not in part.details.records:
         raise ExportError(f"{part.name!r} has no forces of members; only a design knows them: use design.write(...)")
     if not part.details.records["bars"]:
@@ -122,7 +121,7 @@ def prepare_members(part: Part) -> Part:
 
 
 def encode_members(part: Part) -> Iterator[bytes]:
-    """Lines that begin with #, a line of names, then a row per member, station and case."""
+    """Yield lines that begin with #, a line of names, then a row per member, station and case."""
     text = io.StringIO()
     text.writelines(f"# {line}\r\n" for line in MEMBER_NOTES)
     writer = csv.writer(text)
@@ -130,12 +129,12 @@ def encode_members(part: Part) -> Iterator[bytes]:
     for member, bar in part.details.records["bars"].items():
         for case, forces in bar["forces"].items():
             for bay, s, row in zip(bar["bay"], bar["s"], forces, strict=True):
-                writer.writerow([case, member, bay, *(f"{x:.{DIGITS}g}" for x in (s, *row))])
+                writer.writerow([case, member, bay, *map(_number, (s, *row))])
     yield text.getvalue().encode()
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
-    """Read back number by number, by numpy."""
+    """Read the numbers back with numpy."""
     found = np.loadtxt(
         path, delimiter=",", comments=None, skiprows=len(MEMBER_NOTES) + 1, quotechar='"', usecols=range(4, 10), ndmin=2
     )
@@ -148,17 +147,13 @@ def check_members(part: Part, path: Path) -> ReadBack:
     return ReadBack(len(found), "rows")
 
 
-WORKBOOK_READ = 1e-9
-"""Numbers read back may be off by this share of the largest of their member."""
-WIDTH = 31
-"""Characters of a sheet's name, at most."""
 NOT_IN_NAMES = str.maketrans(dict.fromkeys("[]:*?/\\'", "_"))
 OF_ALL = ("least", "greatest")
-"""Rows that are of no case."""
+"""Rows that belong to no case."""
 
 
 def encode_workbook(part: Part) -> Iterator[bytes]:
-    """The workbook; the same part gives the same bytes."""
+    """Yield the workbook; equal parts give equal bytes."""
     import xlsxwriter
 
     file, records = io.BytesIO(), part.details.records
@@ -185,7 +180,7 @@ def encode_workbook(part: Part) -> Iterator[bytes]:
 
 
 def check_workbook(part: Part, path: Path) -> ReadBack:
-    """Read back by the standard library's readers of archives and XML, number by number."""
+    """Read the numbers back with the standard library's readers of archives and XML."""
     found, bars = workbook_cells(path), part.details.records["bars"]
     if len(found) != len(bars) + 2:
         raise differs(part, "sheets", len(bars) + 2, len(found))
@@ -193,22 +188,27 @@ def check_workbook(part: Part, path: Path) -> ReadBack:
     for name, bar in zip(sheet_names(bars), bars.values(), strict=True):
         numbers = np.array([row[3:] for row in found[name][1:]], dtype=np.float64)
         given = np.concatenate(list(bar["forces"].values()))
-        if numbers.shape != given.shape or not (np.abs(numbers - given) <= WORKBOOK_READ * np.abs(given).max()).all():
+        if (
+            numbers.shape != given.shape
+            or not (np.abs(numbers - given) <= NUMBERS_READ_BACK * np.abs(given).max()).all()
+        ):
             raise ExportError(f"the forces of {name} of {part.name!r} read back different; write member_forces.csv")
         count += len(given)
     return ReadBack(count, "rows")
 
 
 def sheet_names(bars: Any) -> list[str]:
-    """Names of members as sheets may have them: 31 characters, none of []:*?/\\', each once, in capitals or not."""
-    seen, names = {"about", "largest"}, []
+    r"""Return names of members as sheet names: at most 31 characters, none of []:*?/\\', each once regardless of
+    case.
+    """
+    seen, names, width = {"about", "largest"}, [], 31
     for member in bars:
-        word = str(member).translate(NOT_IN_NAMES)[:WIDTH]
+        word = str(member).translate(NOT_IN_NAMES)[:width]
         count = 1
         while word.lower() in seen:
             count += 1
             tail = f" ({count})"
-            word = str(member).translate(NOT_IN_NAMES)[: WIDTH - len(tail)] + tail
+            word = str(member).translate(NOT_IN_NAMES)[: width - len(tail)] + tail
         seen.add(word.lower())
         names.append(word)
     return names
@@ -221,7 +221,7 @@ def _rows(bar: Any) -> Iterator[list[Any]]:
 
 
 def _largest(records: Any) -> Iterator[list[Any]]:
-    """Of each member and each number, the value that is farthest from nothing, and where."""
+    """Rows with the value of largest magnitude of each member and each number, and its place."""
     for member, bar in records["bars"].items():
         cases = [case for case in bar["forces"] if case not in OF_ALL or len(bar["forces"]) == 1]
         tables = np.stack([bar["forces"][case] for case in cases])
@@ -235,19 +235,17 @@ UTILISATION_NOTES = (
     "units: metres, newtons, newton metres; forces as in member_forces.csv, where that check decides",
 )
 HEAD = ("member", "bay", "utilisation", "check", "clause", "case", "along [m]", "width [m]", "thickness [m]", "bay [m]")
-NUMBERS = 2
-"""The first column of numbers."""
 
 
 def prepare_utilisation(part: Part) -> Part:
-    """The part as it is; raises ExportError if it comes without members that were checked."""
+    """Return the part itself; raises ExportError if no members were checked."""
     if "utilisation" not in part.details.records:
         raise ExportError(f"{part.name!r} has no members to check; only a design knows them: use design.write(...)")
     return part
 
 
 def encode_utilisation(part: Part) -> Iterator[bytes]:
-    """Lines that begin with #, a line of names, then a row for each bay of a member."""
+    """Yield lines that begin with #, a line of names, then a row for each bay of a member."""
     found = part.details.records["utilisation"]
     text = io.StringIO()
     text.writelines(f"# {line}\r\n" for line in _lines(found))
@@ -268,23 +266,23 @@ def _lines(found: Any) -> Iterator[str]:
 
 
 def _number(value: float) -> str:
-    return f"{value:.{DIGITS}g}"
+    return f"{value:.8g}"
 
 
 def check_utilisation(part: Part, path: Path) -> ReadBack:
-    """Read back number by number."""
+    """Read the numbers back."""
     found = part.details.records["utilisation"]
     lines = path.read_text(encoding="utf-8").splitlines()
     rows = list(csv.reader(line for line in lines if not line.startswith("#")))[1:]
     given = np.array([[row["utilisation"], *row["forces"], *row["each"]] for row in found["rows"]])
     if len(rows) != len(given):
         raise differs(part, "rows", len(given), len(rows))
-    read = np.array([[float(row[NUMBERS]), *map(float, row[len(HEAD) :])] for row in rows])
+    read = np.array([[float(row[HEAD.index("utilisation")]), *map(float, row[len(HEAD) :])] for row in rows])
     if not (np.abs(read - given) <= READ * np.maximum(np.abs(given).max(axis=0), 1e-30)).all():
         raise ExportError(f"the table of {part.name!r} reads back different; write member_forces.csv instead")
     return ReadBack(len(rows), "rows")
 
 
 def sentence(part: Part, refused: Sequence[ExportError]) -> str:
-    """Which member bears most."""
+    """Return a sentence on the member with the largest utilisation."""
     return "; ".join(part.details.records["utilisation"]["told"])

@@ -19,12 +19,12 @@ HEAD = ("id", "kind", "family", "number", "part", "closed", "length_mm", "point"
 
 
 def prepare_csv(part: Part) -> Part:
-    """The part as it is; raises ExportError if it has no lines."""
+    """Return the part itself; raises ExportError if it has no lines."""
     return with_lines(part, ".csv")
 
 
 def encode_csv(part: Part) -> Iterator[bytes]:
-    """A row per point; coordinates to 1e-6 mm. Points count from 1; a closed line ends with its first point."""
+    """Yield a row per point; coordinates to 1e-6 mm. Points count from 1; a closed line ends with its first point."""
     yield (",".join(HEAD) + "\r\n").encode()
     for line in part.details.lines:
         text = io.StringIO()
@@ -36,7 +36,7 @@ def encode_csv(part: Part) -> Iterator[bytes]:
 
 
 def check_csv(part: Part, path: Path) -> ReadBack:
-    """Read back row by row."""
+    """Read the rows back."""
     with open(path, encoding="utf-8", newline="") as file:
         table = list(csv.DictReader(file))
     found = [
@@ -47,12 +47,12 @@ def check_csv(part: Part, path: Path) -> ReadBack:
 
 
 def prepare_json(part: Part) -> Part:
-    """The part as it is; raises ExportError if it has no lines."""
+    """Return the part itself; raises ExportError if it has no lines."""
     return with_lines(part, ".json")
 
 
 def encode_json(part: Part) -> Iterator[bytes]:
-    """One object; a line of text per line, coordinates to 1e-6 mm."""
+    """Yield one object, with a line of text for each line; coordinates to 1e-6 mm."""
     head = {
         "name": part.name,
         "program": f"dsfab {__version__}",
@@ -69,20 +69,20 @@ def encode_json(part: Part) -> Iterator[bytes]:
 
 
 def check_json(part: Part, path: Path) -> ReadBack:
-    """Read back as a whole."""
+    """Read the object back."""
     lines = json.loads(path.read_text(encoding="utf-8"))["lines"]
     return check_lines(part, [np.array(line["points"], dtype=np.float64) for line in lines])
 
 
 def prepare_members(part: Part) -> Part:
-    """The part as it is; raises ExportError if it comes without members."""
+    """Return the part itself; raises ExportError if it has no members."""
     if not part.details.records.get("members"):
         raise ExportError(f"{part.name!r} has no members to write; only a design knows them: use design.write(...)")
     return part
 
 
 def encode_members_json(part: Part) -> Iterator[bytes]:
-    """One object; a line of text for each member and for each node."""
+    """Yield one object, with a line of text for each member and for each node."""
     records = part.details.records
     head = {"name": part.name, "program": f"dsfab {__version__}", "unit": "millimetre", "curvature": "1/m"}
     yield (json.dumps(head | {"notes": records["notes"]}, ensure_ascii=False)[:-1]).encode()
@@ -95,7 +95,7 @@ def encode_members_json(part: Part) -> Iterator[bytes]:
 
 
 def check_members_json(part: Part, path: Path) -> ReadBack:
-    """Read back as a whole."""
+    """Read the object back."""
     found = json.loads(path.read_text(encoding="utf-8"))
     for key in ("members", "nodes"):
         check_records(part, key, [entry["id"] for entry in found[key]])
@@ -103,38 +103,38 @@ def check_members_json(part: Part, path: Path) -> ReadBack:
 
 
 def check_records(part: Part, key: str, names: list[str]) -> None:
-    """Raise ExportError unless these are the names of the part's members, or nodes."""
+    """Raise ExportError unless the names are those of the part's members, or nodes."""
     wanted = [entry["id"] for entry in part.details.records[key]]
     if names != wanted:
         raise differs(part, key, len(wanted), len(names))
 
 
 def length_error(part: Part, found: float) -> ReadBack:
-    """What was found of the members, whose lengths add up to `found` millimetres."""
+    """Return the content read back: members whose lengths add up to `length_read` millimetres."""
     members = part.details.records["members"]
     wanted = sum(entry["length"] for entry in members)
     return ReadBack(len(members), "members", found / wanted - 1 if wanted else float("nan"), "length")
 
 
 def encode_members(part: Part) -> Iterator[bytes]:
-    """A row per member: lengths in millimetres, curvatures in 1/m; empty where there is no axis."""
+    """Yield a row per member: lengths in millimetres, curvatures in 1/m; empty without an axis."""
     yield from _table([_member_row(entry) for entry in part.details.records["members"]])
 
 
 def encode_nodes(part: Part) -> Iterator[bytes]:
-    """A row per node: lengths in millimetres, angles in degrees."""
+    """Yield a row per node: lengths in millimetres, angles in degrees."""
     yield from _table([_node_row(entry) for entry in part.details.records["nodes"]], list(_node_row(_NO_NODE)))
 
 
 def check_members(part: Part, path: Path) -> ReadBack:
-    """Read back row by row."""
+    """Read the rows back."""
     rows = _rows(path)
     check_records(part, "members", [row["id"] for row in rows])
     return length_error(part, sum(float(row["length_mm"]) for row in rows))
 
 
 def check_nodes(part: Part, path: Path) -> ReadBack:
-    """Read back row by row."""
+    """Read the rows back."""
     rows = _rows(path)
     check_records(part, "nodes", [row["id"] for row in rows])
     return ReadBack(len(rows), "nodes")

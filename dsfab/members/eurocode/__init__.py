@@ -1,9 +1,8 @@
-"""Members against the Eurocodes: what each bears over what it can bear, with the clause at every number.
+"""Members against the Eurocodes: force over resistance of each bay, with the clause of every number.
 
-grades      characteristic strengths by the names of materials     durations   of loads, and k_mod
-bays        members from node to node, with sections and forces    checks      names and clauses; what is found
-steel       EN 1993-1-1 of flats                                   timber      EN 1995-1-1 of laths
-plain       stress over strength, where no standard is known       rules       all of it together
+grades   characteristic strengths by material, durations of loads, k_mod
+checks   bays with sections and forces, names and clauses of checks, their utilisation; stress over strength
+steel    EN 1993-1-1 of flats        timber   EN 1995-1-1 of laths        rules   the check of a whole structure
 """
 
 from dsfab.members.eurocode.checks import CodeCheck, MemberBays, Utilisation

@@ -15,12 +15,12 @@ from dsfab.members.frame import STATIONS, MemberForces, torsion_constant
 
 @dataclass(frozen=True, eq=False)
 class MemberBays:
-    """b bays of members, each with five stations; lengths in metres.
+    """Bays (b) of members, each with five stations; lengths in metres.
 
     member, name : (b,) of the member, and "N012 N013" of its nodes.
     s         : (b, 5) along the axis of the member.    width : (b, 5) of the section.    thickness : of all.
     length    : (b,) from node to node, along the axis.
-    curvature : (b, 5) of the axis with the surface, 1/m.
+    curvature : (b, 5) normal curvature of the axis, 1/m.
     forces    : by case and combination, (b, 5, 6) N, Vy, Vz, N; Mt, My, Mz, Nm, see `dsfab.members.frame.MemberForces`.
 
           z, normal      width along y, thickness along z:
@@ -47,7 +47,7 @@ class MemberBays:
 
     @classmethod
     def of(cls, graph: MemberGraph, forces: Mapping[str, MemberForces], thickness: float) -> "MemberBays":
-        """The bays of members whose forces are known; thickness in metres."""
+        """Return the bays of members with forces; thickness in metres."""
         rows = [_member_bays(graph, one) for one in forces.values()]
         names = list(dict.fromkeys(case for one in forces.values() for case in one.forces))
         if not rows:
@@ -63,14 +63,13 @@ class MemberBays:
         return cls(member, bay, s, width, thickness, length, curvature, by_case)
 
     def some(self, cases: list[str]) -> "MemberBays":
-        """The same with the forces of some cases only."""
+        """Return the bays with the forces of these cases only."""
         return replace(self, forces={case: self.forces[case] for case in cases})
 
 
 def _member_bays(
     graph: MemberGraph, one: MemberForces
 ) -> tuple[tuple[str, ...], tuple[str, ...], tuple[Floats, Floats, Floats, Floats]]:
-    """Of one member: its name and those of its b bays; their lengths (b,), and s, width and curvature (b, 5) each."""
     axis, nodes = graph.by_id[one.member].axis, graph.along[one.member]
     assert axis is not None
     lengths = graph.bays(one.member).tolist()
@@ -83,7 +82,7 @@ def _member_bays(
 
 
 class CodeCheck(NamedTuple):
-    """What is checked, in words, and the clause and formula that say how."""
+    """Name of a check, with its clause and formula."""
 
     name: str
     clause: str
@@ -93,18 +92,18 @@ class CodeCheck(NamedTuple):
 
 
 Found = dict[CodeCheck, Floats]
-"""By check, (b, 5) at the stations of each bay, or (b, 1) of the bay as a whole: 1 is what it can bear."""
+"""Ratios of force to resistance by check: (b, 5) at the stations, or (b, 1) for the whole bay."""
 
 
 @dataclass(frozen=True, eq=False)
 class Utilisation:
-    """What bays bear over what they can bear: 1 is full.
+    """Force over resistance of bays; 1 is the limit.
 
-    bays     : b of them.    checks : c of them.    standard : that they are from, or why there is none.
-    values   : by case or combination that is judged, (b, c), the largest along each bay.
-    station  : by the same, (b, c) the station in 0 to 4 where it is; 0 where it is of the bay as a whole.
-    assumed  : sentences: what was taken for granted.    unchecked : what nobody looked at.
-    combined : whether cases are combinations with partial factors.
+    bays     : b of them.    checks : c of them.    standard : of the checks, or the reason for having none.
+    values   : by case or combination, (b, c), the largest along each bay.
+    station  : by case, (b, c) station of that value, 0 to 4; 0 for a value of the whole bay.
+    assumed  : sentences on assumptions.    unchecked : topics without a check.
+    combined : True if cases are combinations with partial factors.
     """
 
     bays: MemberBays
@@ -124,45 +123,44 @@ class Utilisation:
 
     @cached_property
     def cases(self) -> tuple[str, ...]:
-        """The cases and combinations that were judged."""
+        """Names of the cases and combinations."""
         return tuple(self.values)
 
     @cached_property
     def _all(self) -> Floats:
-        """(b, k, c) by case."""
         return np.stack([self.values[case] for case in self.cases], axis=1)
 
     @cached_property
     def worst(self) -> Floats:
-        """(b, c) the largest of all cases."""
+        """(b, c) largest value of all cases."""
         return np.asarray(self._all.max(axis=1))
 
     @cached_property
     def largest(self) -> Floats:
-        """(b,) of all checks and cases."""
+        """(b,) largest value of all checks and cases."""
         return np.asarray(self.worst.max(axis=1))
 
     def governing(self, bay: int) -> tuple[CodeCheck, str, int]:
-        """The check, the case and the station (0 to 4) that decide over a bay."""
+        """Return the governing check, case and station (0 to 4) of a bay."""
         k, c = np.unravel_index(int(self._all[bay].argmax()), self._all[bay].shape)
         case = self.cases[int(k)]
         return self.checks[int(c)], case, int(self.station[case][bay, int(c)])
 
     @cached_property
     def order(self) -> Ints:
-        """(b,) numbers of the bays, the one that bears most of what it can first."""
+        """(b,) numbers of the bays by falling utilisation."""
         return np.argsort(-self.largest, kind="stable")
 
     @cached_property
     def by_member(self) -> dict[str, float]:
-        """The largest of each member, by name."""
+        """Largest utilisation of each member, by name."""
         found: dict[str, float] = {}
         for name, value in zip(self.bays.member, self.largest.tolist(), strict=True):
             found[name] = max(found.get(name, 0.0), value)
         return found
 
     def worst_bays(self, count: int) -> list[int]:
-        """Of the members that bear most of what they can, the worst bay of each, worst first."""
+        """Return the worst bay of each of the `count` members with the largest utilisation, worst first."""
         seen: dict[str, int] = {}
         for bay in self.order.tolist():
             seen.setdefault(self.bays.member[bay], bay)
@@ -170,7 +168,7 @@ class Utilisation:
 
     @property
     def told(self) -> str:
-        """A sentence: the worst of all."""
+        """Sentence on the largest utilisation and the number of members above 100 %."""
         bay = int(self.order[0])
         check, case, _ = self.governing(bay)
         over = [name for name, value in self.by_member.items() if value > 1]
@@ -181,14 +179,14 @@ class Utilisation:
 
 @dataclass(frozen=True, eq=False)
 class Rectangle:
-    """Sections as wide as `width` along y and as thick as `thickness` along z, metres: (b, k) both, k along b bays."""
+    """Sections with `width` along y and `thickness` along z, metres: (b, k) both, k along b bays."""
 
     width: Floats
     thickness: Floats
 
     @cached_property
     def area(self) -> Floats:
-        """(b, k) m2."""
+        """(b, k) areas, m2."""
         return np.asarray(self.width * self.thickness)
 
     @cached_property
@@ -203,22 +201,22 @@ class Rectangle:
 
     @cached_property
     def iy(self) -> Floats:
-        """(b, k) radius of gyration of what bends with the surface, metres."""
+        """(b, k) radii of gyration for bending with the surface, metres."""
         return np.asarray(self.thickness / np.sqrt(12))
 
     @cached_property
     def iz(self) -> Floats:
-        """(b, k) radius of gyration of what bends in the surface, metres."""
+        """(b, k) radii of gyration for bending in the surface, metres."""
         return np.asarray(self.width / np.sqrt(12))
 
     @cached_property
     def lying(self) -> Floats:
-        """(b, k) 1 where the strong axis is z: where the section is wider than thick; else 0."""
+        """(b, k) 1 if the strong axis is z (wider than thick); else 0."""
         return np.asarray((self.width >= self.thickness).astype(np.float64))
 
     @cached_property
     def weak(self) -> Floats:
-        """(b, k) second moment about the weak axis, m4."""
+        """(b, k) second moments about the weak axis, m4."""
         a, t = np.maximum(self.width, self.thickness), np.minimum(self.width, self.thickness)
         return np.asarray(a * t**3 / 12)
 
@@ -229,26 +227,28 @@ class Rectangle:
 
     @cached_property
     def Wt(self) -> Floats:  # noqa: N802
-        """(b, k) torque over the largest shear stress, m3 [Roark, table 10.1, case 4]."""
+        """(b, k) torque over largest shear stress, m3 [Roark, table 10.1, case 4]."""
         a = np.maximum(self.width, self.thickness) / 2
         r = np.minimum(self.width, self.thickness) / 2 / a
         return np.asarray(8 * a**3 * r**2 / (3 * (1 + 0.6095 * r + 0.8865 * r**2 - 1.8023 * r**3 + 0.91 * r**4)))
 
     def slimmest(self) -> "Rectangle":
-        """(b, 1) the narrowest within each bay; its ends are at joints, where other members are material too."""
+        """Return the narrowest section (b, 1) of each bay without its ends, because joints have more material."""
         inner = slice(1, -1) if self.width.shape[1] > 2 else slice(None)
         narrow = (side[:, inner].min(axis=1, keepdims=True) for side in (self.width, self.thickness))
         return Rectangle(*narrow)
 
     def torsional(self, length: Floats, young: float, shear: float) -> Floats:
-        """(b, k) the moment about the strong axis, Nm, at which a bay of a length in metres buckles sideways, under one
-        that is alike along it [Timoshenko, Gere 1961, 6.1]: pi / L sqrt(E I G It)."""
+        """(b, k) critical uniform moment (Nm) of lateral buckling for bay lengths in metres [Timoshenko, Gere 1961,
+        6.1]: pi / L sqrt(E I G It).
+        """
         return np.asarray(np.pi / length * np.sqrt(young * self.weak * shear * self.It))
 
 
 def moment_factor(moment: Floats) -> Floats:
-    """(b, 1) C_m of moments (b, 5) along bays [EN 1993-1-1, table B.3, uniform loading; one that varies in a straight
-    line has 0.6 + 0.4 psi]: the end with the larger moment, the other over it, and the middle."""
+    """(b, 1) factor C_m of moments (b, 5) along bays [EN 1993-1-1, table B.3, uniform loading]; a linear moment has
+    0.6 + 0.4 psi. It depends on the larger end moment, the ratio psi of both, and the moment at the middle.
+    """
     ends = moment[:, [0, -1]]
     first = np.abs(ends[:, 0]) >= np.abs(ends[:, 1])
     large, small = np.where(first, ends[:, 0], ends[:, 1]), np.where(first, ends[:, 1], ends[:, 0])
@@ -268,8 +268,10 @@ STRESS = CodeCheck("stress over strength", "no standard: sqrt(s^2 + 3 t^2), s = 
 
 
 def plain_checks(bays: MemberBays, forces: Floats, strength: float, bent: Floats) -> Found:
-    """The largest von Mises stress of an elastic section over a strength, Pa; bent : (b, 5) Pa, of bending members into
-    shape."""
+    """Return the largest von Mises stress of an elastic section over a strength, Pa, for forces (b, 5, 6).
+
+    bent : (b, 5) stress from bending members into shape, Pa.
+    """
     section = Rectangle(bays.width, np.full_like(bays.width, bays.thickness))
     N, Vy, Vz, Mt, My, Mz = np.abs(np.moveaxis(forces, -1, 0))
     axial = N / section.area + My / section.Wy + Mz / section.Wz + bent

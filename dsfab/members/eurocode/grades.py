@@ -9,18 +9,20 @@ MPA = 1e6
 
 @dataclass(frozen=True)
 class SteelGrade:
-    """yields : (thickness up to which, metres; yield strength, Pa), thin plates first.    source : of these."""
+    """A steel grade. yields : pairs of largest thickness (m) and yield strength (Pa), thin plates first.    source
+    : of these.
+    """
 
     name: str
     yields: tuple[tuple[float, float], ...]
     source: str
 
     def fy(self, thickness: float) -> float:
-        """Yield strength of a plate of a thickness in metres, Pa; the last of the table for what is thicker."""
+        """Return the yield strength (Pa) of a plate of a thickness in metres; beyond the table its last value."""
         return next((value for most, value in self.yields if thickness <= most * (1 + 1e-9)), self.yields[-1][1])
 
     def covers(self, thickness: float) -> bool:
-        """Whether the table goes so far; metres."""
+        """Return True if the table covers the thickness (m)."""
         return thickness <= self.yields[-1][0] * (1 + 1e-9)
 
 
@@ -30,7 +32,7 @@ def _steel(name: str, megapascals: tuple[float, ...], product: str) -> SteelGrad
 
 
 PLATES = (0.04, 0.08, 0.1, 0.15, 0.2)
-"""Metres; thicknesses at which yield strengths step. EN 1993-1-1 has two steps up to 80 mm, EN 10025 goes on."""
+"""Thicknesses (m) at which yield strengths step. EN 1993-1-1 has two steps up to 80 mm, EN 10025 goes on."""
 
 STEEL = {
     grade.name: grade
@@ -51,7 +53,7 @@ class TimberGrade:
     """Characteristic values along the grain, Pa: bending `fm`, tension `ft`, compression `fc`, shear `fv`, the 5 %
     quantiles of the moduli `E05` and `G05`.
 
-    fm_flat, fv_flat : of what lies flat and is bent over its thin side; those of LVL differ.
+    fm_flat, fv_flat : for flatwise bending; those of LVL differ.
     size : exponent s of LVL's size effect.
     """
 
@@ -101,7 +103,7 @@ TIMBER = {
 
 Duration = Literal["permanent", "long", "medium", "short", "instantaneous"]
 DURATIONS: tuple[Duration, ...] = get_args(Duration)
-"""From over ten years to moments, as EN 1995-1-1, table 2.1."""
+"""Load durations from over ten years to moments [EN 1995-1-1, table 2.1]."""
 
 ServiceClass = Literal[1, 2, 3]
 
@@ -110,14 +112,14 @@ K_MOD: dict[ServiceClass, tuple[float, ...]] = {
     2: (0.6, 0.7, 0.8, 0.9, 1.1),
     3: (0.5, 0.55, 0.65, 0.7, 0.9),
 }
-"""Of solid timber, glulam and LVL [EN 1995-1-1, table 3.1], by `DURATIONS`."""
+"""Factors of solid timber, glulam and LVL [EN 1995-1-1, table 3.1], by `DURATIONS`."""
 
 
 def k_mod(duration: Duration, service_class: ServiceClass) -> float:
-    """Factor on strengths for the duration of the load and the moisture [EN 1995-1-1, table 3.1]."""
+    """Return the factor on strengths for load duration and moisture [EN 1995-1-1, table 3.1]."""
     return K_MOD[service_class][DURATIONS.index(duration)]
 
 
 def shortest(durations: Iterable[Duration]) -> Duration:
-    """Of loads that act together the shortest counts [EN 1995-1-1, 3.1.3 (2)]."""
+    """Return the shortest duration, which governs loads that act together [EN 1995-1-1, 3.1.3 (2)]."""
     return max(durations, key=DURATIONS.index)

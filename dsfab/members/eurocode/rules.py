@@ -1,4 +1,4 @@
-"""`utilisation`: bays of members against the standard of their material, case by case."""
+"""Check bays of members by the standard of their material, case by case."""
 
 from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass, field
@@ -23,16 +23,16 @@ UNCHECKED = (
     "plates, discs, fills and stubs without a bay between two nodes",
     "fire, fatigue, brittle fracture, corrosion; displacements",
 )
-"""What no check here looks at."""
+"""Topics without a check here."""
 
 
 @dataclass(frozen=True)
 class Rules:
-    """What members are checked by.
+    """Rules for checking members.
 
     material  : its name, or ''.    young, shear : moduli, Pa.    strength : Pa, of materials without a standard here.
-    durations : of loads, by case and combination.    steel, timber : factors.    loads : a sentence on what they are.
-    combined  : whether they are combinations with partial factors.
+    durations : of loads, by case and combination.    steel, timber : factors.    loads : sentence on the loads.
+    combined  : True if cases are combinations with partial factors.
     """
 
     material: str
@@ -47,9 +47,9 @@ class Rules:
 
 
 def utilisation(bays: MemberBays, rules: Rules) -> Utilisation:
-    """What bays bear over what they can bear, for all their cases.
+    """Return force over resistance of bays for all their cases.
 
-    Raises StaticsError where neither the material nor a strength is known, and where there are no bays.
+    Raises StaticsError if neither the material nor a strength is known, and if there are no bays.
     """
     if not bays.member:
         raise StaticsError(
@@ -70,7 +70,6 @@ Way = tuple[Callable[[MemberBays, str], Found], str, Iterator[str]]
 
 
 def _way(rules: Rules, thickness: float) -> Way:
-    """The checks of a case, the standard that they are from, and what is assumed."""
     if (grade := STEEL.get(rules.material)) is not None:
         return _steel_way(grade, rules, thickness)
     if (timbers := TIMBER.get(rules.material)) is not None:
@@ -135,5 +134,5 @@ def _timber_words(grade: TimberGrade, rules: Rules) -> Iterator[str]:
 
 
 def _bent(rules: Rules) -> Callable[[MemberBays], Floats]:
-    """(b, 5) Pa, of bending layers into shape."""
+    """Function that returns (b, 5) stresses from bending layers into shape, Pa."""
     return lambda bays: np.asarray(rules.young * rules.timber.layer * np.abs(bays.curvature) / 2)

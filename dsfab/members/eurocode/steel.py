@@ -14,9 +14,7 @@ Curve = Literal["a0", "a", "b", "c", "d"]
 ALPHA: dict[Curve, float] = {"a0": 0.13, "a": 0.21, "b": 0.34, "c": 0.49, "d": 0.76}
 """Imperfection factors of buckling curves [EN 1993-1-1, table 6.1]."""
 SIDEWAYS: Curve = "d"
-"""The curve of lateral torsional buckling of what is no I [EN 1993-1-1, table 6.4]."""
-NEARLY = 0.95
-"""Shear over this share of what a section bears takes no more of its bending than at this share: it decides itself."""
+"""Curve of lateral torsional buckling for sections other than I [EN 1993-1-1, table 6.4]."""
 
 TENSION = CodeCheck("tension", f"{STANDARD} 6.2.3 (6.5)")
 COMPRESSION = CodeCheck("compression", f"{STANDARD} 6.2.4 (6.9)")
@@ -30,8 +28,9 @@ BOTH = CodeCheck("buckling and bending", f"{STANDARD} 6.3.3 (6.61), (6.62)")
 
 @dataclass(frozen=True)
 class SteelFactors:
-    """curve : of flexural buckling, c for solid sections [EN 1993-1-1, table 6.2].    gamma_m0, gamma_m1 : partial
-    factors of sections and of members [6.1].    buckling_length : over the distance of nodes."""
+    """Factors of steel checks. curve : of flexural buckling, c for solid sections [EN 1993-1-1, table 6.2].
+    gamma_m0, gamma_m1 : partial factors of sections and members [6.1].    buckling_length : over the distance of nodes.
+    """
 
     curve: Curve = "c"
     gamma_m0: float = 1.0
@@ -42,7 +41,7 @@ class SteelFactors:
 def steel_checks(
     bays: MemberBays, forces: Floats, grade: SteelGrade, elastic: tuple[float, float], factors: SteelFactors
 ) -> Found:
-    """What bays bear of forces (b, 5, 6) over what they can.
+    """Return force over resistance of bays under forces (b, 5, 6).
 
     elastic : Young's modulus and the shear modulus, Pa.
     """
@@ -54,17 +53,18 @@ def steel_checks(
 
 
 def section_checks(section: Rectangle, forces: Floats, fd: float) -> Found:
-    """Of sections (b, 5) under forces (b, 5, 6), with fd = f_y / gamma_M0, Pa.
+    """Check sections (b, 5) under forces (b, 5, 6), with fd = f_y / gamma_M0, Pa.
 
-    Shear is that of the elastic distribution, 1.5 V / A, with St. Venant's torsion added. Where V is over half of its
-    plastic resistance, that which torsion leaves, the yield strength for N and M is (1 - rho) f_y [6.2.8, 6.2.10].
-    (6.32) in (6.41) with both exponents 1 is the sum of (N / N_Rd)^2 and of M / M_pl,Rd.
+    Shear is that of the elastic distribution, 1.5 V / A, plus St. Venant's torsion. Where V exceeds half of its plastic
+    resistance, reduced by torsion, the yield strength for N and M is (1 - rho) f_y [6.2.8, 6.2.10]. (6.32) in (6.41)
+    with both exponents 1 is the sum of (N / N_Rd)^2 and of M / M_pl,Rd.
     """
     N, Vy, Vz, Mt, My, Mz = np.moveaxis(forces, -1, 0)
     V, torsion = np.hypot(Vy, Vz) / section.area, np.abs(Mt) / section.Wt
     tau = fd / np.sqrt(3)
-    plastic = V / tau / np.maximum(1 - torsion / tau, V / tau / NEARLY + 1e-12)
-    rho = np.where(plastic > 0.5, (2 * np.minimum(plastic, NEARLY) - 1) ** 2, 0.0)
+    nearly = 0.95  # above it the shear check governs
+    plastic = V / tau / np.maximum(1 - torsion / tau, V / tau / nearly + 1e-12)
+    rho = np.where(plastic > 0.5, (2 * np.minimum(plastic, nearly) - 1) ** 2, 0.0)
     n, left = N / (section.area * fd), 1 - rho
     bent = np.abs(My) / (1.5 * section.Wy * fd) + np.abs(Mz) / (1.5 * section.Wz * fd)
     return {
@@ -76,7 +76,7 @@ def section_checks(section: Rectangle, forces: Floats, fd: float) -> Found:
 
 
 def reduction(slenderness: Floats, curve: Curve) -> Floats:
-    """(b, k) chi of slendernesses (b, k) [EN 1993-1-1, (6.49)]; 1 up to 0.2."""
+    """(b, k) factor chi of slendernesses (b, k) [EN 1993-1-1, (6.49)]; 1 up to 0.2."""
     phi = 0.5 * (1 + ALPHA[curve] * (slenderness - 0.2) + slenderness**2)
     chi = 1 / (phi + np.sqrt(np.maximum(phi**2 - slenderness**2, 0.0)))
     return np.asarray(np.where(slenderness <= 0.2, 1.0, np.minimum(chi, 1.0)))
@@ -85,7 +85,7 @@ def reduction(slenderness: Floats, curve: Curve) -> Floats:
 def member_checks(
     section: Rectangle, forces: Floats, length: Floats, material: tuple[float, float, float], factors: SteelFactors
 ) -> Found:
-    """(b, 1) of whole bays, with buckling lengths (b, 1), metres; material : f_y, E and G, Pa.
+    """(b, 1) checks of whole bays with buckling lengths (b, 1), metres; material : f_y, E and G, Pa.
 
     The largest compression and the largest moments of a bay act together on its narrowest section. Moments are over
     elastic resistances, with the interaction factors of annex B for class 3 and members that may twist (table B.2).

@@ -14,13 +14,13 @@ GAMMA: dict[Product, float] = {"solid timber": 1.3, "glulam": 1.25, "LVL": 1.2}
 K_CR: dict[Product, float] = {"solid timber": 0.67, "glulam": 0.67, "LVL": 1.0}
 """Share of the width that cracks leave for shear [EN 1995-1-1, 6.1.7 (2)]."""
 BETA: dict[Product, float] = {"solid timber": 0.2, "glulam": 0.1, "LVL": 0.1}
-"""How far members are from straight [EN 1995-1-1, (6.29)]."""
+"""Imperfection factors of members [EN 1995-1-1, (6.29)]."""
 K_M = 0.7
-"""Of rectangles [EN 1995-1-1, 6.1.6 (2)]."""
+"""Factor of rectangles [EN 1995-1-1, 6.1.6 (2)]."""
 STRAIGHT = 0.3
-"""Up to this relative slenderness nothing buckles [EN 1995-1-1, 6.3.2 (2)]."""
+"""Relative slenderness without buckling [EN 1995-1-1, 6.3.2 (2)]."""
 LVL_HEIGHT, LVL_LENGTH = 0.3, 3.0
-"""Metres, beyond which LVL bears less [EN 1995-1-1, 3.4]."""
+"""Sizes (m) above which the strength of LVL falls [EN 1995-1-1, 3.4]."""
 
 TENSION = CodeCheck("tension", f"{STANDARD} 6.1.2 (6.1)")
 COMPRESSION = CodeCheck("compression", f"{STANDARD} 6.1.4 (6.2)")
@@ -36,9 +36,10 @@ BEAM = CodeCheck("stability as a beam", f"{STANDARD} 6.3.3 (6.33), (6.35)")
 
 @dataclass(frozen=True)
 class TimberFactors:
-    """service_class : 1 heated, 2 under a roof, 3 in the open.    gamma_m : partial factor; None: that of table 2.3.
-    buckling_length : over the distance of nodes.    layer : metres of each layer that is bent into shape from straight;
-    0: members are made in their shape."""
+    """Factors of timber checks. service_class : 1 heated, 2 under a roof, 3 in the open.
+    gamma_m : partial factor; None: that of table 2.3.    buckling_length : over the distance of nodes.
+    layer : thickness (m) of straight layers that are bent into shape; 0: members have their shape from the start.
+    """
 
     service_class: ServiceClass = 2
     gamma_m: float | None = None
@@ -49,9 +50,9 @@ class TimberFactors:
 def timber_checks(
     bays: MemberBays, forces: Floats, grade: TimberGrade, elastic: float, duration: Duration, factors: TimberFactors
 ) -> Found:
-    """What bays bear of forces (b, 5, 6) over what they can, where the shortest load is of a duration.
+    """Return force over resistance of bays under forces (b, 5, 6), for the duration of the shortest load.
 
-    elastic : Young's modulus, Pa, of bending into shape: its stress is E layer |kn| / 2.
+    elastic : Young's modulus, Pa, for the stress from bending into shape, E layer |kn| / 2.
     """
     section = Rectangle(bays.width, np.full_like(bays.width, bays.thickness))
     over = (factors.gamma_m or GAMMA[grade.product]) / k_mod(duration, factors.service_class)
@@ -68,7 +69,7 @@ def timber_checks(
 
 @dataclass(frozen=True, eq=False)
 class Stresses:
-    """(b, 5) Pa: axial, tension positive; of bending with the surface and in it; of shear along y and z; of torsion."""
+    """(b, 5) Pa: axial, tension positive; bending with the surface and in it; shear along y and z; torsion."""
 
     axial: Floats
     my: Floats
@@ -79,7 +80,9 @@ class Stresses:
 
 
 def stresses(section: Rectangle, forces: Floats, bent: Floats, grade: TimberGrade) -> Stresses:
-    """Of forces (b, 5, 6); bent : (b, 5) Pa, of bending the member into shape, added to My's."""
+    """Return the stresses of forces (b, 5, 6); bent : (b, 5) Pa, of bending the member into shape, added to that of
+    My.
+    """
     N, Vy, Vz, Mt, My, Mz = np.moveaxis(forces, -1, 0)
     whole = K_CR[grade.product] * section.area
     return Stresses(
@@ -93,13 +96,13 @@ def stresses(section: Rectangle, forces: Floats, bent: Floats, grade: TimberGrad
 
 
 def _bending(section: Rectangle, stress: Stresses, grade: TimberGrade) -> tuple[Floats, Floats]:
-    """Both bending stresses over characteristic strengths; upright LVL of over 300 mm bears less [3.4 (3)]."""
+    """Both bending stresses over characteristic strengths; LVL on edge loses strength above 300 mm [3.4 (3)]."""
     deep = np.maximum(section.width / LVL_HEIGHT, 1.0) ** grade.size
     return stress.my / grade.fm_flat, stress.mz * deep / grade.fm
 
 
 def section_checks(section: Rectangle, stress: Stresses, over: float, lengthy: Floats, grade: TimberGrade) -> Found:
-    """Of sections (b, 5). over : gamma_M / k_mod.    lengthy : (b, 1), by which long LVL bears less tension [3.4]."""
+    """Check sections (b, 5). over : gamma_M / k_mod.    lengthy : (b, 1) reduction of tension for long LVL [3.4]."""
     y, z = (over * one for one in _bending(section, stress, grade))
     bent = np.maximum(y + K_M * z, K_M * y + z)
     tension = over * lengthy * np.maximum(stress.axial, 0.0) / grade.ft
@@ -118,20 +121,20 @@ def section_checks(section: Rectangle, stress: Stresses, over: float, lengthy: F
 
 
 def column_factor(slenderness: Floats, grade: TimberGrade) -> Floats:
-    """(b, k) k_c of relative slendernesses (b, k) [EN 1995-1-1, (6.25) to (6.29)]; 1 up to 0.3."""
+    """(b, k) factor k_c of relative slendernesses (b, k) [EN 1995-1-1, (6.25) to (6.29)]; 1 up to 0.3."""
     k = 0.5 * (1 + BETA[grade.product] * (slenderness - STRAIGHT) + slenderness**2)
     k_c = 1 / (k + np.sqrt(np.maximum(k**2 - slenderness**2, 0.0)))
     return np.asarray(np.where(slenderness <= STRAIGHT, 1.0, np.minimum(k_c, 1.0)))
 
 
 def beam_factor(slenderness: Floats) -> Floats:
-    """(b, k) k_crit of relative slendernesses in bending (b, k) [EN 1995-1-1, (6.34)]."""
+    """(b, k) factor k_crit of relative slendernesses in bending (b, k) [EN 1995-1-1, (6.34)]."""
     line = 1.56 - 0.75 * slenderness
     return np.asarray(np.select([slenderness <= 0.75, slenderness <= 1.4], [1.0, line], 1 / slenderness**2))
 
 
 def stability_checks(slim: Rectangle, stress: Stresses, over: float, length: Floats, grade: TimberGrade) -> Found:
-    """(b, 1) of whole bays with the narrowest section, under their largest stresses; length : (b, 1), metres."""
+    """(b, 1) checks of whole bays with the narrowest section, under their largest stresses; length : (b, 1), metres."""
     pressed = over * np.maximum(-stress.axial, 0.0).max(axis=1, keepdims=True) / grade.fc
     most = Stresses(*(np.max(one, axis=1, keepdims=True) for one in vars(stress).values()))
     y, z = (over * one for one in _bending(slim, most, grade))

@@ -1,10 +1,8 @@
-"""The beam model of a structure: its members as beams between nodes, solved and judged against the sheet.
+"""The beam model of a structure: its members as beams between nodes, solved and compared with the sheet.
 
-joints     where members are joined     ends    what their ends run into
-hubs       the middles of discs         beams   straight pieces between nodes
-carried    loads and supports, on nodes     build   all of it together: `Design.frame`
-model      `Frame`                      solve   displacements, reactions, forces        agreement   with the sheet
-forces     what members bear, from the section forces of the sheet    sections   how planes across them cut its faces
+joints   nodes of members, ends, hubs of discs      beams    straight pieces, loads and supports on nodes
+build    the whole model: `Design.frame`            model    `Frame`, its solution, agreement with the sheet
+forces   member forces from the section forces of the sheet
 """
 
 from dsfab.members.frame.build import frame_of

@@ -14,26 +14,14 @@ from dsfab.members import Member
 from dsfab.members.frame.joints import AxisJoints, fitting
 from dsfab.surface import LoadCase, Surface
 
-TURN = 5.0
-"""Degrees that a beam may leave out of its member's turning: bays that turn more become several beams."""
-TAPER = 1.25
-"""Nor over what its width changes by more than this factor: bays that taper become several beams."""
-FINEST = 0.5
-"""But none is shorter than this share of the width, joints left out."""
 SHORT = 1e-3
-"""Nodes of a member that are nearer than this share of its width are the same."""
-SPREAD = 0.5
-"""Within a joint a beam is wider than its member by this share of the other's width: that is material too, and forces
-spread into it by 45 degrees. Against the sheet, tower, vaults and gridshell: 0 gives compliances of 1.10, 1.02 and 1.06
-times the sheet's, 1 gives .96, 1.00 and .98."""
-FINE = 17
-"""Places along a bay at which its curvature and width are asked."""
-LEAST = 0.05
-"""AxisJoints that reach less far than this share of the width are none."""
+"""Nodes of a member that are nearer than this share of its width are equal."""
 
 
 class Row(NamedTuple):
-    """A beam: its nodes, local z, width and shift in metres, member and its width over the length of its bay."""
+    """A beam: its nodes, local z, width and shift in metres, member, and the member's width over the length of its
+    bay.
+    """
 
     ends: tuple[int, int]
     normal: Floats
@@ -45,8 +33,10 @@ class Row(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Beams:
-    """Columns of beams, see `Frame`.    stout : (b,) the width of the member over the length of its bay, 1 beside
-    others that it grazes."""
+    """Columns of beams, see `Frame`.
+
+    stout : (b,) width of the member over the length of its bay; 1 beside members that it grazes.
+    """
 
     ends: Ints
     normal: Floats
@@ -57,19 +47,19 @@ class Beams:
 
     @classmethod
     def of(cls, rows: list[Row]) -> "Beams":
-        """As columns."""
+        """Return the rows as columns."""
         ends = np.array([row.ends for row in rows], dtype=np.int64).reshape(-1, 2)
         normal = np.array([row.normal for row in rows]).reshape(-1, 3)
         width, shift, stout = (np.array([row[k] for row in rows], dtype=np.float64) for k in (2, 3, 5))
         return cls(ends, normal, width, shift, np.array([row.member for row in rows], dtype=np.int64), stout)
 
     def some(self, kept: Ints, ends: Ints) -> "Beams":
-        """Some of them (k,), between nodes (b, 2) of other numbers."""
+        """Return the chosen beams (k,), with new node numbers `ends` (b, 2)."""
         shape = self.normal[kept], self.width[kept], self.shift[kept]
         return Beams(ends[kept], *shape, self.member[kept], self.stout[kept])
 
     def and_links(self, ends: Ints, normal: Floats, width: Floats) -> "Beams":
-        """With links (k, 2) of a width (k,)."""
+        """Return the beams with links (k, 2) of a width (k,)."""
         none = np.zeros(len(ends))
         return Beams(
             np.concatenate([self.ends, ends]),
@@ -82,7 +72,7 @@ class Beams:
 
 
 def beams_along(joints: AxisJoints) -> Beams:
-    """Beams along all axes, and links; new nodes are added between those of the joints."""
+    """Return beams along all axes, and links; the nodes within bays are added to the joints."""
     rows = list[Row]()
     for number, member in enumerate(joints.lined):
         stations = _stations(joints, member)
@@ -94,7 +84,7 @@ def beams_along(joints: AxisJoints) -> Beams:
 
 
 def _stations(joints: AxisJoints, member: Member) -> list[tuple[float, int]]:
-    """Arc lengths and nodes along a member, in order; of a closed one the first comes again at the end."""
+    """Arc lengths and nodes along a member, in order; a closed member repeats the first at the end."""
     axis = member.axis
     assert axis is not None
     found = sorted(joints.on[member.id])
@@ -114,7 +104,6 @@ def _stations(joints: AxisJoints, member: Member) -> list[tuple[float, int]]:
 def _bay(
     joints: AxisJoints, member: Member, number: int, begin: tuple[float, int], end: tuple[float, int]
 ) -> list[Row]:
-    """The beams from one node of a member to the next."""
     (s, one), (t, other) = begin, end
     axis = member.axis
     assert axis is not None
@@ -135,10 +124,8 @@ def _bay(
 
 
 def _sides(member: Member) -> Floats:
-    """(k, 2) metres that a member reaches to the left and to the right of its axis.
-
-    A disc has material on both sides of the ring that stands for it, and an outline on the outer one only: it is as
-    wide as its area over its length, at least.
+    """(k, 2) widths to the left and right of the axis (m). A disc has material on both sides of its ring and an
+    outline on the outer one only: its width is at least its area over its length.
     """
     if member.kind != "disc":
         return member.sides
@@ -148,39 +135,36 @@ def _sides(member: Member) -> Floats:
 def _divided(
     member: Member, span: tuple[float, float], other: tuple[float, float], least: int
 ) -> tuple[Floats, Floats]:
-    """(k + 1,) arc lengths that divide a bay into joints and beams that turn little, and (k,) what joints are wider."""
+    """(k + 1,) arc lengths that divide a bay into joints and nearly straight beams, and (k,) extra widths at joints."""
     (s, t), axis = span, member.axis
     assert axis is not None
     half = fitting(np.array(other) / 2, t - s)
-    half[half < LEAST * member.mean_width] = 0.0
-    fine, clear = np.linspace(s, t, FINE), np.linspace(s + half[0], t - half[1], FINE)
+    half[half < 0.05 * member.mean_width] = 0.0  # shorter joints are none
+    fine, clear = np.linspace(s, t, 17), np.linspace(s + half[0], t - half[1], 17)
     if axis.closed:
         fine, clear = fine % member.length, clear % member.length
     bent = np.interp(fine, axis.s, np.hypot(axis.kg, axis.kn)).mean() * (t - s)
     width = np.interp(clear, axis.s, member.width)
-    parts = max(np.degrees(bent) / TURN, np.log(width.max() / width.min()) / np.log(TAPER))
-    count = max(least, min(int(np.ceil(parts)), int((t - s) / (FINEST * member.mean_width))))
+    # a beam turns by at most 5 degrees, tapers by at most 1.25, and is at least half as long as wide
+    parts = max(np.degrees(bent) / 5.0, np.log(width.max() / width.min()) / np.log(1.25))
+    count = max(least, min(int(np.ceil(parts)), int((t - s) / (0.5 * member.mean_width))))
     at = np.linspace(s + half[0], t - half[1], count + 1)
     spread = np.zeros(count)
+    # a joint is wider by half of the other member, into which forces spread by 45 degrees; without this the compliances
+    # of tower, vaults and gridshell are 1.10, 1.02 and 1.06 times the sheet's, with all of it .96, 1.00 and .98
+    into = 0.5
     if half[0]:
-        at, spread = np.concatenate([[s], at]), np.concatenate([[SPREAD * other[0]], spread])
+        at, spread = np.concatenate([[s], at]), np.concatenate([[into * other[0]], spread])
     if half[1]:
-        at, spread = np.concatenate([at, [t]]), np.concatenate([spread, [SPREAD * other[1]]])
+        at, spread = np.concatenate([at, [t]]), np.concatenate([spread, [into * other[1]]])
     return at, spread
-
-
-SAMPLES = 9
-"""Points along each beam by which the nearest ones are found; they are then told apart exactly."""
-NEAREST = 6
-LINK = 0.02
-"""A support that is farther from its node than this share of the beams' width is a node of its own, on a link."""
-BLOCK = 0.2
-"""A held place turns nothing if it reaches so many widths of the beams to all sides."""
 
 
 @dataclass(frozen=True, eq=False)
 class OnBeams:
-    """Places beside beams.    beam : (q,) the nearest.    along : (q,) 0 at its first node to 1.    foot : (q, 3)."""
+    """Places near beams.    beam : (q,) the nearest.    along : (q,) 0 at its first node to 1.    foot : (q, 3)
+    point on it.
+    """
 
     beam: Ints
     along: Floats
@@ -188,11 +172,12 @@ class OnBeams:
 
 
 def nearest_beams(places: Floats, points: Floats, beams: Beams) -> OnBeams:
-    """The nearest beam to each place (q, 3), and where on it."""
+    """Return the nearest beam to each place (q, 3), and the nearest point on it."""
     a, b = points[beams.ends[:, 0]], points[beams.ends[:, 1]]
-    t = np.linspace(0, 1, SAMPLES)
+    count = 9  # points along each beam, which select six candidates
+    t = np.linspace(0, 1, count)
     samples = (a[:, None] + t[:, None] * (b - a)[:, None]).reshape(-1, 3)
-    near = cKDTree(samples).query(places, k=min(NEAREST, len(samples)))[1].reshape(len(places), -1) // SAMPLES
+    near = cKDTree(samples).query(places, k=min(6, len(samples)))[1].reshape(len(places), -1) // count
     way = b - a
     along = np.einsum("qki,qki->qk", places[:, None] - a[near], way[near]) / np.einsum("bi,bi->b", way, way)[near]
     along = np.clip(along, 0, 1)
@@ -203,10 +188,10 @@ def nearest_beams(places: Floats, points: Floats, beams: Beams) -> OnBeams:
 
 
 def nodal_loads(load: LoadCase, V: Floats, at: OnBeams, points: Floats, beams: Beams) -> Floats:
-    """(n, 6) newtons and newton metres on nodes, of forces on the vertices V (v, 3) of a sheet.
+    """(n, 6) newtons and newton metres on nodes, from forces on the vertices V (v, 3) of a sheet.
 
-    Each force goes to the nearest point on the axes, and from there to the two nodes of that beam as to the supports of
-    a simple beam; its moment about that point goes along. So the sum of forces and of moments is that of the sheet.
+    Each force acts at the nearest point on the axes, with its moment about that point. The two nodes of the beam take
+    it as supports of a simple beam. The sums of forces and moments are those of the sheet.
     """
     found = np.zeros((len(points), 6))
     ends, moment = beams.ends[at.beam], np.cross(V - at.foot, load.force)
@@ -218,11 +203,10 @@ def nodal_loads(load: LoadCase, V: Floats, at: OnBeams, points: Floats, beams: B
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """Supports at nodes; each row is one.
+    """Supports at nodes.
 
-    node  : (h,) the node on the axes that is held, or that a link goes to.    place : (h, 3) the middle of what
-            is held.
-    apart : (h,) whether a link is needed.    fixed : (h, 6).    spring : (h, 6) N/m.    width : (h,) metres held.
+    node  : (h,) supported node on the axes, or the node of a link.    place : (h, 3) middle of the supported vertices.
+    apart : (h,) True if a link is needed.    fixed : (h, 6).    spring : (h, 6) N/m.    width : (h,) metres.
     """
 
     node: Ints
@@ -234,9 +218,9 @@ class Held:
 
 
 def held_places(load: LoadCase, surface: Surface, points: Floats, beams: Beams) -> Held:
-    """The held vertices of a sheet, each with the node that is nearest along the beam that is nearest.
+    """Return the supports of a sheet, each at the node that is nearest along the nearest beam of nodes (n, 3).
 
-    Where whole faces are held, the heads of columns for instance, the sheet cannot turn: no node there can, either.
+    Where whole faces are fixed, for instance at column heads, the sheet cannot turn, and neither can the node.
     """
     V, clamped = surface.V, _clamped(surface, load)
     held = np.flatnonzero(load.held | clamped)
@@ -255,14 +239,14 @@ def held_places(load: LoadCase, surface: Surface, points: Floats, beams: Beams) 
     np.maximum.at(least, group, _blocks(load, surface)[held])
     turned = np.zeros(len(which), dtype=bool)
     np.logical_or.at(turned, group, clamped[held])
-    still = turned | ((least > BLOCK * around) & fixed[:, :3].all(axis=1))
+    block = least > 0.2 * around  # a fixed patch as wide as this share of the beams cannot turn
+    still = turned | (block & fixed[:, :3].all(axis=1))
     fixed[:, 3:] |= still[:, None]
-    apart = np.linalg.norm(place - points[which], axis=1) > LINK * around
-    return Held(which, place, apart & ~(least > BLOCK * around), fixed, spring, np.maximum(reach, 0.25 * around))
+    apart = np.linalg.norm(place - points[which], axis=1) > 0.02 * around  # farther supports need a link
+    return Held(which, place, apart & ~block, fixed, spring, np.maximum(reach, 0.25 * around))
 
 
 def _clamped(surface: Surface, load: LoadCase) -> Bools:
-    """(v,) vertices at edges that cannot turn."""
     found = np.zeros(surface.n, dtype=bool)
     if len(load.clamped):
         found[surface.edges.ends[load.clamped].ravel()] = True
@@ -270,7 +254,9 @@ def _clamped(surface: Surface, load: LoadCase) -> Bools:
 
 
 def _blocks(load: LoadCase, surface: Surface) -> Floats:
-    """(v,) how wide the patch of faces is, metres, that are held at all corners in all directions; 0 in none."""
+    """(v,) width (m) of the patch of faces around each vertex that are fixed at all corners in all directions; 0
+    without.
+    """
     faces = surface.F[load.fixed[surface.F].all(axis=(1, 2))]
     rows, columns = faces.ravel(), np.roll(faces, 1, axis=1).ravel()
     joined = coo_array((np.ones(len(rows)), (rows, columns)), shape=(surface.n, surface.n))
@@ -283,7 +269,7 @@ def _blocks(load: LoadCase, surface: Surface) -> Floats:
 
 
 def _reach(V: Floats, group: Ints) -> Floats:
-    """(h, 2) how long each group of points is, and how wide, metres: root twelve of their spread along two axes."""
+    """(h, 2) length and width (m) of each group of points: root twelve of their spread along two axes."""
     count = np.bincount(group)
     off = V - (group_sums(group, V, len(count)) / count[:, None])[group]
     spread = np.zeros((len(count), 3, 3))
@@ -292,7 +278,7 @@ def _reach(V: Floats, group: Ints) -> Floats:
 
 
 def in_plane(fixed: Bools, axis: int) -> Bools:
-    """The supports (n, 6) of a frame that is loaded in its plane, across this axis: it stays in it."""
+    """Fix the supports (n, 6) of a frame in a plane against leaving that plane, along `axis`."""
     still = fixed.copy()
     still[:, axis] = True
     still[:, [3 + k for k in range(3) if k != axis]] = True

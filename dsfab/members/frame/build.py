@@ -1,4 +1,4 @@
-"""`frame_of`: the beam model of a cut sheet, from its members, their nodes, and what the sheet carries."""
+"""`frame_of`: the beam model of a cut sheet from its members, nodes, loads and supports."""
 
 from collections.abc import Mapping
 
@@ -16,9 +16,6 @@ from dsfab.members.frame.model import BeamMaterial, Combinations, Frame
 from dsfab.statics import flat_axis
 from dsfab.surface import LoadCase, Surface
 
-SAME = 0.01
-"""Nodes that are nearer than this share of the median width are one."""
-
 
 def frame_of(
     graph: MemberGraph,
@@ -28,12 +25,13 @@ def frame_of(
     thickness: float,
     material: BeamMaterial,
 ) -> Frame:
-    """The beam model of a cut sheet.
+    """Return the beam model of a cut sheet.
 
-    graph : its members.    surface : the sheet, whose vertices carry the loads, one for each case; the supports are
-    alike in all.    combinations : factors of cases, by name.    thickness : metres.
+    graph : its members.    surface : the sheet, whose vertices carry the loads of each case; all cases have equal
+            supports.
+    combinations : factors of cases, by name.    thickness : metres.
 
-    Raises StaticsError where there is no member with an axis, or a part of the structure that nothing holds.
+    Raises StaticsError if no member has an axis, or if a part of the structure has no support.
     """
     if not any(member.axis for member in graph.members):
         raise StaticsError("the structure has no members with an axis, so there is no beam model of it: it is a sheet")
@@ -71,7 +69,7 @@ def frame_of(
 
 
 def distinct(names: list[str]) -> tuple[str, ...]:
-    """The names, those that come again with a number behind them."""
+    """Return the names; repeated ones get a number."""
     seen: dict[str, int] = {}
     found = []
     for name in names:
@@ -81,8 +79,8 @@ def distinct(names: list[str]) -> tuple[str, ...]:
 
 
 def _merged(points: Floats, beams: Beams, names: list[str]) -> tuple[Floats, Beams, list[str]]:
-    """Nodes at one place become one; beams without a length go."""
-    pairs = cKDTree(points).query_pairs(SAME * float(np.median(beams.width)), output_type="ndarray")
+    tolerance = 0.01  # of the median width
+    pairs = cKDTree(points).query_pairs(tolerance * float(np.median(beams.width)), output_type="ndarray")
     links = coo_array((np.ones(len(pairs)), (pairs[:, 0], pairs[:, 1])), shape=(len(points), len(points)))
     label = connected_components(links, directed=False)[1]
     used, first = np.unique(label, return_index=True)
@@ -92,14 +90,13 @@ def _merged(points: Floats, beams: Beams, names: list[str]) -> tuple[Floats, Bea
 
 
 def _used(points: Floats, beams: Beams, names: list[str]) -> tuple[Floats, Beams, list[str]]:
-    """Only nodes that a beam has."""
     used, ends = np.unique(beams.ends, return_inverse=True)
     every = np.arange(len(beams.ends))
     return points[used], beams.some(every, ends.reshape(-1, 2)), [names[k] for k in used]
 
 
 def _whole(points: Floats, beams: Beams) -> Beams:
-    """With links between the parts that no node joins, where they are nearest: the sheet is whole there."""
+    """Link parts without a common node at their nearest nodes, because the sheet is connected there."""
     while True:
         n = len(points)
         joined = coo_array((np.ones(len(beams.ends)), beams.ends.T), shape=(n, n))
@@ -118,7 +115,7 @@ def _whole(points: Floats, beams: Beams) -> Beams:
 def _with_supports(
     points: Floats, beams: Beams, names: list[str], held: Held
 ) -> tuple[Floats, Beams, list[str], Bools, Floats]:
-    """With a node on a link for each support beside the axes, and what is held (n, 6) and sprung (n, 6)."""
+    """Add a node on a link for each support beside the axes; return fixed directions (n, 6) and springs (n, 6) too."""
     count, apart = len(points), np.flatnonzero(held.apart)
     where = held.node.copy()
     where[apart] = count + np.arange(len(apart))
@@ -135,7 +132,7 @@ def _with_supports(
 
 
 def _upright(points: Floats, beams: Beams) -> Floats:
-    """(b, 3) unit vectors across each beam, as near to its normal as can be."""
+    """(b, 3) unit vectors across each beam, as near to its normal as possible."""
     x = points[beams.ends[:, 1]] - points[beams.ends[:, 0]]
     x /= np.linalg.norm(x, axis=1)[:, None]
     other = np.eye(3)[np.abs(x).argmin(axis=1)]

@@ -13,11 +13,10 @@ from dsfab.members.frame.joints import fitting
 from dsfab.statics import SectionForces
 from dsfab.surface import Surface
 
-SAMPLES = 4
-"""Points along an axis for each edge of the mesh, by which vertices find the nearest."""
 PLANES = 4
-"""Planes within one edge of the mesh around a station, over which its forces are averaged: those of a face are alike
-all over it, and only their means balance."""
+"""Planes within one edge of the mesh around a station. Forces are averaged over them, because those of a face are
+constant and only their means are in equilibrium.
+"""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,8 +27,8 @@ class Sections:
     arm     : (c, 2, 3) metres from the axis to both ends of the line.
     weight  : (c, 2, 3) of the corners of the face at both ends.
     across  : (c, 3) unit vectors in the face, across the line, along the axis.
-    end_...  : the same of ends of lines on free edges, weight (e, 3); `end_out` (e, 3) unit vectors along the line,
-               out of the face.
+    end_...  : the same at ends on free edges, weight (e, 3); `end_out` (e, 3) unit vectors along the line, out of the
+    face.
     """
 
     station: Ints
@@ -47,7 +46,7 @@ class Sections:
 
 
 def sections(surface: Surface, cells: Ints, axis: MemberAxis, stations: Floats) -> Sections:
-    """How planes at arc lengths (k,) of an axis cut the cells (c,) of a member; metres."""
+    """Return the lines in which planes at arc lengths (k,) of an axis cut the cells (c,) of a member; metres."""
     edge = surface.mean_edge
     offsets = edge * ((np.arange(PLANES) + 0.5) / PLANES - 0.5)
     at = (stations[:, None] + offsets).ravel()
@@ -62,9 +61,9 @@ def sections(surface: Surface, cells: Ints, axis: MemberAxis, stations: Floats) 
 
 
 def _places(surface: Surface, cells: Ints, axis: MemberAxis) -> Floats:
-    """(c, 3) arc lengths of the corners of cells; of a closed axis those of a cell are not torn apart."""
+    """(c, 3) arc lengths of the corners of cells; along a closed axis the three of a cell stay together."""
     used, of = np.unique(surface.F[cells], return_inverse=True)
-    count = int(np.clip(SAMPLES * axis.length / surface.mean_edge, 16, 20_000))
+    count = int(np.clip(4 * axis.length / surface.mean_edge, 16, 20_000))
     t = np.linspace(0, axis.length, count + 1)
     P, T, _ = axis.at(t)
     V = surface.V[used]
@@ -89,7 +88,8 @@ def _crossed(s: Floats, at: Floats, period: float) -> tuple[Ints, Ints]:
 
 def _line(level: Floats) -> tuple[Floats, Ints]:
     """(c, 2, 3) weights of the corners at both ends of the line where a level (c, 3) is zero on triangles, and (c, 2)
-    the edges that they are on, by the number of the corner that an edge begins at."""
+    their edges, by the corner at which an edge begins.
+    """
     ahead = np.roll(level, -1, axis=1)
     crossed = (level > 0) != (ahead > 0)
     order = np.argsort(~crossed, axis=1, kind="stable")[:, :2]
@@ -132,7 +132,7 @@ def _as_sections(surface: Surface, face: Ints, plane: Ints, P: Floats, corner: F
 
 
 def _edge_number(surface: Surface, face: Ints, begins: Ints) -> Ints:
-    """(c, 2) which of the three `edges.of` a face goes from a corner (c, 2) to the next."""
+    """(c, 2) position in `edges.of` of the edge that begins at each corner (c, 2)."""
     wanted = np.sort(np.stack([_corner(surface, face, begins), _corner(surface, face, (begins + 1) % 3)], axis=-1))
     given = np.sort(surface.edges.ends[surface.edges.of[face]], axis=-1)
     return np.asarray((wanted[:, :, None] == given[:, None]).all(axis=-1).argmax(axis=-1))
@@ -143,22 +143,22 @@ def _corner(surface: Surface, face: Ints, which: Ints) -> Ints:
 
 
 SHARES = (0.0, 0.25, 0.5, 0.75, 1.0)
-"""Where the forces of a bay are told: shares of its clear length, between the joints at its ends."""
+"""Stations of a bay, as shares of its clear length between joints."""
 STATIONS = len(SHARES)
-"""Of each bay."""
+"""Number of stations of each bay."""
 COMPONENTS = ("N", "Vy", "Vz", "Mt", "My", "Mz")
-"""x along the axis, z along the normal of the surface, y to the left; on a section that x points out of."""
+"""x along the axis, z along the normal of the surface, y to the left; on a section whose outward normal is x."""
 
 
 @dataclass(frozen=True, eq=False)
 class MemberForces:
-    """What a member bears at stations of its axis.
+    """Forces of a member at stations of its axis.
 
-    member : its name.    s : (k,) metres along its axis.    bay : (k,) from which node to which, "N012 N013".
-    width  : (k,) metres, of the section that was summed up.
+    member : its name.    s : (k,) metres along its axis.    bay : (k,) names of the bay's nodes, "N012 N013".
+    width  : (k,) width (m) of the section that was summed up.
     forces : by case and combination, (k, 6) N, Vy, Vz in newtons and Mt, My, Mz in newton metres, see `COMPONENTS`.
-             N is positive for tension. My stretches the side that the normal points to, if positive; Mz the right
-             side; Mt turns about the axis.
+             Positive N is tension. Positive My stretches the side of the normal, positive Mz the right side; Mt turns
+             about the axis.
     """
 
     member: str
@@ -175,13 +175,13 @@ class MemberForces:
 
     @property
     def envelope(self) -> Floats:
-        """(k, 6, 2) the least and the greatest of all cases and combinations."""
+        """(k, 6, 2) least and greatest value of all cases and combinations."""
         every = np.stack(list(self.forces.values()))
         return np.stack([every.min(axis=0), every.max(axis=0)], axis=-1)
 
 
 def member_forces(graph: MemberGraph, forces: Mapping[str, SectionForces]) -> dict[str, MemberForces]:
-    """By the names of members that have an axis and a bay, what they bear, of section forces of the design's sheet."""
+    """Return the forces of members with an axis and a bay, by name, from section forces of the design's sheet."""
     found = {}
     for member in graph.members:
         s, bays = _stations(graph, member)
@@ -193,7 +193,7 @@ def member_forces(graph: MemberGraph, forces: Mapping[str, SectionForces]) -> di
 def forces_along(
     graph: MemberGraph, member: Member, s: Floats, bays: tuple[str, ...], forces: Mapping[str, SectionForces]
 ) -> MemberForces:
-    """What a member bears at arc lengths (k,) of its axis, metres, in bays (k,)."""
+    """Return the forces of a member at arc lengths (k,) of its axis, metres, in bays (k,)."""
     assert member.axis is not None
     surface, axis = graph.sheet.surface, member.axis
     cut = sections(surface, member.cells, axis, s)
@@ -209,7 +209,7 @@ def forces_along(
 
 
 def _summed(cut: Sections, axes: Floats, given: SectionForces, graph: MemberGraph, normals: Floats) -> Floats:
-    """(k, 6) the components of F and M along local axes (k, 3, 3)."""
+    """(k, 6) components of F and M along local axes (k, 3, 3)."""
     source, z = graph.source[cut.face], normals[cut.face]
     frame = given.frame[source]
     v = np.einsum("cai,ci->ca", frame, cut.across)
@@ -218,7 +218,7 @@ def _summed(cut: Sections, axes: Floats, given: SectionForces, graph: MemberGrap
     m = np.einsum("ca,cai->ci", _times(given.m[source], v), frame)
     p = np.stack(ends, axis=1) - (np.einsum("ca,ca->c", given.q[source], v)[:, None] * z)[:, None]
     F = group_sums(cut.station, cut.length[:, None] * p.mean(axis=1), len(axes))
-    moment = np.cross(cut.arm, (2 * p + p[:, ::-1]) / 6).sum(axis=1) + np.cross(m, z)  # of what varies linearly
+    moment = np.cross(cut.arm, (2 * p + p[:, ::-1]) / 6).sum(axis=1) + np.cross(m, z)  # linear along a line
     M = group_sums(cut.station, cut.length[:, None] * moment, len(axes))
     f = _edge_forces(cut, given, graph, normals)
     F = F + group_sums(cut.end_station, f, len(axes))
@@ -237,13 +237,12 @@ def _edge_forces(cut: Sections, given: SectionForces, graph: MemberGraph, normal
 
 
 def _times(tensor: Floats, v: Floats) -> Floats:
-    """(c, 2) of symmetric tensors x, y, xy (c, 3) and vectors (c, 2)."""
+    """(c, 2) products of symmetric tensors x, y, xy (c, 3) and vectors (c, 2)."""
     x, y, xy = tensor.T
     return np.stack([x * v[:, 0] + xy * v[:, 1], xy * v[:, 0] + y * v[:, 1]], axis=1)
 
 
 def _stations(graph: MemberGraph, member: Member) -> tuple[Floats, tuple[str, ...]]:
-    """Arc lengths along a member where its forces are told, and the bays that they are in."""
     nodes = graph.along[member.id]
     if member.axis is None or len(nodes) < 2:
         return np.zeros(0), ()
@@ -261,7 +260,6 @@ def _stations(graph: MemberGraph, member: Member) -> tuple[Floats, tuple[str, ..
 
 
 def _half(graph: MemberGraph, member: Member, node: Node) -> float:
-    """Half of the width of the other member at a node, along this one; metres."""
     other = graph.by_id[node.members[1 - node.members.index(member.id)]]
     slant = np.sin(np.radians(node.angle)) if node.angle == node.angle else 1.0
     return float(other.mean_width / 2 / max(slant, 0.3))

@@ -12,23 +12,22 @@ from dsfab.core.arrays import Floats, Ints
 from dsfab.members import Member, MemberGraph
 
 SAME = 0.25
-"""Axes that are nearer to each other than this share of the narrower width are joined in one node, others by a link."""
-CLEAR = 0.2
-"""At least this share of a bay is no joint."""
+"""Axes nearer to each other than this share of the narrower width are joined in one node, otherwise by a link."""
 
 
 def fitting(halves: Floats, length: float) -> Floats:
-    """(2,) how far the joints at both ends of a bay reach into it, metres: less than asked where that is nearly all."""
-    return halves * min(1.0, (1 - CLEAR) * length / max(float(halves.sum()), 1e-30))
+    """(2,) lengths (m) of the joints at both ends of a bay, reduced if they would leave less than a fifth of it."""
+    clear = 0.2
+    return halves * min(1.0, (1 - clear) * length / max(float(halves.sum()), 1e-30))
 
 
 @dataclass(eq=False)
 class AxisJoints:
-    """Nodes on the axes of members, as they are found.
+    """Nodes on the axes of members, collected step by step.
 
     points, names : of the nodes.    on : by member, the arc lengths of nodes along its axis with their numbers.
-    links  : pairs of nodes that the sheet joins, and the width of what does, metres.
-    ends   : by member, where its beams begin and end, metres along its axis.
+    links  : pairs of nodes that the sheet joins, and the width of that joint, metres.
+    ends   : by member, begin and end of its beams, metres along its axis.
     grazed : nodes at which members share material beside their middles.
     """
 
@@ -42,17 +41,17 @@ class AxisJoints:
 
     @cached_property
     def lined(self) -> list[Member]:
-        """The members with an axis."""
+        """Members with an axis."""
         return [member for member in self.graph.members if member.axis is not None]
 
     def node(self, point: Floats, name: str) -> int:
-        """The number of a new node."""
+        """Add a node at a point (3,) and return its number."""
         self.points.append(np.asarray(point, dtype=np.float64))
         self.names.append(name)
         return len(self.names) - 1
 
     def place(self, member: Member, s: float, name: str) -> int:
-        """The node of a member at an arc length: the one that is there already, or a new one."""
+        """Return the node of a member at an arc length; add it if it does not exist."""
         assert member.axis is not None
         near = SAME * member.mean_width
         for at, number in self.on[member.id]:
@@ -63,15 +62,15 @@ class AxisJoints:
         return number
 
     def others(self, number: int, member: Member | None = None) -> list[Member]:
-        """The members on a node, without one of them."""
+        """Return the members at a node, without `member`."""
         return [one for one in self._at.get(number, []) if one is not member]
 
     def other_width(self, member: Member, number: int) -> float:
-        """Metres, of the widest other member on a node; 0 where there is none."""
+        """Return the width (m) of the widest other member at a node; 0 without one."""
         return max((one.mean_width for one in self.others(number, member)), default=0.0)
 
     def normal_at(self, number: int) -> Floats:
-        """(3,) the normal of the surface at a node of some member."""
+        """(3,) normal of the surface at a node of some member."""
         for member in self.others(number):
             for s, k in self.on[member.id]:
                 if k == number and member.axis is not None:
@@ -80,7 +79,6 @@ class AxisJoints:
 
     @cached_property
     def _at(self) -> dict[int, list[Member]]:
-        """Members by the nodes on them, once all are found."""
         found: dict[int, list[Member]] = {}
         for member in self.lined:
             for number in dict.fromkeys(number for _, number in self.on[member.id]):
@@ -89,7 +87,7 @@ class AxisJoints:
 
 
 def found_joints(graph: MemberGraph) -> AxisJoints:
-    """The joints of a graph, but for those of ends; members without an axis join nothing by themselves."""
+    """Return the joints of a graph without those of ends; members without an axis have none."""
     joints = AxisJoints(graph)
     joints.on = {member.id: [] for member in joints.lined}
     for node in graph.nodes:
@@ -106,8 +104,9 @@ def found_joints(graph: MemberGraph) -> AxisJoints:
 
 
 def linked(joints: AxisJoints, members: list[Member], at: tuple[float, float], name: str) -> tuple[int, int]:
-    """Join two members at arc lengths of their axes: in one node, if they are near enough, else by a link as wide as
-    the narrower one. Returns the nodes of both."""
+    """Join two members at arc lengths of their axes: in one node if these are near, else by a link as wide as the
+    narrower member. Return the nodes of both.
+    """
     one, other = (joints.place(member, s, name) for member, s in zip(members, at, strict=True))
     if one != other:
         joints.links.append((one, other, min(member.mean_width for member in members)))
@@ -115,25 +114,17 @@ def linked(joints: AxisJoints, members: list[Member], at: tuple[float, float], n
 
 
 def _apart(member: Member, one: float, other: float) -> float:
-    """Metres between arc lengths of a member."""
     gap = abs(one - other)
     assert member.axis is not None
     return min(gap, member.length - gap) if member.axis.closed else gap
 
 
-BEYOND = 1.0
-"""What goes on beyond a member's last node is part of the joint if it is shorter than this share of the other's
-width."""
-REACH = 2.0
-"""An end is joined to an axis that is at most so many widths away."""
-
 Trees = Mapping[str, tuple[cKDTree, Floats]]
-"""By the names of members, points along their axes, and the arc lengths of these."""
+"""Points along the axes by member, and their arc lengths."""
 
 
 def join_ends(joints: AxisJoints) -> None:
-    """Cut off what goes on beyond the last nodes, and join the ends that have none to the axis that is nearest, and to
-    what else they meet."""
+    """Cut members beyond their last nodes, and join ends without a node to the nearest axis and to adjacent members."""
     samples = [(member, *_samples(member)) for member in joints.lined]
     trees = {member.id: (cKDTree(P), s) for member, s, P in samples}
     open_ended = [member for member in joints.lined if member.axis and not member.axis.closed]
@@ -146,19 +137,19 @@ def join_ends(joints: AxisJoints) -> None:
         span = [0.0, member.length]
         for side, what in enumerate(member.ends):
             near = _nearest(joints, member, span[side])
-            beyond = near and abs(near[0] - span[side]) < BEYOND * joints.other_width(member, near[1])
+            # a rest shorter than the other member's width belongs to the joint
+            beyond = near and abs(near[0] - span[side]) < joints.other_width(member, near[1])
             if near and beyond and what not in ("edge", "free"):
                 span[side] = near[0]
         joints.ends[member.id] = span[0], span[1]
 
 
 def _join_met(joints: AxisJoints, trees: Trees) -> None:
-    """Join ends without a node to the members whose material theirs goes on into: free ones to all of them, others to
-    those that end there, too. So the arms of a star, which no node joins, hang together, also where what lies between
-    them is a member without an axis: a few faces in the middle.
+    """Join ends without a node to the members that continue their material: free ends to all of them, others to those
+    that end there too. So the arms of a star hang together, also across a few faces without an axis.
 
-    What is joined may be as far from an end as the member is wide there. Ends that have a node are left as they are:
-    bracing them as well makes the preset `cantilever` 6 % stiffer than its sheet.
+    Members within the end's width are joined. Ends with a node stay as they are: bracing them would make the preset
+    `cantilever` 6 % stiffer than its sheet.
     """
     surface = joints.graph.sheet.surface
     middle = surface.V[surface.edges.ends].mean(axis=1)
@@ -176,7 +167,7 @@ def _join_met(joints: AxisJoints, trees: Trees) -> None:
 
 
 def _owners(edges: list[Ints], count: int) -> csr_array:
-    """(count, k) of which of k members each edge is, of the edges of each."""
+    """(count, k) incidence of edges and members, from the edges of each member."""
     columns = np.repeat(np.arange(len(edges)), [len(one) for one in edges])
     rows = np.concatenate([np.zeros(0, dtype=np.int64), *edges])
     return csr_array((np.ones(len(rows)), (rows, columns)), shape=(count, len(edges)))
@@ -185,27 +176,24 @@ def _owners(edges: list[Ints], count: int) -> csr_array:
 def _join_to(
     joints: AxisJoints, end: tuple[Member, float, float], point: Floats, met: list[Member], what: str, trees: Trees
 ) -> None:
-    """Join an end, of a member at an arc length and a width, to those that it meets, unless a node or a link
-    does."""
+    """Join an end (member, arc length, width) to its neighbours, unless a node or a link does."""
     member, s, width = end
     for other in met:
         here = {number for at, number in joints.on[member.id] if abs(at - s) < width}
         there = {number for _, number in joints.on[other.id]}
         tree, at = trees[other.id]
         t = float(at[tree.query(point)[1]])
-        ends = [one for one, _, _ in _loose_ends(joints, other) if abs(one - t) < width]
+        ends = [place for place, _, _ in _loose_ends(joints, other) if abs(place - t) < width]
         linked_there = any({one, two} & here and {one, two} & there for one, two, _ in joints.links)
         if not (here & there or linked_there) and (ends or what == "free"):
             linked(joints, [member, other], (s, ends[0] if ends else t), f"{member.id} end")
 
 
 def _nearest(joints: AxisJoints, member: Member, s: float) -> tuple[float, int] | None:
-    """The arc length and the number of the node of a member that is nearest to an arc length."""
     return min(joints.on[member.id], key=lambda one: abs(one[0] - s), default=None)
 
 
 def _join_end(joints: AxisJoints, member: Member, s: float, trees: Trees) -> None:
-    """Join the end of a member that has no node to the nearest axis of another."""
     assert member.axis is not None
     near = _nearest(joints, member, s)
     if near and abs(near[0] - s) < SAME * member.mean_width:
@@ -218,14 +206,13 @@ def _join_end(joints: AxisJoints, member: Member, s: float, trees: Trees) -> Non
             found.append((float(distance), name, float(at[k])))
     distance, name, at_other = min(found, default=(np.inf, "", 0.0))
     other = joints.graph.by_id.get(name)
-    if other is None or distance > REACH * max(member.mean_width, other.mean_width):
+    if other is None or distance > 2.0 * max(member.mean_width, other.mean_width):
         return
     linked(joints, [member, other], (s, at_other), f"{member.id} end")
 
 
 def _loose_ends(joints: AxisJoints, member: Member) -> Iterable[tuple[float, str, float]]:
-    """Of the ends of a member that no node is at: the arc length, the member that it runs into or "free", and how wide
-    it is there, metres."""
+    """Ends of a member without a node: arc length, the member that it runs into or "free", and its width there (m)."""
     assert member.axis is not None
     if not member.axis.closed:
         for s, what, width in zip((0.0, member.length), member.ends, member.width[[0, -1]].tolist(), strict=True):
@@ -234,7 +221,6 @@ def _loose_ends(joints: AxisJoints, member: Member) -> Iterable[tuple[float, str
 
 
 def _point(member: Member, s: float) -> Floats:
-    """(3,) on the axis of a member at an arc length."""
     assert member.axis is not None
     return np.asarray(member.axis.at(np.array([s]))[0][0])
 
@@ -247,24 +233,20 @@ def _samples(member: Member) -> tuple[Floats, Floats]:
     return s, member.axis.at(s)[0]
 
 
-SPOKES = 3
-"""A disc with fewer nodes on its ring has no hub."""
-
-
 def add_hubs(joints: AxisJoints) -> None:
-    """A hub for each disc; its spokes are as wide, together, as the ring is long.
+    """Add a hub for each disc with three nodes or more; the widths of its spokes add up to the length of the ring.
 
-    Under a load on the hub such spokes give .73 times as much as a clamped plate, 1.15 times as much as a plate on a
-    simple support: Pa^2/(2 pi E t^3) against .217 and .552 Pa^2/(E t^3), .637 and .159 [Timoshenko, Woinowsky-Krieger
-    1959, 19]."""
+    Under a load P on the hub they deflect by Pa^2/(2 pi E t^3) = 0.159 Pa^2/(E t^3). This is 0.73 times the 0.217 of a
+    clamped plate; for simple supports the comparison is 0.637 with 0.552, 1.15 times [Timoshenko, Woinowsky-Krieger
+    1959, 19].
+    """
     for member in joints.lined:
         nodes = sorted({number for _, number in joints.on[member.id]})
-        if member.kind == "disc" and member.axis and member.axis.closed and len(nodes) >= SPOKES:
+        if member.kind == "disc" and member.axis and member.axis.closed and len(nodes) >= 3:
             hub = joints.node(_middle(member), f"{member.id} hub")
             joints.links += [(hub, number, member.length / len(nodes)) for number in nodes]
 
 
 def _middle(member: Member) -> Floats:
-    """(3,) the middle of a closed axis."""
     assert member.axis is not None
     return np.asarray(member.axis.P[:-1].mean(axis=0))

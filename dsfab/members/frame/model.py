@@ -17,13 +17,13 @@ Combinations = Mapping[str, Mapping[str, float]]
 """Factors of cases by the names of combinations."""
 
 SHEAR = 5 / 6
-"""Share of a rectangle that shear acts on [Timoshenko 1921]."""
+"""Shear area of a rectangle over its area [Timoshenko 1921]."""
 
 
 def torsion_constant(width: Floats, thickness: Floats) -> Floats:
     """St. Venant's torsion constant of rectangles, m4, to half a per cent [Roark, table 10.1, case 4].
 
-    width, thickness : (b,) metres, either of them the longer one.
+    width, thickness : (b,) metres, in any order.
     """
     a, t = np.maximum(width, thickness), np.minimum(width, thickness)
     slim = t / a
@@ -32,7 +32,7 @@ def torsion_constant(width: Floats, thickness: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class BeamMaterial:
-    """young : Pa.    poisson : 1.    density : kg/m3.    name : as the preset has it, or ''."""
+    """Material of beams. young : Pa.    poisson : 1.    density : kg/m3.    name : as in the preset, or ''."""
 
     young: float
     poisson: float
@@ -56,20 +56,19 @@ class Frame:
              | /
 
     points    : (n, 3) metres.    nodes : (n,) their names: those of the members' nodes, or of a member and a number.
-    ends      : (b, 2) the nodes that each beam goes from and to.
+    ends      : (b, 2) nodes at both ends of each beam.
     normal    : (b, 3) unit vectors, local z of each beam.
     width     : (b,) metres, along local y.    thickness : (b,) metres, along local z.
-    member    : (b,) the member that each beam is a piece of, a number in `members`; -1 for a link, which joins what the
-                sheet joins away from the axes: held edges, middles of discs, members that only graze each other.
+    member    : (b,) member of each beam, a number in `members`; -1 for a link, which stands for material away from the
+                axes: supported edges, middles of discs, members that graze each other.
     members   : their names.
-    fixed     : (n, 6) True where a node may not move or turn.    spring : (n, 6) N/m and Nm.
+    fixed     : (n, 6) True for a fixed translation or rotation.    spring : (n, 6) N/m and Nm.
     loads     : by case, (n, 6) newtons and newton metres on the nodes, of tributary areas.
     combinations : by name, the factor of each case.    actions : by case, permanent, snow, wind or variable; empty
-                where that is not known.
-    eccentricity : (b,) metres by which the middle of the material lies to the left of the beam, along local y. Beams
-                are in the middle of the sheet: none along local z.
-    stout     : (b,) the width of the member over the length of the bay that the beam is a piece of, 1 where it grazes
-                another one at an end of the bay: there both are one wider piece. 0 for links.
+                if unknown.
+    eccentricity : (b,) distance (m) of the material's middle to the left of the beam, along local y; 0 along local z.
+    stout     : (b,) width of the member over the length of the beam's bay; 1 where it grazes a member at an end of the
+                bay, because both are one wider piece there; 0 for links.
     """
 
     points: Floats
@@ -107,7 +106,7 @@ class Frame:
 
     @cached_property
     def length(self) -> Floats:
-        """(b,) metres."""
+        """(b,) lengths, metres."""
         return np.asarray(np.linalg.norm(self.points[self.ends[:, 1]] - self.points[self.ends[:, 0]], axis=1))
 
     @cached_property
@@ -120,12 +119,12 @@ class Frame:
 
     @cached_property
     def area(self) -> Floats:
-        """(b,) of the sections, m2."""
+        """(b,) areas of the sections, m2."""
         return self.width * self.thickness
 
     @cached_property
     def shear_area(self) -> Floats:
-        """(b,) what shear acts on of each section, either way, m2."""
+        """(b,) shear areas of the sections, m2."""
         return SHEAR * self.area
 
     @cached_property
@@ -136,7 +135,7 @@ class Frame:
 
     @cached_property
     def all_loads(self) -> dict[str, Floats]:
-        """(n, 6) of each case, then of each combination."""
+        """(n, 6) loads of each case, then of each combination."""
         sums = {
             name: np.sum([factor * self.loads[case] for case, factor in factors.items()], axis=0)
             for name, factors in self.combinations.items()
@@ -144,20 +143,16 @@ class Frame:
         return {**self.loads, **sums}
 
 
-LOOSE = 1e-5
-"""A structure whose residual is a larger share of its loads is no structure."""
-
-
 @dataclass(frozen=True, eq=False)
 class FrameAnswer:
-    """How a frame answers a load.
+    """Solution of a frame under a load.
 
     u        : (n, 6) displacements, metres, and rotations, radians.
-    reaction : (n, 6) forces and moments of the supports on it, N and Nm; springs among them.
-    end      : (b, 2, 6) forces and moments on both ends of each beam in its own axes, N and Nm, as it bears them:
-               N, Vy, Vz, Mt, My, Mz on a section that local x points out of; N is positive for tension.
-    energy   : (b,) J, elastic, in each beam.
-    compliance : J, loads times displacements.
+    reaction : (n, 6) forces and moments of supports and springs on the frame, N and Nm.
+    end      : (b, 2, 6) section forces at both ends of each beam in its own axes, N and Nm: N, Vy, Vz, Mt, My, Mz on a
+               section whose outward normal is local x; N is positive for tension.
+    energy   : (b,) elastic energy of each beam, J.
+    compliance : loads times displacements, J.
     """
 
     u: Floats
@@ -174,7 +169,7 @@ class FrameAnswer:
 
 
 def solve_frame(frame: Frame, shear: bool = True) -> dict[str, FrameAnswer]:
-    """The answers of a frame to its cases and combinations, by name.
+    """Solve a frame for its cases and combinations; return the solutions by name.
 
     shear : whether sections deform by shear; without it beams are those of Euler and Bernoulli.
     Raises StaticsError for a frame that is free to move.
@@ -205,7 +200,7 @@ def local_stiffness(frame: Frame, shear: bool = True) -> Floats:
 
 
 def _bending(L: Floats, phi: Floats) -> Floats:
-    """(b, 4, 4) of deflection and rotation at both ends, over EI / (L^3 (1 + phi))."""
+    """(b, 4, 4) stiffness for deflection and rotation at both ends, over EI / (L^3 (1 + phi))."""
     one, far, near = np.full_like(L, 12.0), (2 - phi) * L**2, (4 + phi) * L**2
     rows = [
         [one, 6 * L, -one, 6 * L],
@@ -217,7 +212,7 @@ def _bending(L: Floats, phi: Floats) -> Floats:
 
 
 def _turn(frame: Frame) -> Floats:
-    """(b, 12, 12) from the axes of the surface to those of each beam."""
+    """(b, 12, 12) rotation from the global axes to those of each beam."""
     turn = np.zeros((len(frame.ends), 12, 12))
     for k in range(0, 12, 3):
         turn[:, k : k + 3, k : k + 3] = frame.axes
@@ -236,7 +231,7 @@ def _assembled(frame: Frame, k: Floats) -> csr_array:
 
 
 def _factor(K: csr_array, free: Bools, frame: Frame) -> Callable[[Floats], Floats]:
-    """A function from loads to displacements, both (6 n,)."""
+    """Return a function from loads to displacements, both (6 n,)."""
     whole = csr_array(K + diags_array(frame.spring.ravel()))
     inside = csc_array(whole[free][:, free])
     scale = 1 / np.sqrt(np.maximum(inside.diagonal(), np.finfo(float).tiny))
@@ -250,7 +245,8 @@ def _factor(K: csr_array, free: Bools, frame: Frame) -> Callable[[Floats], Float
         u[free] = scale * factor.solve(scale * f)
         u[free] += scale * factor.solve(scale * (f - inside @ u[free]))
         left = np.abs(inside @ u[free] - f).max()
-        if not left <= LOOSE * max(np.abs(f).max(), np.finfo(float).tiny):
+        loose = 1e-5  # residual over loads of a frame that moves freely
+        if not left <= loose * max(np.abs(f).max(), np.finfo(float).tiny):
             raise StaticsError(_moves(frame))
         return u
 
@@ -271,29 +267,23 @@ def _answer(frame: Frame, load: Floats, K: csr_array, u: Floats, local: tuple[Fl
     moved = np.einsum("bij,bj->bi", turn, u[_unknowns(frame)])
     forces = np.einsum("bij,bj->bi", k, moved)
     energy, forces = np.einsum("bi,bi->b", forces, moved) / 2, forces.reshape(-1, 2, 6)
-    forces[:, 0] *= -1  # on the first end local x points out of what is before the beam
+    forces[:, 0] *= -1  # the outward normal of the first section is -x
     return FrameAnswer(u.reshape(-1, 6), reaction.reshape(-1, 6), forces, energy, float(load.ravel() @ u))
 
 
 STOUT = 0.35
-"""Bays of members that are wider than this share of their length are no beams: joints are half of them."""
-FEW = 0.15
-"""Up to this share of the elastic energy may be in such bays and in links; more, and the model is no model of beams."""
-WITHIN = 0.1
-"""What beams of slender members are off by at most."""
-TWIST = 1.02
-"""A sheet whose ribs twist as bars, that is so much softer than a thin one, is told."""
+"""Bays of members wider than this share of their length are no beams, because joints take half of them."""
 
 
 @dataclass(frozen=True, eq=False)
 class FrameAgreement:
-    """The answers of a frame and of its sheet to one case, both over the sheet's, whose ribs twist as the bars that
-    they are: a thin sheet gives ribs that are deeper than wide many times the torsion of a bar.
+    """Results of a frame over those of its sheet for one case. The sheet's ribs twist as bars here, because a thin
+    sheet gives deep ribs many times the torsional stiffness of a bar.
 
-    compliance, displacement : 1 where both are alike; of displacements the largest.
-    stout : share of the elastic energy of the beams in links and in bays whose members are wider than .35 of their
-            length or graze others; or of the sheet's in what is no member along an axis, if that is more.
-    twist : what the sheet moves at most over what it would if its ribs twisted as a thin sheet.
+    compliance, displacement : 1 for equal results; the largest displacements are compared.
+    stout : share of the beams' elastic energy in links and in bays wider than 0.35 of their length or with grazing
+            members; or of the sheet's in material outside of axes, if that is more.
+    twist : largest displacement of the sheet over that of a thin sheet.
     """
 
     case: str
@@ -304,19 +294,20 @@ class FrameAgreement:
 
     @property
     def slender(self) -> bool:
-        """Whether nearly all of the structure is of slender bays: then the beams should be within 10 %."""
-        return self.stout <= FEW
+        """True if nearly all energy is in slender bays; then beams should agree within 10 %."""
+        few = 0.15
+        return self.stout <= few
 
     @property
     def told(self) -> str:
-        """A sentence."""
+        """Sentence on the agreement."""
         said = (
             f"beams against the sheet, {self.case}: {self.compliance:.2f} of its compliance, {self.displacement:.2f} "
             "of its largest displacement"
         )
-        if self.twist > TWIST:
+        if self.twist > 1.02:
             said += f", which is {self.twist:.2f} times that of a thin sheet, since ribs twist as bars"
-        if abs(self.compliance - 1) <= WITHIN and abs(self.displacement - 1) <= WITHIN:
+        if abs(self.compliance - 1) <= 0.1 and abs(self.displacement - 1) <= 0.1:
             return said
         where = (
             f"{self.stout:.0%} of the energy is in discs, links, bays wider than {STOUT:g} of their length and where "
@@ -333,10 +324,10 @@ def agreement(
     beside: Mapping[str, float],
     twist: Mapping[str, float],
 ) -> list[FrameAgreement]:
-    """Of each case and combination that both were solved for; answers of the frame, and of the sheet.
+    """Compare the solutions of the frame and the sheet for each case and combination of both.
 
-    beside : by case, the share of the sheet's elastic energy in what is no member along an axis.
-    twist  : by case, see `FrameAgreement`.
+    other_energy : by case, share of the sheet's elastic energy outside of members with an axis.
+    twist        : by case, see `FrameAgreement`.
     """
     stout = (frame.member < 0) | (frame.stout > STOUT)
     found = []

@@ -1,8 +1,8 @@
-"""A preset for a surface of the user's own: what a sensible architect would decide, each decision told.
+"""Propose a preset for the user's own surface, with a line for each decision.
 
-reading.py   the mesh in metres, z up, small faults mended        vertical.py   which axis points to the sky
-feet.py      where it stands                                      sizes.py      spacing, thickness, edges, widths
-marks.py     what is drawn beside it on layers                    propose.py   all of it as a commented preset
+reading   the mesh in metres with z up, small faults mended        feet    supports
+sizes     spacing, thickness, edges, widths                        marks   drawings on layers of the file
+text      the commented preset                                     decisions   the whole proposal
 """
 
 from dsfab.preset.proposal.decisions import OWN, Proposal, preset_for, propose

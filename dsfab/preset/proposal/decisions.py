@@ -1,4 +1,4 @@
-"""What is decided for a mesh: the `Proposal`, a preset that `dsfab build` takes."""
+"""Decisions for a mesh: the `Proposal`, a preset that `dsfab build` takes."""
 
 import tomllib
 from collections.abc import Iterator, Mapping
@@ -22,35 +22,29 @@ from dsfab.preset.proposal.text import SHARE, SNOW, proposal_text, snow_on_top, 
 from dsfab.surface import Marks, RawMesh, Surface
 
 OWN = "roof"
-"""The shipped preset that stands for any surface of one's own: with `--mesh` it is proposed anew for that mesh."""
-ROOF = 0.4
-"""A surface is a roof if a plan shows it that share of its area at least."""
-FILLED = 0.5
-"""Share of the box around its plan that a surface covers at least, or it has arms: its width is not theirs."""
-ONCE = 1.2
-"""The surface over a plan's area may be no more than this many times as large, or parts of it lie over others."""
+"""Shipped preset that stands for the user's own surface; `--mesh` replaces it by a proposal for that mesh."""
 
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """A preset for a mesh, as text with comments, and what was decided."""
+    """A preset for a mesh, as text with comments, and its decisions."""
 
     given: GivenMesh
     size: Sizes
     stands: tuple[Foot, ...]
     snow: bool
-    """Whether it carries snow: see `takes_snow`."""
+    """Whether it carries snow, see `takes_snow`."""
     marks: Mapping[str, Marks] = field(default_factory=dict)
-    """What is drawn beside the surface, by layer: see `drawn_marks`."""
+    """Marks beside the surface, by layer, see `drawn_marks`."""
 
     @cached_property
     def decisions(self) -> tuple[Decision, ...]:
-        """All of them, in the order of the preset."""
+        """Decisions in the order of the preset."""
         return (*self.given.decisions, *_decisions(self))
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """A line for each decision: topic, what was decided, how to change it."""
+        """A line for each decision: topic, choice, and how to change it."""
         width = max(len(each.topic) for each in self.decisions)
         return tuple(
             f"{each.topic:<{width}}  {each.choice}" + (f"; change {each.change}" if each.change else "")
@@ -58,9 +52,9 @@ class Proposal:
         )
 
     def text(self, file: Path | None = None) -> str:
-        """The preset as TOML; of a mesh that Python holds it names none.
+        """Return the preset as TOML; for a mesh in Python it names no file.
 
-        file : the mesh as the preset's folder sees it; the path that was given where left out.
+        file : the mesh relative to the preset's folder; default: the user's path.
         """
         keys = self.given.keys | ({"file": str(file)} if file else {})
         notes = {each.topic: each.choice for each in self.decisions}
@@ -78,14 +72,14 @@ class Proposal:
 
 
 def preset_for(mesh: Any, unit: str | None = None, up: str | None = None, material: str | None = None) -> Preset:
-    """A preset for a surface of one's own, as `dsfab new` writes it.
+    """Return a preset for the user's own surface, as `dsfab new` writes it.
 
     mesh     : the path of a mesh file, or a mesh that `Surface.of` takes, or (V, F): vertices (n, 3) and faces.
-    unit     : of its numbers: mm, cm, m ...; guessed for files that do not say, else metres.
-    up       : its axis that points to the sky: x, y, z, -x, -y, -z; guessed where left out.
-    material : a name that `dsfab materials` lists; GL24h, or PLA for what is smaller than 3 m, where left out.
+    unit     : of its numbers: mm, cm, m ...; guessed for files without a unit, else metres.
+    up       : its axis that points to the sky: x, y, z, -x, -y, -z; guessed by default.
+    material : a name that `dsfab materials` lists; default: GL24h, or PLA for surfaces smaller than 3 m.
 
-    Raises SurfaceError for what is no mesh or no axis, PresetError for a material that is not known.
+    Raises SurfaceError for an invalid mesh or axis, PresetError for an unknown material.
     """
     return propose(mesh, unit, up, material).preset
 
@@ -98,10 +92,10 @@ def propose(
     max_triangles: int | None = None,
     raw: RawMesh | None = None,
 ) -> Proposal:
-    """The same with its text and its decisions; see `preset_for`.
+    """Return the proposal with its text and decisions; see `preset_for`.
 
-    max_triangles : how many a mesh file may have, and with it what reading it may cost.
-    raw           : what is in the file, where it was read before.
+    max_triangles : limit of a mesh file, which also limits the cost of reading it.
+    raw           : content of the file, if read before.
     """
     axis = vertical_axis(up)
     name = material_named(material).name if material else None
@@ -118,12 +112,13 @@ def propose(
 
 
 def takes_snow(surface: Surface) -> bool:
-    """Whether it is a roof: open, seen from above, and nowhere twice."""
+    """Return True for a roof: open, seen from above, and nowhere twice over the same place."""
     if is_figure(surface):
         return False
     up = surface.normals[:, 2] * surface.areas
     seen = float(np.abs(up).sum())
-    return seen > ROOF * surface.area and seen < ONCE * abs(float(up.sum()))
+    shown, once = 0.4, 1.2  # share of the area in plan, and that area over the plan's
+    return seen > shown * surface.area and seen < once * abs(float(up.sum()))
 
 
 def _decisions(proposal: Proposal) -> Iterator[Decision]:
@@ -155,7 +150,6 @@ def _decisions(proposal: Proposal) -> Iterator[Decision]:
 
 
 def _carried(surface: Surface, roof: bool) -> str:
-    """What it carries, and that what is no roof is not judged under wind yet."""
     top = None if roof else snow_on_top(surface)
     snow = (
         f" and snow of {SNOW / 1000:g} kPa on the plan{' of its top' if top else ''}, a placeholder for your local code"
@@ -166,7 +160,6 @@ def _carried(surface: Surface, roof: bool) -> str:
 
 
 def _unsteady(surface: Surface, stands: tuple[Foot, ...]) -> str:
-    """What its feet have to hold besides what is above them."""
     points = [foot.points for foot in stands]
     if tips(surface, points):
         return "; it is also held down there, for its middle lies beside"
@@ -175,15 +168,15 @@ def _unsteady(surface: Surface, stands: tuple[Foot, ...]) -> str:
 
 
 def _fills(surface: Surface, size: Sizes) -> bool:
-    """Whether its span is that of the sheet, and not the width of a box that arms or wings reach around."""
+    """True if the span is that of the sheet, and not the width of a box around arms or wings."""
     side = shorter_side(surface)
     x, y = np.sort(np.ptp(surface.V, axis=0)[:2])
     plan = float(np.abs(surface.normals[:, 2]) @ surface.areas)
-    return size.span != side or side > x or plan > FILLED * x * y
+    return size.span != side or side > x or plan > 0.5 * x * y
 
 
 def _unheld(surface: Surface, stands: tuple[Foot, ...]) -> Iterator[Decision]:
-    """What is told of pieces that no foot is on; `dsfab build` refuses such a surface."""
+    """Report pieces without a support; `dsfab build` refuses such a surface."""
     count, piece = surface.pieces
     if count == 1 or not stands:
         return

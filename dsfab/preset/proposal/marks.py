@@ -1,4 +1,4 @@
-"""What is drawn beside a surface in one file: points and curves on layers `support`, `load`, `keep` and `void`."""
+"""Marks beside a surface in one file: points and curves on layers `support`, `load`, `keep` and `void`."""
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
@@ -16,16 +16,14 @@ from dsfab.surface import Marks, marks_on_layers
 LAYERS = ("support", "load", "keep", "void")
 DRAWINGS = (".3dm", ".dxf")
 FORCE = 1000.0
-"""N for each point, N/m along each line and Pa within each closed curve of `load`: a placeholder."""
-STEP = 1.5
-"""Points of a stroke are so many radii apart."""
+"""Placeholder of `load`: N for each point, N/m along each line and Pa within each closed curve."""
 TABLES = {"support": "[[surface.support]]", "load": "[[surface.load]]"}
 
 
 def drawn_marks(given: GivenMesh) -> dict[str, Marks]:
-    """What is drawn on the four layers of the file that the surface is from, by layer; {} of other files.
+    """Return the marks on the four layers of the surface's file, by layer; {} for files without layers.
 
-    Raises SurfaceError where these are drawn in a file whose z does not point to the sky.
+    Raises SurfaceError for marks in a file whose z does not point to the sky.
     """
     path = Path(str(given.keys.get("file", "")))
     if path.suffix.lower() not in DRAWINGS:
@@ -41,9 +39,9 @@ def drawn_marks(given: GivenMesh) -> dict[str, Marks]:
 
 
 def mark_tables(marks: Mapping[str, Marks], file: str, unit: str, size: Sizes, edge: float) -> Iterator[list[str]]:
-    """Tables of a preset for what is drawn, a list of lines each.
+    """Yield tables of a preset for the marks, a list of lines each.
 
-    file : as the preset's folder sees it, or "" to write curves into the preset.    edge : metres, of the triangles.
+    file : relative to the preset's folder, or "" to write curves into the preset.    edge : metres, of the triangles.
     """
     radius = round(0.6 * edge, 3)
     for word, drawn in marks.items():
@@ -55,7 +53,7 @@ def mark_tables(marks: Mapping[str, Marks], file: str, unit: str, size: Sizes, e
             dots = f'pick = "nearest", {reach}' if word in TABLES else f'pick = "brush", {reach}, radius = {size.keep}'
             yield [head, *_what(word, drawn, FORCE * len(drawn.points)), f"at = {{ {dots} }}"]
         for line in lines if word != "void" else ():
-            stroke = f'pick = "brush", points = {_points(_resampled(line, STEP * radius))}, radius = {radius}'
+            stroke = f'pick = "brush", points = {_points(_resampled(line, 1.5 * radius))}, radius = {radius}'
             yield [head, *_what(word, drawn, FORCE * _length(line)), f"at = {{ {stroke} }}"]
         if areas and (word in TABLES or not file):
             for area in areas:
@@ -67,7 +65,7 @@ def mark_tables(marks: Mapping[str, Marks], file: str, unit: str, size: Sizes, e
 
 
 def mark_decisions(marks: Mapping[str, Marks]) -> Iterator[Decision]:
-    """What was made of each layer."""
+    """Yield the decision on each layer."""
     changes = {"support": "surface.support", "load": "surface.load"}
     for word, drawn in marks.items():
         parts = [(len(drawn.points), "point"), (len(drawn.closed), "closed curve"), (len(drawn.open), "line")]
@@ -79,7 +77,7 @@ def mark_decisions(marks: Mapping[str, Marks]) -> Iterator[Decision]:
 
 
 def drawn_feet(marks: Mapping[str, Marks]) -> tuple[Foot, ...]:
-    """What it stands on, where that is drawn: else nothing."""
+    """Return the supports that the file marks; empty without marks."""
     if "support" not in marks:
         return ()
     drawn = marks["support"]
@@ -87,7 +85,6 @@ def drawn_feet(marks: Mapping[str, Marks]) -> tuple[Foot, ...]:
 
 
 def _what(word: str, drawn: Marks, newtons: float) -> list[str]:
-    """The lines of a table that say what it is."""
     if word == "support":
         return [f"name = {_word(drawn.layer)}", 'hold = "xyz"']
     if word == "load":
@@ -100,7 +97,6 @@ def _word(text: str) -> str:
 
 
 def _points(points: Floats) -> str:
-    """To a millimetre."""
     return str([[round(x, 3) + 0.0 for x in point] for point in points.tolist()])
 
 
@@ -109,13 +105,11 @@ def _length(line: Floats) -> float:
 
 
 def _plan_area(curve: Floats) -> float:
-    """Square metres that a closed curve encloses, seen along its normal."""
     middle = curve - curve.mean(axis=0)
     return float(np.linalg.norm(np.cross(middle[:-1], middle[1:]).sum(axis=0)) / 2)
 
 
 def _resampled(line: Floats, step: float) -> Floats:
-    """Points (k, 3) along a line, `step` apart or nearer."""
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
     at = np.linspace(0.0, along[-1], max(2, int(np.ceil(along[-1] / step)) + 1))
     return np.stack([np.interp(at, along, line[:, axis]) for axis in range(3)], axis=1)

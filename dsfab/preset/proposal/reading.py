@@ -1,4 +1,4 @@
-"""A mesh of the user in metres with z up, with the decisions on unit, vertical axis and repairs."""
+"""Read the user's mesh in metres with z up, with the decisions on unit, vertical axis and repairs."""
 
 import re
 import unicodedata
@@ -31,38 +31,30 @@ from dsfab.surface import (
     upright,
 )
 
-CLEAR = 0.1
-"""By this much y has to look better than z before it is taken for the vertical axis."""
 CLEAR_IN = {".3mf": np.inf, ".3dm": np.inf, ".dxf": np.inf, ".glb": np.inf, ".gltf": np.inf}
+"""Least score by which y must beat z, by suffix: infinite where the format or program defines the vertical axis
+(glTF's is z after reading), 0.5 where most files have z up.
+"""
 CLEAR_IN |= dict.fromkeys((".stl", ".step", ".stp", ".brep"), 0.5)
-"""The same for files whose format or program says which axis is up (glTF's is z once it is read), and for those of
-which most have z up: a bench and a facade were laid on their backs."""
+
 SLICE = 0.05
-"""Share of the height in which boundary counts as the bottom or the top."""
+"""Share of the height that counts as the bottom or the top."""
 SOLE = 0.03
-"""Share of the height over its lowest point in which vertices are what a surface stands on."""
-PINHOLES = 0.02
-"""Boundary shorter than this share of the side of a square of the same area makes no surface open."""
+"""A surface stands on vertices within this share of the height above its lowest point."""
 GROUND = 1e-3
 """Share of its size within which a surface touches the plane through the origin."""
-LONG_EDGE = 0.7
-"""Share of its length in plan along which a wall's edge is on the ground."""
-RINGS = 0.8
-"""Share of the boundary that has to lie in level rings, for a structure that stands on one or hangs from it; the rest
-are doors and windows."""
 
 
 def likely_up(surface: Surface, suffix: str = "", usual: str | None = None) -> Up:
-    """z; or y, or -y, where the surface plainly stands better that way up, as files of Blender and web tools may.
+    """Return z; or y or -y if the surface clearly stands better so, as files of Blender and web tools may.
 
-    suffix : of its file, with the dot; files of some formats have z up: see `CLEAR_IN`.
-    usual  : "y" or "z", which the program that wrote the file has up unasked; None where that is not known.
+    suffix : of its file, with the dot; see `CLEAR_IN`.
+    usual  : "y" or "z", the vertical axis of the program that wrote the file; None if unknown.
 
-    An open surface is judged by how much of it a plan shows, by how much more of its boundary lies at its bottom than
-    at its top, and by how well it stands; a closed one by how well it stands alone. What ends in level rings, as a
-    tower, a vase or a bowl does, has z up. What has y over 0 everywhere has not -y up. A wall shows nothing in plan,
-    and would always be laid on its back: what stands on the ground with a long edge has z up, or y where its program
-    has.
+    An open surface is judged by its area in plan, by the boundary at its bottom minus that at its top, and by its
+    stability; a closed one by its stability alone. Surfaces that end in level rings, as a tower or a bowl, have z up.
+    -y is up only for surfaces that reach below y = 0. A wall has no area in plan: if it stands on the ground with a
+    long edge, its axis is z, or y where its program has y up.
     """
     if usual == "z" or _ends_in_level_rings(surface) or _stands_on_ground(surface, "z"):
         return "z"
@@ -72,14 +64,12 @@ def likely_up(surface: Surface, suffix: str = "", usual: str | None = None) -> U
     others: tuple[Up, ...] = ("y", "-y") if below else ("y",)
     score = {axis: _standing(surface, axis) for axis in others}
     best = max(others, key=lambda axis: score[axis])
-    return best if score[best] > _standing(surface, "z") + CLEAR_IN.get(suffix.lower(), CLEAR) else "z"
+    return best if score[best] > _standing(surface, "z") + CLEAR_IN.get(suffix.lower(), 0.1) else "z"
 
 
 def _stands_on_ground(surface: Surface, up: Up) -> bool:
-    """Whether it stands on the plane through the origin with a long edge, and its face is drawn about that plane, not
-    on it, with the other axis up: as a wall is, or a screen.
-
-    A roof with y up stands on y = 0, or is above it: there is none of it under that plane.
+    """True for a wall or screen: it stands with a long edge on the plane through the origin, and its face crosses or
+    touches that plane with the other axis up. A roof with y up is above y = 0 and does not cross it.
     """
     V = upright(surface.V, up)
     level, through = V[:, 2], V[:, 1]  # the other axis of the two
@@ -89,22 +79,21 @@ def _stands_on_ground(surface: Surface, up: Up) -> bool:
     ends = surface.edges.ends[surface.edges.boundary]
     on = (np.abs(level[ends]) <= near).all(axis=1)
     length = np.linalg.norm(V[ends[:, 0]] - V[ends[:, 1]], axis=1)
-    return bool(length[on].sum() > LONG_EDGE * np.ptp(V[:, 0]))
+    return bool(length[on].sum() > 0.7 * np.ptp(V[:, 0]))
 
 
 def _ends_in_level_rings(surface: Surface) -> bool:
-    """Whether nearly all of its boundary are closed lines that are level with z up."""
     if is_nearly_closed(surface):
         return False
     flat = SLICE * float(np.ptp(surface.V[:, 2]))
     rings = [surface.V[loop] for loop in surface.loops]
     length = np.array([closed_length(ring) for ring in rings])
     level = np.array([np.ptp(ring[:, 2]) <= flat for ring in rings])
-    return bool(length[level].sum() > RINGS * length.sum())
+    return bool(length[level].sum() > 0.8 * length.sum())  # the rest are doors and windows
 
 
 def _standing(surface: Surface, up: Up) -> float:
-    """How well a surface stands with that axis up; about 0 to 2 of an open one, -0.2 to 0.4 of a closed one."""
+    """Score of a surface with that axis up; about 0 to 2 for an open one, -0.2 to 0.4 for a closed one."""
     V = upright(surface.V, up)
     stability = _stability(V, surface)
     if is_nearly_closed(surface):
@@ -121,12 +110,12 @@ def _standing(surface: Surface, up: Up) -> float:
 
 
 def is_nearly_closed(surface: Surface) -> bool:
-    """Whether it has no boundary, or pinholes only."""
-    return bool(surface.edge_lengths[surface.edges.boundary].sum() < PINHOLES * np.sqrt(surface.area))
+    """Return True if the surface has no boundary, or pinholes only."""
+    return bool(surface.edge_lengths[surface.edges.boundary].sum() < 0.02 * np.sqrt(surface.area))
 
 
 def _stability(V: Floats, surface: Surface) -> float:
-    """How far inside of what it stands on the middle of its weight lies, over the side of a square of its area.
+    """Distance of the centre of mass inside of the base, over the side of a square of the surface's area.
 
     V : (n, 3) its vertices with z up. Between -0.2, it falls over, and 0.4.
     """
@@ -145,24 +134,20 @@ UMLAUTS = str.maketrans(
     {"ä": "ae", "ö": "oe", "ü": "ue", "Ä": "Ae", "Ö": "Oe", "Ü": "Ue", "ß": "ss", "ø": "oe", "æ": "ae"}
 )
 SMALLEST, LARGEST = 0.02, 1000.0
-"""Metres that a surface's box is long at least and at most, or its unit is doubted."""
+"""Longest side (m) of a surface at least and at most; beyond, its unit is doubtful."""
 USUAL = 2.0, 100.0
-"""Metres between which most that is built is long; beyond, sizes in other units are told where the file has none."""
-FAR_OFF = 100.0
-"""A surface further from the origin of its file than so many times its size gets an origin of its own: numbers of
-single precision, as in STL files, are then coarser than a hundred-thousandth of it, and CAD programs lose digits, too.
-"""
+"""Usual longest side (m); beyond, sizes in other units are listed if the file has no unit."""
 POSSIBLE = 0.2, 500.0
-"""The same for what `dsfab inspect` tells of sizes in other units."""
+"""The same for the sizes that `dsfab inspect` lists."""
 GUESSED = ("mm", "cm", "m", "in", "ft")
-"""Units that files without one are in."""
+"""Units to guess for files without one."""
 
 
 @dataclass(frozen=True)
 class Decision:
-    """One thing that was decided.
+    """A decision.
 
-    topic : a word or two.  choice : what, and why.  change : the key of the preset, or the option, that changes it.
+    topic : a word or two.  choice : the choice and its reason.  change : key of the preset, or option, that changes it.
     """
 
     topic: str
@@ -172,9 +157,9 @@ class Decision:
 
 @dataclass(frozen=True, eq=False)
 class GivenMesh:
-    """A mesh as a surface, metres, z up; and the keys of [surface] that make it that.
+    """A mesh as a surface, metres, z up, with the keys of [surface] that produce it.
 
-    repaired : what is otherwise than in its file.
+    repaired : differences from its file.
     """
 
     surface: Surface
@@ -187,11 +172,11 @@ class GivenMesh:
 def mesh_in_file(
     path: Path, unit: str | None, up: Up | None, max_triangles: int | None = None, raw: RawMesh | None = None
 ) -> GivenMesh:
-    """The mesh in a file; unit and vertical axis are guessed where they are not given.
+    """Return the mesh in a file; unit and vertical axis are guessed by default.
 
-    max_triangles : how many the file may have, where that is said. raw : what is in it, where it was read before.
+    max_triangles : limit of the file. raw : its content, if read before.
 
-    Raises SurfaceError for a file that cannot be read, or is no sheet even when it is mended.
+    Raises SurfaceError for a file that cannot be read, or that is no sheet even after mending.
     """
     raw = raw or raw_mesh(path, max_triangles or DEFAULT_TRIANGLES)
     finite_faces(path, raw)
@@ -233,16 +218,16 @@ def mesh_in_file(
 
 
 def preset_name(mesh: str | Path) -> str:
-    """What a preset for a mesh file is called: letters without their marks, umlauts as two."""
+    """Return a preset's name for a mesh file: letters without accents, umlauts as two letters."""
     plain = unicodedata.normalize("NFC", Path(mesh).stem).translate(UMLAUTS)
     plain = "".join(letter for letter in unicodedata.normalize("NFKD", plain) if not unicodedata.combining(letter))
     return re.sub(r"[^A-Za-z0-9_.-]+", "_", plain).strip("_.-") or "mesh"
 
 
 def mesh_in_memory(mesh: Any, unit: str | None, up: Up | None) -> GivenMesh:
-    """The same of a mesh that Python holds: a `Surface`, or what `Surface.of` takes; metres where nothing else is said.
+    """Return the mesh from Python: a `Surface`, or an object that `Surface.of` takes; metres by default.
 
-    Raises SurfaceError for what is no mesh.
+    Raises SurfaceError for an invalid mesh.
     """
     if isinstance(mesh, tuple | list) and len(mesh) == 2:
         surface = Surface.from_mesh(mesh[0], mesh[1], unit or "m")
@@ -260,8 +245,6 @@ def mesh_in_memory(mesh: Any, unit: str | None, up: Up | None) -> GivenMesh:
 def _turned(
     surface: Surface, up: Up | None, suffix: str = "", usual: str | None = None
 ) -> tuple[Surface, Up, Decision]:
-    """The surface with z up, the vertical axis of its file of that suffix, whose program has `usual` up, and how that
-    was found."""
     guess = likely_up(surface, suffix, usual) if up is None else up
     turned = surface if guess == "z" else Surface(upright(surface.V, guess), surface.F)
     other = "y" if guess == "z" else "z"
@@ -278,16 +261,19 @@ def _turned(
 
 
 def _origin(surface: Surface) -> tuple[float, ...]:
-    """Where the origin of a surface is, metres: whole ones near its lowest corner along the axes on which it is
-    `FAR_OFF`, 0 along others, as its height above the sea."""
+    """Origin of a surface: whole metres near its lowest corner along the axes on which it is far off, 0 along the
+    rest.
+    """
     low = surface.V.min(axis=0)
-    far = np.abs(surface.V).max(axis=0) > FAR_OFF * surface.size
+    # single precision (STL) is coarser there than a hundred-thousandth, and CAD programs lose digits
+    far = np.abs(surface.V).max(axis=0) > 100.0 * surface.size
     return tuple(np.where(far, np.floor(low), 0.0).tolist())
 
 
 def size_doubt(sides: Sequence[float], unit: str) -> str:
-    """What is to be said of a box of such sides, metres, that nothing is built in, read in that unit: mostly it is
-    another one, or the file scaled twice."""
+    """Return a doubt about the unit for a box of unusual sides (m); '' for usual ones. Mostly the unit is wrong, or
+    the file was scaled twice.
+    """
     if SMALLEST <= max(sides) <= LARGEST:
         return ""
     doubt = f"far {'larger' if max(sides) > LARGEST else 'smaller'} than what is built; is that the file's unit?"
@@ -295,16 +281,16 @@ def size_doubt(sides: Sequence[float], unit: str) -> str:
 
 
 def _others(surface: Surface, unit: str) -> str:
-    """What a surface would measure in other units, where its unit is a guess that makes it smaller or larger than most
-    that is built, and another one does not."""
+    """Sizes in other units, if the unit is a guess with an unusual size and another unit gives a usual one."""
     sides = np.ptp(surface.V, axis=0).tolist()
     found = [] if USUAL[0] <= max(sides) <= USUAL[1] else sizes_in_other_units(sides, unit, USUAL)
     return f" (the file does not say; {'; '.join(found)})" if found else ""
 
 
 def sizes_in_other_units(sides: Sequence[float], unit: str, between: tuple[float, float] = POSSIBLE) -> list[str]:
-    """'--unit in: 8 m x 6 m x 3 m' for each of the units that files without one are in, other than that in which a box
-    has these sides, metres; where its longest side is `between` so many metres."""
+    """Return '--unit in: 8 m x 6 m x 3 m' for each other unit in which the longest of these sides (m) is in a range
+    (m).
+    """
     metres = {other: metres_per(other) / metres_per(unit) for other in GUESSED if other != unit}
     return [
         f"--unit {other}: {' x '.join(length(times * side) for side in sides)}"
@@ -318,7 +304,7 @@ def _box(surface: Surface) -> str:
 
 
 def vertical_axis(up: str | None) -> Up | None:
-    """The axis, if one is named; raises SurfaceError for what is none of x, y, z, -x, -y, -z."""
+    """Return the axis, None for None; raises SurfaceError for words other than x, y, z, -x, -y, -z."""
     for axis in get_args(Up):
         if axis == up:
             known: Up = axis

@@ -14,57 +14,42 @@ from dsfab.preset.proposal.reading import GivenMesh, is_nearly_closed
 from dsfab.preset.proposal.sizes import MODEL, Sizes, is_figure
 from dsfab.surface import Boundary, Marks, Surface, one_sided_pieces
 
-SLIDES = 60
-"""Degrees of slope from which snow slides off [EN 1991-1-3, table 5.2]."""
-ENCLOSES = 16.0
-"""A surface whose boundary, squared, is longer than this many times its area encloses nothing: it has no outside."""
-TOP = 0.15
-"""Share of a surface on which snow would lie, at least, to be worth a load."""
-WIND = 500.0
-"""Pa of velocity pressure: a placeholder for the local code."""
-
 
 def snow_on_top(surface: Surface) -> str | None:
-    """The picker of the faces that snow lies on of what is built, open and no roof: the top of a ball to go into, its
-    normals outwards or inwards. None of models and of what has no top, as a wall or a tower, or no outside.
+    """Return the picker of faces with snow on an open surface that is no roof, as the top of a ball; normals may point
+    either way. None for models, and for surfaces without a top (wall, tower) or an outside.
     """
     edge = float(surface.edge_lengths[surface.edges.boundary].sum())
-    if surface.size < MODEL or edge**2 > ENCLOSES * surface.area or is_nearly_closed(surface) or _one_sided(surface):
+    if surface.size < MODEL or edge**2 > 16 * surface.area or is_nearly_closed(surface) or _one_sided(surface):
         return None
     outwards = np.einsum("mi,mi,m->", surface.normals, surface.centroids - surface.V.mean(axis=0), surface.areas)
     up = 1.0 if outwards > 0 else -1.0
-    lies = up * surface.normals[:, 2] > np.cos(np.radians(SLIDES))
-    if float(surface.areas[lies].sum()) < TOP * surface.area:
+    slides = 60  # degrees from which snow slides off [EN 1991-1-3, table 5.2]
+    lies = up * surface.normals[:, 2] > np.cos(np.radians(slides))
+    if float(surface.areas[lies].sum()) < 0.15 * surface.area:
         return None
-    return f'pick = "facing", direction = [0.0, 0.0, {up}], angle = {SLIDES}'
+    return f'pick = "facing", direction = [0.0, 0.0, {up}], angle = {slides}'
 
 
 def wind_lines(surface: Surface) -> list[str]:
-    """Lines of a preset for wind on the broadest side of what is built and is no roof; none of a model."""
+    """Return lines of a preset for wind on the broadest side of a surface that is no roof; empty for a model."""
     if surface.size < MODEL or _one_sided(surface):
         return []
     seen: Floats = surface.areas @ np.abs(surface.normals)
     direction = [0.0, 1.0, 0.0] if seen[1] > seen[0] else [1.0, 0.0, 0.0]
     told = "# Wind, which decides for much that stands upright; take these lines with your local code's numbers:"
-    load = ('kind = "wind"', f"pressure = {WIND}", f"direction = {direction}")
+    load = ('kind = "wind"', "pressure = 500.0", f"direction = {direction}")
     return [told, "# [[surface.load]]", *(f"# {line}" for line in load)]
 
 
 def _one_sided(surface: Surface) -> bool:
-    """Whether some of it has no outside, as a Moebius strip: wind and a picker of faces that look up refuse it."""
     return bool(one_sided_pieces(surface.F, surface.edges).any())
 
 
 SNOW = 750.0
-"""Pa on the plan: a placeholder for the local code."""
+"""Placeholder of the snow on the plan (Pa), to replace by the local code's value."""
 SHARE = 0.45
-"""Of the surface that stays material."""
-SNAP = 0.01
-"""A fifth of the usual one: a mesh of somebody's own has no mirrored halves, and twentieth parts of its edges show."""
-STEP_FACES = 12_000
-"""Planar faces of a STEP file: 15 s to write and check, 10 MB."""
-THINNEST = 0.05
-"""Share of its thickness that is left to a figure where it bends sharply: the least that the solid is made with."""
+"""Share of the surface that stays material."""
 
 
 def proposal_text(
@@ -76,10 +61,10 @@ def proposal_text(
     snow: bool,
     marks: Mapping[str, Marks],
 ) -> str:
-    """The TOML text.
+    """Return the preset as TOML with comments.
 
-    keys : of [surface], which make the mesh what it is.  notes : topic -> what was decided.  marks : what is drawn
-    beside it, which takes the place of feet that were found.
+    keys : of [surface], which define the mesh.  notes : topic -> choice.  marks : marks of the file, which take the
+    place of proposed feet.
     """
     surface, stand = given.surface, () if "support" in marks else stands
     file = "" if "origin" in keys else str(keys.get("file"))  # a drawing in a file is about that file's origin
@@ -104,14 +89,14 @@ def proposal_text(
         _widths(),
         [
             "[slicing]",
-            _entry("snap", SNAP, "of an edge, that cuts move by to a vertex: mirrored halves are alike on any mesh"),
+            _entry("snap", 0.01, "of an edge, that cuts move by to a vertex: mirrored halves are alike on any mesh"),
             _entry("min_member", size.thickness, "m; narrower members are widened there"),
         ],
         *_thickening(surface),
         [
             "[export]",
             _entry("step", "quick", "STEP that is soon made, or none; auto tries more ways, for minutes"),
-            _entry("step_faces", STEP_FACES, "a STEP of more planar faces is slow in CAD; 30000 is usual"),
+            _entry("step_faces", 12_000, "a STEP of more planar faces is slow in CAD; 30000 is usual"),
         ],
     )
     return "\n\n".join("\n".join(part) for part in parts) + "\n"
@@ -191,11 +176,10 @@ def _widths() -> Iterator[str]:
 
 def _thickening(surface: Surface) -> Iterator[list[str]]:
     if is_figure(surface):  # ears and fingers bend more sharply than a roof
-        yield ["[thickening]", _entry("thinnest", THINNEST, "share of the thickness that sharp bends must leave")]
+        yield ["[thickening]", _entry("thinnest", 0.05, "share of the thickness that sharp bends must leave")]
 
 
 def _entry(key: str, value: Any, note: str = "") -> str:
-    """A line of TOML with its comment."""
     line = f"{key} = {json.dumps(value, ensure_ascii=False)}"
     return f"{line:<26}  # {note}" if note else line
 
@@ -207,7 +191,7 @@ def _description(surface: Surface, size: Sizes, stands: tuple[Foot, ...], snow: 
 
 
 def _on(stands: tuple[Foot, ...]) -> str:
-    """What it stands on, in words: 'its base ring', '4 feet', '2 springing lines'."""
+    """The supports in words: 'its base ring', '4 feet', '2 springing lines'."""
     kinds = {foot.name.rstrip("0123456789 ") for foot in stands}
     if len(stands) == 1:
         return f"its {stands[0].name}"

@@ -10,19 +10,22 @@ from numpy.typing import NDArray
 from dsfab.core.arrays import Bools, Floats, Ints, sorted_order
 
 CHUNK = 1 << 13
-"""Polygons measured together: as many as the processor's cache takes."""
+"""Polygons measured together: this many fit the processor's cache."""
 
 
 @dataclass(frozen=True, eq=False)
 class Cells:
-    """Polygons as (c + 1,) `start` and (h,) `corner`: polygon i has the corners corner[start[i] : start[i + 1]]."""
+    """Polygons as (c + 1,) `start` and (h,) `corner`: polygon i has the corners corner[start[i] : start[i + 1]].
+
+    A slot is an index into `corner`. It also stands for the side from that corner to the next.
+    """
 
     start: Ints
     corner: Ints
 
     @classmethod
     def triangles(cls, F: Ints) -> "Cells":
-        """The faces F (m, 3) as polygons."""
+        """Return the faces F (m, 3) as polygons."""
         return cls(np.arange(0, 3 * len(F) + 1, 3), F.ravel())
 
     @cached_property
@@ -43,21 +46,21 @@ class Cells:
         return slot
 
     def ahead(self, values: NDArray[Any]) -> NDArray[Any]:
-        """Values (h,) on the slots, seen from the slot before: those of the next one around the same polygon."""
+        """Return for each slot the value (h,) on the next slot around the same polygon."""
         result: NDArray[Any] = np.empty_like(values)
         result[:-1] = values[1:]
         result[self.start[1:] - 1] = values[self.start[:-1]]
         return result
 
     def reduced(self, ufunc: np.ufunc, values: NDArray[Any]) -> NDArray[Any]:
-        """(c,) the values (h,) on the slots of each polygon brought together by `ufunc`."""
+        """(c,) values (h,) on the slots, reduced over each polygon by `ufunc`."""
         if len(values) == 3 * len(self.sizes):  # triangles only
             a, b, c = values.reshape(-1, 3).T
             return np.asarray(ufunc(ufunc(a, b), c))
         return ufunc.reduceat(values, self.start[:-1])
 
     def sides(self, active: Bools) -> tuple[Ints, Ints]:
-        """First and last vertex (s,) of every side of the active polygons (c,)."""
+        """Return the first and the last vertex (s,) of every side of the active polygons (c,)."""
         a, b = self.corner, self.ahead(self.corner)
         if active.all():
             return a, b
@@ -65,13 +68,13 @@ class Cells:
         return a[on], b[on]
 
     def slots(self, which: Ints) -> Ints:
-        """The slots of the polygons (k,) of this list, polygon by polygon."""
+        """Return the slots of the polygons (k,), polygon by polygon."""
         sizes = self.sizes[which]
         ends = np.cumsum(sizes)
         return np.asarray(np.repeat(self.start[which] - (ends - sizes), sizes) + np.arange(int(sizes.sum())))
 
     def some(self, which: Ints) -> "Cells":
-        """The polygons (k,) of this list alone."""
+        """Return the polygons (k,) as a list of their own."""
         return Cells(np.concatenate([[0], np.cumsum(self.sizes[which])]), self.corner[self.slots(which)])
 
     def _run(self, begin: int, end: int) -> "Cells":
@@ -94,14 +97,14 @@ class Cells:
 
 
 LARGEST = 9
-"""Polygons with more corners are first halved by a chord: the dynamic programme takes a time cubic in the corners."""
+"""`triangulate` halves larger polygons by chords first, because its dynamic programme takes cubic time."""
 
 
 def triangulate(cells: Cells, X: Floats) -> tuple[Ints, Ints]:
-    """Triangles (m, 3) that fill the convex polygons, oriented alike, and the polygon (m,) of each, ascending.
+    """Fill convex polygons with triangles (m, 3), all oriented alike; return also the polygon (m,) of each, ascending.
 
-    X : (n, 3) positions. Polygons may have straight corners (180 degrees) but must have an area: then no triangle is
-    without area, and no side of a polygon is passed over, so that neighbours fit.
+    X : (n, 3) positions. Polygons may have straight corners (180 degrees) but must have an area. Then every triangle
+    has an area, and each side of a polygon is a side of one triangle, so that neighbours fit.
     """
     waiting: dict[int, list[tuple[Ints, Ints]]] = {}
     for size in np.flatnonzero(np.bincount(cells.sizes)).tolist():
@@ -138,10 +141,10 @@ def _quality(a: Floats, b: Floats, c: Floats) -> Floats:
 
 
 def _best_triangles(polygons: Ints, X: Floats) -> tuple[Ints, Ints]:
-    """Triangles of polygons (g, size) and the row of each: dynamic programme over sub-polygons i, i + 1, ..., j.
+    r"""Triangles of polygons (g, size) and the row of each, by dynamic programming over sub-polygons i, i + 1, ..., j.
 
       k          best[i, j] = max over k of min(best[i, k], best[k, j], quality(i, k, j)):
-     / \\         the triangle on the chord i-j, and what is best on its two other sides.
+     / \\         the triangle on the chord i-j, and the best triangulations on its two other sides.
     i---j
     """
     g, size = polygons.shape
@@ -198,12 +201,9 @@ def _halves(polygons: Ints, owner: Ints, X: Floats) -> list[tuple[Ints, Ints]]:
 
 
 SNAP_FLOOR = 1e-9
-"""Least snap fraction, applied also at snap = 0: lines nearer to a vertex go through it."""
-ROUNDING = 8
-"""Values within this many units in the last place of the largest value are on a level, however flat the field."""
+"""Least snap fraction, even at snap = 0: lines nearer to a vertex go through it."""
 TIP = 1e-3
-"""Where both edges of a stripe of varying width come closer than this share of a side, they meet (or than the snap
-fraction, if that is less)."""
+"""Both edges of a stripe of varying width meet if they are closer than this share of a side (or the smaller snap)."""
 
 
 def nearest(x: Floats, levels: Floats) -> Floats:
@@ -217,14 +217,15 @@ def nearest(x: Floats, levels: Floats) -> Floats:
 def snapped(
     x: Floats, levels: Floats, sides: tuple[Ints, Ints], difference: Floats, fraction: float, free: Bools
 ) -> Floats:
-    """A copy of x (n,) with free values (n,) within `fraction` of their edges' largest range of a level (k,) moved
-    onto it.
+    """Return a copy of x (n,) with values moved onto levels (k,) that are nearer than `fraction` of their edges' range.
 
-    sides : the values at both ends of each edge.    difference : the range of each edge.
+    sides      : the vertices at both ends of each edge.
+    difference : the range of each edge.
+    free       : (n,) values that may move.
     """
     level = nearest(x, levels)
     gap = np.abs(x - level)
-    maybe = gap <= fraction * difference.max(initial=0.0) + _rounding(x)  # most are not, and need no closer look
+    maybe = gap <= fraction * difference.max(initial=0.0) + _rounding(x)
     on = np.flatnonzero(maybe[sides[0]] | maybe[sides[1]])
     reach = ranges(len(x), (sides[0][on], sides[1][on]), difference[on])
     near = maybe & free & (gap <= fraction * reach + _rounding(x))
@@ -233,18 +234,18 @@ def snapped(
 
 
 def snapped_together(x: Floats, levels: Floats, reach: Floats, fraction: float) -> Floats:
-    """A copy of x (n, 2), two fields on the same levels: the value relatively nearer to a level moves onto it.
+    """Return a copy of x (n, 2), two fields on the same levels, with the relatively nearer value moved onto its level.
 
     reach : (n, 2) the largest range of each over the edges at a vertex.
 
-    The other moves by as much, so that a stripe keeps its width, but not across a level of its own. Fields at a
-    constant distance move as a single field with the levels of both would.
+    The other value moves by as much, so that a stripe keeps its width, but not across a level. Fields at a constant
+    distance move as a single field with the levels of both would.
     """
     level = np.stack([nearest(x[:, i], levels) for i in (0, 1)], axis=1)
     steps, limit = level - x, fraction * reach + _rounding(x)
     gap = np.abs(steps)
     share = gap * limit[:, ::-1]
-    tie = (share[:, 0] == share[:, 1]) & (steps[:, 0] > steps[:, 1])  # upwards, as `nearest` does
+    tie = (share[:, 0] == share[:, 1]) & (steps[:, 0] > steps[:, 1])  # upwards
     first = (share[:, 0] < share[:, 1]) | tie
     chosen = np.stack([first, ~first], axis=1)
     step = np.where(chosen, steps, 0).sum(axis=1)
@@ -258,7 +259,7 @@ def snapped_together(x: Floats, levels: Floats, reach: Floats, fraction: float) 
 
 
 def settled_cells(cells: Cells, y: Floats, levels: Floats) -> tuple[Bools, Bools]:
-    """(c,) polygons that are material, and (c,) void, wherever the levels of two fields run; y (h, 2) at the slots."""
+    """Return masks (c,) of polygons wholly in stripes and wholly outside; y (h, 2) are the values at the slots."""
     width, begins = y[:, 0] - y[:, 1], cells.start[:-1]
     gap = np.diff(levels).max(initial=0.0)
     within = (y[:, 0] >= levels[0]) & (y[:, 1] < levels[-1])
@@ -275,5 +276,5 @@ def ranges(n: int, sides: tuple[Ints, Ints], difference: Floats) -> Floats:
 
 
 def _rounding(x: Floats) -> float:
-    """What a constant field may be off by, once an earlier cut has interpolated it."""
-    return float(ROUNDING * np.spacing(np.abs(x).max()))
+    """Rounding error of a constant field that an earlier cut has interpolated."""
+    return float(8 * np.spacing(np.abs(x).max()))  # 8 units in the last place

@@ -17,8 +17,8 @@ from dsfab.surface.fields import CornerField
 class Seen:
     """A corner field on the vertices of a mesh of polygons.
 
-    values : (n', 1 or 2) at each vertex, as the face `lead` (n',) of its own sees them.
-    sign, shift, blank : (h,) how the polygon of each slot sees that.
+    values : (n', 1 or 2) at each vertex, as the face `lead` (n',) sees them.
+    sign, shift, blank : (h,) change of these values in the polygon of each slot; blank slots have no value.
     """
 
     mesh: PolygonMesh
@@ -31,7 +31,7 @@ class Seen:
 
     @classmethod
     def of(cls, mesh: PolygonMesh, field: CornerField) -> Self:
-        """Each vertex as the first face around it sees it in which the field means something."""
+        """Evaluate the field at each vertex, in the first face around it that has a phase."""
         corner, n = mesh.cells.corner, len(mesh.X)
         lead = np.zeros(n, dtype=np.int64)
         lead[corner[::-1]] = mesh.face[::-1]
@@ -51,7 +51,7 @@ class Seen:
     @classmethod
     def _on(cls, mesh: PolygonMesh, field: CornerField, values: Floats, lead: Ints) -> Self:
         face, sign, shift = mesh.face, np.ones(len(mesh.face)), np.zeros(len(mesh.face))
-        at = np.flatnonzero(field.turned[face] | field.turned[lead][mesh.cells.corner])  # the others see it as it is
+        at = np.flatnonzero(field.turned[face] | field.turned[lead][mesh.cells.corner])  # elsewhere signs agree
         if len(at):
             vertex, here = mesh.cells.corner[at], face[at]
             there, stand = lead[vertex], mesh.support[vertex]
@@ -61,7 +61,7 @@ class Seen:
         return cls(mesh, field, values, lead, sign, shift, field.blank[face])
 
     def entity(self, side: int) -> Ints:
-        """(h,) for each slot the place in values.ravel() of what it sees as the upper (0) or lower (1) field."""
+        """(h,) index into values.ravel() of the upper (0) or lower (1) field at each slot."""
         return self._lower if side else self._upper
 
     @cached_property
@@ -89,7 +89,7 @@ class Seen:
         return np.asarray(y)
 
     def with_values(self, values: Floats) -> "Seen":
-        """The same with other values (n', s), one or two sides."""
+        """Return the same field with other values (n', s) for one or two sides."""
         if values is self.values:
             return self
         other = replace(self, values=values)
@@ -97,11 +97,11 @@ class Seen:
         return other
 
     def sides(self, side: int, foreign: Bools | None = None) -> SideValues:
-        """The field at both ends of every side; foreign: (h,) slots where it means nothing."""
+        """Return the field at both ends of every side; `foreign` (h,) marks slots without a value."""
         return SideValues.at(self.mesh.cells, self.slots(side), self.blank if foreign is None else foreign)
 
     def after(self, split: Split, side: int) -> "Seen":
-        """The same on the mesh that a split by one of the two fields makes; its new vertices are on levels exactly."""
+        """Return the field on the mesh after a split by one of its sides; new vertices lie on levels exactly."""
         mesh, following = self.mesh.after(split), self.mesh.cells.following
         cut = self.slots(side)
         up = cut[split.side] < cut[following[split.side]]
@@ -115,13 +115,15 @@ class Seen:
         return Seen._on(mesh, self.field, np.concatenate([self.values, new]), lead)
 
     def turned_edges(self) -> tuple[Bools, Bools]:
-        """(h,) sides on whose edge the other polygon sees the field turned over: those of the first, of the second."""
+        """(h,) sides on edges across which the field changes its sign: those of the first polygon, and of the
+        second.
+        """
         cells = self.mesh.cells
         a, b = cells.corner, cells.ahead(cells.corner)
         leading, second = np.zeros((2, len(a)), dtype=bool)
         turned = np.zeros(len(self.mesh.X), dtype=bool)
         turned[a[self.sign < 0]] = True
-        near = np.flatnonzero(turned[a] | turned[b])  # all others are seen alike
+        near = np.flatnonzero(turned[a] | turned[b])
         if not len(near):
             return leading, second
         p, q = a[near], b[near]
@@ -137,21 +139,15 @@ class Seen:
         return leading, second
 
 
-NODE = 0.5
-"""A polygon without a phase is material where more than this share of its outline borders on stripes."""
-WANTED = 0.5
-"""A field is drawn in an opening where it is wanted in more than this share of it."""
-
-
 def corner_band(
     mesh: PolygonMesh, field: CornerField, levels: Floats, snap: float, tip: float, size: float
 ) -> tuple[PolygonMesh, Bools]:
-    """The mesh with its void polygons cut along the edges of the stripes, and (c',) those that they make material.
+    """Cut the void polygons along the edges of the stripes of a corner field; return also the new material (c',).
 
     snap, tip : see `cut` and `TIP`.    size : of the surface, metres.
 
-    Where neighbours see the field turned over, what is the upper edge of a stripe to one is the lower edge to the
-    other. There the edge of the mesh is divided by both before anything is cut, so that both find the same vertices.
+    If neighbours see the field with opposite signs, the upper edge of a stripe in one is the lower edge in the other.
+    Such an edge of the mesh is divided by both fields before anything is cut, so that both find the same vertices.
     """
     void = (mesh.void | mesh.again) & ~field.blank[mesh.parent]
     if field.wanted is not None and void.any():
@@ -171,7 +167,7 @@ def corner_band(
 
 
 def _nodes(mesh: PolygonMesh, blank: Bools, material: Bools) -> Bools:
-    """(c',) void polygons of blank faces that stripes enclose by more than half: there they meet in a node."""
+    """(c',) void polygons of blank faces with stripes along more than half of their outline: nodes of stripes."""
     inner = mesh.void & blank[mesh.parent]
     if not inner.any():
         return inner
@@ -184,12 +180,13 @@ def _nodes(mesh: PolygonMesh, blank: Bools, material: Bools) -> Bools:
     order, begins, edge = grouped(np.minimum(p, q) * len(on) + np.maximum(p, q))
     borders = np.add.reduceat(material[of][order].astype(np.int64), begins)[edge] > material[of]
     around, shared = np.bincount(of, length, len(inner)), np.bincount(of, length * borders, len(inner))
-    return np.asarray(inner & (shared > NODE * around))
+    return np.asarray(inner & (shared > 0.5 * around))
 
 
 def _wanted_cells(mesh: PolygonMesh, wanted: Floats) -> Bools:
-    """(c,) polygons in the openings where a field is wanted, and on the members between them that are cut again."""
-    crossed = mesh.again & (wanted > WANTED)[mesh.parent]
+    """(c,) polygons in openings with enough of a wanted share (m,), and on members between them that are cut again."""
+    least = 0.5  # share of an opening in which the field is wanted
+    crossed = mesh.again & (wanted > least)[mesh.parent]
     if not mesh.void.any():
         return crossed
     opening = mesh.parts(mesh.void)
@@ -197,12 +194,12 @@ def _wanted_cells(mesh: PolygonMesh, wanted: Floats) -> Bools:
     area = mesh.cells.areas(mesh.X)[0]
     total = np.bincount(opening[here], area[here])
     wishes = np.bincount(opening[here], (area * wanted[mesh.parent])[here])
-    return np.asarray(crossed | (here & (wishes > WANTED * total)[opening]))
+    return np.asarray(crossed | (here & (wishes > least * total)[opening]))
 
 
 @dataclass(frozen=True, eq=False)
 class Cutting:
-    """What is seen so far, and which polygons (c,) are to be cut or are material as they are.
+    """A corner field during a cut, with the polygons (c,) that are active or solid.
 
     source : (c,) the polygon that each was before the last split.
     """
@@ -216,20 +213,19 @@ class Cutting:
     source: Ints | None = None
 
     def _ends(self, side: int) -> tuple[Ints, Ints, Floats]:
-        """Of the sides of the active polygons: the places of the values at both ends, and their difference."""
+        """The value indices at both ends of the sides of active polygons, and their difference."""
         place, y = self.seen.entity(side), self.seen.slots(side)
         on, ahead = self._sides
         return place[on], place[ahead], np.abs(y[on] - y[ahead])
 
     @cached_property
     def _sides(self) -> tuple[Ints, Ints]:
-        """The slots of the active polygons, and the next slot of each."""
         cells = self.seen.mesh.cells
         on = np.flatnonzero(self.active[cells.owner])
         return on, cells.following[on]
 
     def snapped(self, fraction: float) -> "Cutting":
-        """Each stripe moved onto the vertices that it nearly meets, keeping its width."""
+        """Move each stripe onto vertices near its edges, with its width unchanged."""
         values = self.seen.values
         reach = np.zeros(values.size)
         for side in (0, 1):
@@ -239,7 +235,7 @@ class Cutting:
         return replace(self, seen=self.seen.with_values(moved))
 
     def tipped(self, side: int) -> "Cutting":
-        """Single values moved onto the levels that they nearly meet."""
+        """Move single values onto levels that they nearly meet."""
         x = self.seen.values.ravel()
         a, b, difference = self._ends(side)
         free = np.ones(len(x), dtype=bool)
@@ -247,8 +243,9 @@ class Cutting:
         return replace(self, seen=self.seen.with_values(moved.reshape(self.seen.values.shape)))
 
     def with_turned_edges(self, side: int) -> "Cutting":
-        """New vertices on edges across which the field is turned over, where its upper (0) or lower (1) field, as the
-        first polygon sees it, meets a level."""
+        """Add vertices on edges across which the field changes sign, at levels of the first polygon's field on
+        `side`.
+        """
         first, second = self.seen.turned_edges()
         owner = self.seen.mesh.cells.owner
         if not self.active[owner[first | second]].any():
@@ -261,9 +258,10 @@ class Cutting:
         return state._after(split, side)
 
     def along(self, side: int, above: bool) -> tuple["Cutting", Ints]:
-        """The active polygons cut where the upper or lower field meets a level, and (c',) how many levels are below.
+        """Cut the active polygons along the levels of one side of the field; return also the number of levels below
+        (c',).
 
-        above : what a polygon on a level counts as. Like `clean_split`, it leaves no polygon without area.
+        above : the strip of a polygon that lies on a level. Like `clean_split`, it leaves no polygon without area.
         """
         state = self.tipped(side)
         for _ in range(ROUNDS):

@@ -1,4 +1,4 @@
-"""`cut`: a surface cut exactly along level lines of linear fields, and cells of a sheet that are cut again."""
+"""`cut`: a surface cut exactly along level lines of linear fields, and `Recut` for cells that are cut again."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -22,68 +22,53 @@ from dsfab.surface.fields import CornerField, Divided, DividedField
 from dsfab.surface.mesh import ZERO_AREA
 
 LEVEL_GAP = 1e-6
-"""Levels closer than this share of the field's range count as equal: thinner stripes are neither made nor left out."""
+"""Levels closer than this share of the field's range count as equal."""
 
 
 Field = Floats | CornerField | DividedField
 
 
 def cut(
-    surface: Surface,
-    fields: Sequence[Field],
-    levels: Sequence[ArrayLike],
-    snap: float = 0.05,
-    tidy: Tidy | None = None,
+    surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05, tidy: Tidy | None = None
 ) -> Sheet:
-    """All cells of a surface cut along the given levels of several fields, material and void together.
+    """Cut a surface along the levels of several fields; return all cells, material and void.
 
     fields : values on the vertices, linear over each face; any unit. (n,) each, or (n, 2) for stripes whose width
              varies over a face: two fields z + d and z - d, levels at the middles of the stripes. A `CornerField` is
-             the same for stripes that no value at a vertex serves for all faces around it. A `DividedField` is linear
-             over parts of faces; all of them have one division, and come before any `CornerField`.
-    levels : ascending values for each field. Strip j of a field has j levels below it; odd strips are material, the
-             union over the fields is. Two equal levels (see `LEVEL_GAP`) enclose nothing and are left out.
+             the same for values that differ between the faces at a vertex. A `DividedField` is linear over parts of
+             faces; all of them have one division, and come before any `CornerField`.
+    levels : ascending values for each field. Strip j of a field has j levels below it; odd strips are material, and so
+             is the union over the fields. Two equal levels (see `LEVEL_GAP`) enclose nothing and are left out.
              Of two fields, material is where the first has more levels below it than the second: |z - level| < d.
-    snap   : fraction of a vertex's largest edge range (0 to 0.4). A value closer to a level than that is moved onto it
-             first, which moves a line by at most this fraction of an edge and avoids slivers. 0 is for exact areas; a
-             floor of `SNAP_FLOOR` always holds, and where a cell would still have no area its corners are moved too.
+    snap   : fraction of a vertex's largest edge range (0 to 0.4). The cut first moves values that are closer to a level
+             onto it. This moves a line by at most this fraction of an edge and avoids slivers. Use 0 for exact areas; a
+             floor of `SNAP_FLOOR` always holds, and corners of cells without area move too.
+    tidy   : the loose ends to remove; None keeps all.
 
-    tidy   : what to take off where stripes lead nowhere; None leaves them.
-
-    A cell that is material by an earlier field is not cut by later ones. A face that lies on a level wholly is void.
+    Later fields do not cut the material of earlier ones. A face that lies wholly on a level is void.
     Returns the cells in the order of their parent faces; the first n vertices are the uncut ones.
-    Raises PatternError for values that are not finite, levels out of order, a snap out of range, or cells that have no
-    area whatever is moved.
+    Raises PatternError for values that are not finite, levels out of order, a snap out of range, or cells without area.
     """
     return sheet_of(cut_polygons(surface, fields, levels, snap, tidy))
 
 
 def sheet_of(mesh: PolygonMesh) -> Sheet:
-    """The polygons of `cut_polygons` filled with triangles; raises PatternError as `cut` does."""
+    """Fill the polygons of `cut_polygons` with triangles; raises PatternError as `cut` does."""
     cut_surface, cell = filled_polygons(mesh.cells, mesh.X, mesh.parent)
     return Sheet(cut_surface, mesh.parent[cell], mesh.family[cell], mesh.weights, mesh.stubs)
 
 
 def material_area(
-    surface: Surface,
-    fields: Sequence[Field],
-    levels: Sequence[ArrayLike],
-    snap: float = 0.05,
-    tidy: Tidy | None = None,
+    surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05, tidy: Tidy | None = None
 ) -> float:
-    """Area of the material of `cut` with the same arguments (fields (n,), levels (k,)), square metres; cells are not
-    filled."""
+    """Material area of `cut` with the same arguments, square metres, without filling cells with triangles."""
     return cut_polygons(surface, fields, levels, snap, tidy).material_area
 
 
 def cut_polygons(
-    surface: Surface,
-    fields: Sequence[Field],
-    levels: Sequence[ArrayLike],
-    snap: float = 0.05,
-    tidy: Tidy | None = None,
+    surface: Surface, fields: Sequence[Field], levels: Sequence[ArrayLike], snap: float = 0.05, tidy: Tidy | None = None
 ) -> PolygonMesh:
-    """What `cut` divides the surface into, before it is filled with triangles."""
+    """Return the polygons of `cut` before they are filled with triangles."""
     values = [_checked_field(surface, k, f) for k, f in enumerate(fields)]
     steps = [_checked_levels(k, x, wanted) for k, (x, wanted) in enumerate(zip(values, levels, strict=True))]
     if not 0 <= snap <= 0.4:
@@ -111,18 +96,16 @@ def cut_polygons(
     nodes = (mesh.also == mesh.family) & ~mesh.void
     mesh, stubs = without_stubs(tidied(with_closed(mesh, tidy.closed), tidy), nodes, tidy)
     nodes = (mesh.also == mesh.family) & ~mesh.void
-    near = np.array(beside)[mesh.family, mesh.parent]  # of what is void it says nothing
+    near = np.array(beside)[mesh.family, mesh.parent]  # means nothing for void polygons
     mesh, straight = with_straight_bars(mesh, nodes, near, tidy, surface.size)
     return replace(mesh, stubs=stubs + straight)
 
 
 def _beside(surface: Surface, faces: Bools) -> Bools:
-    """(m,) faces that share a vertex with some (m,), and are none of them."""
     return faces_at(surface.F, corners_of(surface.F, faces, surface.n)) & ~faces
 
 
 def _division(fields: Sequence[Field]) -> tuple[Divided | None, dict[int, Floats]]:
-    """What faces are divided into, if they are; and by number the fields on that."""
     on_parts = {k: field for k, field in enumerate(fields) if isinstance(field, DividedField)}
     if not on_parts:
         return None, {}
@@ -139,8 +122,7 @@ def _tip(snap: float) -> float:
 
 
 def _plain(mesh: PolygonMesh, x: Floats, lines: Floats, snap: float, size: float) -> tuple[list[Split], Bools]:
-    """The splits of the void polygons by one plain field or two, with values x at the vertices of the polygons, and
-    which of the resulting ones are material."""
+    """The splits of the void polygons by a plain field or a pair, x at their vertices; and the mask of the material."""
     if x.ndim == 2:
         return _band(mesh.cells, mesh.X, x, lines, mesh.void | mesh.again, snap, size)
     split = clean_split(mesh.cells, mesh.X, x, lines, mesh.void | mesh.again, Snapping(snap, size))
@@ -150,13 +132,13 @@ def _plain(mesh: PolygonMesh, x: Floats, lines: Floats, snap: float, size: float
 def _band(
     cells: Cells, X: Floats, x: Floats, levels: Floats, void: Bools, snap: float, size: float
 ) -> tuple[list[Split], Bools]:
-    """Two splits of the void cells, by x[:, 0] and by x[:, 1], and which of the resulting cells they make material.
+    """Two splits of the void cells, by x[:, 0] and by x[:, 1], and the mask of the resulting material cells.
 
-    Where x[:, 0] - x[:, 1] stays over the gap of the levels, or under zero, nothing is cut.
+    Cells are not cut if x[:, 0] - x[:, 1] stays over the gap of the levels, or under zero.
 
             x[:, 0] = level . ' material
-        . '        ' .                      The two lines of a stripe meet where it ends in a tip: there the second
-          void         x[:, 1] = level      split finds the vertex of the first one on its level.
+        . '        ' .                      The two lines of a stripe meet at its tip: there the second split
+          void         x[:, 1] = level      finds the vertex of the first one on its level.
     """
     if not len(levels):
         return [], np.zeros(len(void), dtype=bool)
@@ -174,9 +156,9 @@ def _band(
 
 
 def filled_polygons(cells: Cells, X: Floats, parent: Ints) -> tuple[Surface, Ints]:
-    """The polygons filled with triangles, and the polygon (m',) of each triangle, ascending.
+    """Fill polygons with triangles; return also the polygon (m',) of each triangle, ascending.
 
-    Raises PatternError when triangles without area are left; it names their parent faces (c,).
+    Raises PatternError for triangles without area, with their parent faces (c,).
     """
     F, cell = triangulate(cells, X)
     try:
@@ -192,7 +174,6 @@ def filled_polygons(cells: Cells, X: Floats, parent: Ints) -> tuple[Surface, Int
 
 
 def _checked_field(surface: Surface, k: int, field: Field) -> Floats:
-    """The values of a field at the vertices."""
     if isinstance(field, DividedField):
         if (field.divided.whole.n, field.divided.whole.m) != (surface.n, surface.m):
             raise ValueError(f"field {k} is on the parts of another surface")
@@ -207,9 +188,9 @@ def _checked_field(surface: Surface, k: int, field: Field) -> Floats:
 
 
 def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:
-    """The levels without equal ones: of a group of equal levels one stays if they are odd in number, else none.
+    """The levels without equal ones. An odd group of equal levels leaves one, an even group none.
 
-    For two fields one of each group stays.
+    For two fields each group leaves one.
     """
     wanted = np.asarray(levels, dtype=np.float64)
     if wanted.ndim != 1 or not np.isfinite(wanted).all() or (np.diff(wanted) < 0).any():
@@ -225,7 +206,7 @@ def _checked_levels(k: int, field: Floats, levels: ArrayLike) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Recut:
-    """Cells (k,) of a sheet, ascending, their vertices (v,) of it, ascending, and both as a mesh of polygons."""
+    """Cells (k,) of a sheet, ascending, their vertices (v,), ascending, and both as a mesh of polygons."""
 
     sheet: Sheet
     cells: Ints
@@ -234,7 +215,7 @@ class Recut:
 
     @classmethod
     def of(cls, sheet: Sheet, cells: Ints) -> "Recut":
-        """Cells (k,) of a sheet and those beside them, which get new vertices on their sides."""
+        """Take cells (k,) of a sheet and their neighbours, which get new vertices on their sides."""
         surface = sheet.surface
         near = np.zeros(surface.m, dtype=bool)
         near[cells] = True
@@ -248,9 +229,9 @@ class Recut:
         return cls(sheet, which, vertices, mesh)
 
     def together(self, mesh: PolygonMesh, source: Ints) -> Sheet:
-        """All cells of the sheet, in their order, these ones replaced by the polygons that they became.
+        """Return the whole sheet, in order, with these cells replaced by the polygons of `mesh`.
 
-        source : (c,) the place in `cells` of each polygon.
+        source : (c,) the row in `cells` of each polygon.
         """
         sheet, surface, new = self.sheet, self.sheet.surface, len(mesh.X) - len(self.vertices)
         number = np.concatenate([self.vertices, surface.n + np.arange(new)])
@@ -270,7 +251,7 @@ class Recut:
 
 
 def divided_at_vertices(sheet: Sheet, uncut: Surface, field: DividedField) -> Floats:
-    """(n',) or (n', 2) a field that is linear over parts of the faces of `uncut`, at the vertices of a sheet."""
+    """Interpolate a field that is linear over parts of the faces of `uncut` to a sheet's vertices: (n',) or (n', 2)."""
     divided, F = field.divided, sheet.surface.F
     found = sheet.carry(field.at_vertices)
     parts = divided.new()

@@ -1,8 +1,8 @@
-"""`halved`: openings between two families of lines, and how often the lines are left out in each.
+"""Halving of two families of lines in the openings between them.
 
-Lines that run together crowd. Where they do, every second one is left out, or three of four: k stays where it is a
-multiple of 2^level. So that lines end on other lines, and nowhere else, the level belongs to an opening between lines
-that are drawn in any case and those of the other family: the coarse ones of both, then those that were added in them.
+Lines that run together crowd. There every second line is left out, or three of four: line k stays if it is a multiple
+of 2^level. Lines must end on other lines. So a level belongs to an opening between lines that are drawn in any case:
+first the coarse lines of both families, then also the finer ones of the first family.
 """
 
 from dataclasses import dataclass, replace
@@ -17,22 +17,20 @@ from dsfab.surface import Surface
 from dsfab.surface.fields import CornerField
 from dsfab.surface.topology import connected
 
-SNAP = 0.05
-"""Lines this near to a vertex, as a share of an edge, go through it."""
-ALIKE = 0.05
-"""Openings whose wishes differ by less may be the same but for the mesh."""
 GAIN = 0.45
-"""Of a power of two: what P95 over P5 of the spacings is to gain. For less than that more lines are not left out: where
-they crowd they are stressed, and structures are up to a tenth softer without them."""
+"""Least gain of evenness, as a power of two of P95 over P5 of the spacings, for leaving out more lines.
+
+Crowded lines are stressed; structures are up to a tenth softer without them.
+"""
 
 
 @dataclass(frozen=True, eq=False)
 class Halved:
     """A surface divided along the lines at which levels change.
 
-    mesh   : its polygons.    level : (c, 2) how often the lines of each family are halved in each.
+    mesh   : its polygons.    level : (c, 2) number of halvings of each family in each polygon.
     phases : the fields, moved onto vertices that a line nearly meets.
-    first  : the family whose lines were added first, and at which those of the other one may end.
+    first  : the family whose lines came first; lines of the other one may end on them.
     """
 
     mesh: PolygonMesh
@@ -41,13 +39,13 @@ class Halved:
     first: int = 0
 
     def wanted(self, surface: Surface, family: int, level: int) -> Floats:
-        """(m,) share of each face where lines that are left out above a level are drawn."""
+        """(m,) share of each face with at most `level` halvings, where the lines of that level are drawn."""
         area = self.mesh.cells.areas(self.mesh.X)[0]
         here = area * (self.level[:, family] <= level)
         return np.asarray(np.bincount(self.mesh.parent, here, surface.m) / surface.areas)
 
     def scale(self, surface: Surface, family: int) -> Floats:
-        """(m,) mean share of the lines that are left."""
+        """(m,) mean share of the lines that remain."""
         area = self.mesh.cells.areas(self.mesh.X)[0]
         left = area * 0.5 ** self.level[:, family]
         return np.asarray(np.bincount(self.mesh.parent, left, surface.m) / surface.areas)
@@ -60,11 +58,11 @@ def halved(
     most: tuple[int, int],
     free: tuple[Floats, Floats] | None = None,
 ) -> Halved:
-    """Halve two families of lines, where phases (n, 1) are whole numbers, in the openings between them.
+    """Halve two families of lines, at whole numbers of phases (n, 1), in the openings between them.
 
-    wish : (m,) each, how often lines should be halved; an opening takes the whole number under the mean of that.
-    most : how often they are halved at most: multiples of 2^most are drawn everywhere.
-    free : (m,) each, wishes that are not cut off at 0 and at the most; taken where spacings are more even for it.
+    target         : (m,) each, wanted number of halvings; an opening takes the whole number under its mean.
+    level_limits   : largest number of halvings of each family: multiples of 2^limit are drawn everywhere.
+    uncapped_target : (m,) each, targets without limits; taken if spacings become more even by `GAIN`.
     """
     mesh, free = PolygonMesh.of(surface), free or wish
     level = np.zeros((surface.m, 2), dtype=np.int64)
@@ -89,13 +87,13 @@ def halved(
 
 def _snapped(mesh: PolygonMesh, field: CornerField, size: float) -> CornerField:
     every = _multiples(field, mesh.F, 1, 0)
-    cutting = Cutting(Seen.of(mesh, field), every, SNAP, size, ~field.blank, ~mesh.void).tipped(0)
+    cutting = Cutting(Seen.of(mesh, field), every, 0.05, size, ~field.blank, ~mesh.void).tipped(0)
     seen = cutting.seen
     return replace(field, x=seen.values, sign=seen.sign.reshape(-1, 3), shift=seen.shift.reshape(-1, 3))
 
 
 def _multiples(field: CornerField, F: Ints, period: int, offset: int) -> Floats:
-    """offset + j period, j whole, over all that any face sees of a field."""
+    """offset + j period, j whole, over all values of a field."""
     reach = np.ceil(max(np.abs(field.corners(F)).max(), np.abs(field.x).max()) / period) + 1
     return np.asarray(offset + period * np.arange(-reach, reach + 1))
 
@@ -103,7 +101,7 @@ def _multiples(field: CornerField, F: Ints, period: int, offset: int) -> Floats:
 def _with_lines(
     mesh: PolygonMesh, field: CornerField, period: int, offset: int, active: Bools, size: float
 ) -> tuple[PolygonMesh, Ints]:
-    """The mesh with active polygons divided along field = offset + j period, and what each of its polygons was."""
+    """Divide active polygons along field = offset + j period; return also the old polygon of each."""
     active = active & ~field.blank[mesh.parent]
     levels = _multiples(field, mesh.F, period, offset)
     cutting = Cutting(Seen.of(mesh, field), levels, 0.0, size, active, np.zeros_like(active))
@@ -113,10 +111,10 @@ def _with_lines(
 
 
 def _walls(mesh: PolygonMesh, field: CornerField, period: Ints) -> Bools:
-    """(p,) for the pairs of neighbours whether a line between them is a multiple of the smaller of their periods (c,).
+    """(p,) for the pairs of neighbours: True if a line between them is a multiple of the smaller of their periods (c,).
 
-    Neighbours see the field at its own sign and shift. What is between two lines is told by its middle, which is
-    carried from one to the other without rounding: halves of whole numbers. Blank faces are all walls.
+    Neighbours see the field with their own sign and shift. The strip between two lines is identified by its middle,
+    half of a whole number, which is converted without rounding. Blank faces are all walls.
     """
     one, two, there = mesh.neighbours
     seen, owner = Seen.of(mesh, field), mesh.cells.owner
@@ -131,10 +129,10 @@ def _walls(mesh: PolygonMesh, field: CornerField, period: Ints) -> Bools:
 
 
 def _levels(mesh: PolygonMesh, walls: Bools, wish: Floats, free: Floats, most: int) -> Ints:
-    """(c,) the whole number under the mean wish of each opening, 0 to most; see `limit`.
+    """(c,) the whole number under the mean target of each opening, 0 to the limit; see `split_value`.
 
-    A part of an opening may wish for more than the most. That counts where spacings are more even for it by `GAIN`: an
-    opening that asks for 2 and for 0.4 halvings is halved once, if once is the most, and else it would never be.
+    A part of an opening may want more than the limit. That counts if spacings become more even by `GAIN`. For example,
+    an opening with targets 2 and 0.4 is halved once under a limit of 1; otherwise it would never be.
     """
     one, two, _ = mesh.neighbours
     owner, open_ = mesh.cells.owner, ~walls
@@ -143,13 +141,12 @@ def _levels(mesh: PolygonMesh, walls: Bools, wish: Floats, free: Floats, most: i
     total, found = np.bincount(opening, area, count), list[Ints]()
     for counted in (wish[mesh.parent], here):
         mean = np.bincount(opening, area * counted, count) / total
-        limits = np.array([limit(mean, k, ALIKE) for k in range(1, most + 1)])
+        limits = np.array([limit(mean, k) for k in range(1, most + 1)])
         found.append(np.asarray((mean[:, None] >= limits).sum(axis=1), dtype=np.int64)[opening])
     gain = _spread(found[0] - here, area) - _spread(found[1] - here, area)
     return found[1] if gain > GAIN else found[0]
 
 
 def _spread(x: Floats, area: Floats) -> float:
-    """How far the values (c,) lie apart that 5 % of the area exceed and fall below."""
     low, high = weighted_quantiles(x, area, (0.05, 0.95))
     return float(high - low)

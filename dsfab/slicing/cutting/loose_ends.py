@@ -1,4 +1,4 @@
-"""Loose ends of stripes: removed up to their last crossing, joined at singular faces, or closed in crowds."""
+"""Loose ends of stripes: cut back to the last crossing, joined at singular faces, or closed into material."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -12,20 +12,20 @@ from dsfab.slicing.cutting.sheet import VOID
 from dsfab.surface import connected
 from dsfab.surface.fields import CornerField
 
-ALIKE = 0.1
-"""Openings whose values differ by less may be the same but for the mesh."""
+ALIKE = 0.05
+"""Values (relative) of openings or bars that differ by less may be equal but for the mesh."""
 
 
 def with_closed(mesh: PolygonMesh, closed: Sequence[Floats | None]) -> PolygonMesh:
-    """The mesh with openings that close made material.
+    """Make openings material by field values.
 
-    closed : for each field (n,) values at the uncut vertices, or None: an opening becomes material of the first field
-             of whose values the mean over its area is over 0. Of openings that are alike all do or none.
+    closed : for each field (n,) values at the uncut vertices, or None. An opening becomes material of the first field
+             with a positive mean over its area. Nearly equal openings close all or none.
     """
     given = {k: x for k, x in enumerate(closed) if x is not None}
     if not given or not mesh.void.any():
         return mesh
-    _, opening = np.unique(mesh.parts(mesh.void), return_inverse=True)  # the first is all material
+    _, opening = np.unique(mesh.parts(mesh.void), return_inverse=True)  # number 0 is all material
     area = np.where(mesh.void, mesh.cells.areas(mesh.X)[0], 0.0)
     total = np.bincount(opening, area)
     family, also = mesh.family, mesh.also
@@ -33,16 +33,17 @@ def with_closed(mesh: PolygonMesh, closed: Sequence[Floats | None]) -> PolygonMe
         at = (mesh.weights @ x)[mesh.cells.corner]
         mean = mesh.cells.reduced(np.add, at) / mesh.cells.sizes
         means = np.divide(np.bincount(opening, area * mean), total, out=np.full(len(total), -np.inf), where=total > 0)
-        closes = means > limit(means[np.isfinite(means)], 0.0, ALIKE)
+        closes = means > limit(means[np.isfinite(means)], 0.0, alike=0.1)
         mine = (family == VOID) & closes[opening.ravel()]
-        family, also = np.where(mine, k, family), np.where(mine, k, also)  # a joint, as a crossing is one
+        family, also = np.where(mine, k, family), np.where(mine, k, also)  # a joint, like a crossing
     return replace(mesh, family=family, also=also)
 
 
-def limit(values: Floats, least: float, alike: float) -> float:
-    """Where to part values (k,) into small and large ones: at `least`, or near it in the widest gap between values.
+def limit(values: Floats, least: float, alike: float = ALIKE) -> float:
+    """Return a value near `threshold` that splits values (k,) into small and large ones.
 
-    Things that are alike but for the mesh, as all are between two rings of a dome, are then on the same side.
+    It is the threshold itself, or the middle of the widest gap within `tolerance` of it. So nearly equal things, such
+    as the openings between two rings of a dome, are on the same side.
     """
     near = values[np.abs(values - least) < alike]
     if not len(near):
@@ -54,20 +55,18 @@ def limit(values: Floats, least: float, alike: float) -> float:
     return float(x[widest : widest + 2].mean())
 
 
-TURNED = 0.3
-"""Parts are taken off in which a larger share runs across the direction that it should have."""
 CROSSING, KEPT, NODE = -1, -2, -3
-"""Classes of polygons besides the numbers of fields."""
+"""Kinds of polygons besides the numbers of fields."""
 
 
 @dataclass(frozen=True, eq=False)
 class Tidy:
-    """What `cut` needs to take off loose ends.
+    """Input of `cut` for the removal of loose ends.
 
-    striped : for each field whether it draws stripes; what others keep is not touched.
-    astray  : for each field (m,) faces in which its stripes run across their direction, or None where they nowhere do.
+    striped : for each field True if it draws stripes; other material stays.
+    astray  : for each field (m,) faces in which its stripes run across their direction, or None.
     anchor  : (n,) vertices at which stripes may end: supports and loads.
-    closed  : for each field (n,) values: openings in the mean of which these are over 0 are material; or None.
+    closed  : for each field (n,) values or None: openings with a positive mean become material.
     """
 
     striped: tuple[bool, ...]
@@ -79,7 +78,7 @@ class Tidy:
         lock(self, "anchor", np.bool_, (None,))
 
     def ends(self, mesh: PolygonMesh, k: int, blank: Bools) -> Bools:
-        """(c,) the material of field k that later fields must divide: stripes that meet a blank face (m,) or go off."""
+        """(c,) material of field k that later fields must divide: stripes that meet a blank face (m,) or go astray."""
         mine = (mesh.family == k) | (mesh.also == k)
         if not self.striped[k] or not mine.any():
             return np.zeros_like(mine)
@@ -93,7 +92,7 @@ class Tidy:
 
 
 def tidied(mesh: PolygonMesh, tidy: Tidy) -> PolygonMesh:
-    """The mesh without parts of stripes that go astray, and then without those that lead nowhere, part after part."""
+    """Remove parts of stripes that go astray, and then, part after part, those that lead nowhere."""
     part, gone, stays = _parts(mesh, tidy, np.zeros_like(mesh.void))
     gone |= ~stays & _astray(mesh, tidy, part, len(gone))
     loose, islands = _leading_nowhere(mesh, tidy.anchor, part, gone, stays)
@@ -108,14 +107,16 @@ def held_by(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Bools:
 
 
 def between_crossings(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> Ints:
-    """(c,) the part of each polygon of a stripe, from one crossing to the next, and of nodes (c,); -1 of all others."""
+    """(c,) the part of each polygon of a stripe between two crossings, and of nodes (c,); -1 elsewhere."""
     part, _, stays = _parts(mesh, tidy, nodes)
     plain = ~mesh.void & ~stays[part] & ((mesh.also == VOID) | nodes)
     return np.where(plain, part, -1)
 
 
 def _parts(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> tuple[Ints, Bools, Bools]:
-    """The part of each polygon (c,), of nodes (c,) too; which parts are void (p,), and which are kept anyway (p,)."""
+    """Part of each polygon (c,), also of nodes (c,); masks of the void parts (p,) and of those that always stay
+    (p,).
+    """
     striped, material = np.array(tidy.striped), ~mesh.void
     kind = np.where(mesh.void | striped[mesh.family], mesh.family, KEPT)
     kind[mesh.also != VOID] = CROSSING
@@ -130,11 +131,10 @@ def _parts(mesh: PolygonMesh, tidy: Tidy, nodes: Bools) -> tuple[Ints, Bools, Bo
 
 
 def _leading_nowhere(mesh: PolygonMesh, anchor: Bools, part: Ints, gone: Bools, stays: Bools) -> tuple[Bools, Bools]:
-    """(c,) polygons of parts (c,) that are gone (p,), or lead nowhere when those are; what `stays` (p,) does. And (c,)
-    those that no longer hang together with anything that stays.
+    """(c,) polygons of removed parts (p,) and of parts that then lead nowhere; (c,) polygons that this cuts off.
 
-    A crossing of which one member has gone is the end of the other one: parts that touch one other only and are no end
-    by themselves, as they are as short as they are wide, become one with it.
+    stays : (p,) parts that always stay. A crossing that has lost one member is the end of the other. So a part with a
+    single neighbour that is no end by itself, because it is as short as wide, joins that neighbour.
     """
     before = gone
     while True:
@@ -150,28 +150,18 @@ def _leading_nowhere(mesh: PolygonMesh, anchor: Bools, part: Ints, gone: Bools, 
 
 
 def _astray(mesh: PolygonMesh, tidy: Tidy, part: Ints, count: int) -> Bools:
-    """(p,) parts that are mostly where their stripes run across their direction."""
+    """(p,) parts with more than 30 % of their area where their stripes run across their direction."""
     area, off = mesh.cells.areas(mesh.X)[0], np.zeros(len(part), dtype=bool)
     for k, astray in enumerate(tidy.astray):
         if astray is not None:
             off |= (mesh.family == k) & (mesh.also == VOID) & astray[mesh.parent]
-    return np.asarray(np.bincount(part, area * off, count) > TURNED * np.bincount(part, area, count))
-
-
-MEET = 2
-"""So many middles that end at a face make a node of it."""
-FEW = 6
-"""A gap in more polygons than meet at a vertex is no singular point: there a field is not drawn, or not known."""
-ON = 1e-6
-"""Middles this near to a vertex, in periods, end at it."""
-THIN = 1e-3
-"""A corner stays where it has less than this share of the area of its face."""
+    return np.asarray(np.bincount(part, area * off, count) > 0.3 * np.bincount(part, area, count))
 
 
 def with_meeting_ends(mesh: PolygonMesh, fields: Sequence[object], levels: Sequence[Floats]) -> PolygonMesh:
-    """The mesh with void polygons of faces without a phase made material where middles of stripes meet in them.
+    """Make void polygons of faces without a phase material if middles of stripes meet in them.
 
-    fields, levels : those that the mesh was cut along, in their order; others than `CornerField` have no such faces.
+    fields, levels : those of the cut, in order; only a `CornerField` has such faces.
     """
     drawn = {k: field for k, field in enumerate(fields) if isinstance(field, CornerField) and len(levels[k])}
     blank = {k: field.blank[mesh.parent] & mesh.void for k, field in drawn.items()}
@@ -186,23 +176,24 @@ def with_meeting_ends(mesh: PolygonMesh, fields: Sequence[object], levels: Seque
         np.add.at(count, once[0], 1)
         family[blank[k] & (family == VOID)] = k
     faces = np.bincount(gap[open_], minlength=len(count))
-    node = open_ & (count[gap] >= MEET) & (faces[gap] <= FEW)
+    # a gap in more than six faces is no singular point, but a region without stripes
+    node = open_ & (count[gap] >= 2) & (faces[gap] <= 6)
     family, also = np.where(node, family, mesh.family), np.where(node, family, mesh.also)
     return _without_corners(replace(mesh, family=family, also=also), node | _old_nodes(mesh, drawn))
 
 
 def _old_nodes(mesh: PolygonMesh, drawn: dict[int, CornerField]) -> Bools:
-    """(c,) polygons that are nodes already: whole faces without a phase, made material by the field that has none."""
+    """(c,) existing nodes: whole faces without a phase that their own field made material."""
     alone = np.bincount(mesh.parent, minlength=len(mesh.F))[mesh.parent] == 1
     blank = [(mesh.family == k) & field.blank[mesh.parent] for k, field in drawn.items()]
     return np.asarray(alone & np.any(blank, axis=0))
 
 
 def _ends(mesh: PolygonMesh, field: CornerField, k: int, blank: Bools, levels: Floats) -> tuple[Ints, Ints]:
-    """Polygons (q,) of those that are blank (c,) at which middles of field k end, and the vertex (q,) at which each
-    does, or a number of its own below 0 where it ends on a side.
+    """Blank polygons (q,) of a mask (c,) at which middles of field k end, and the vertex (q,) of each end.
 
-    On the plane of a mirror middles run through vertices: both sides there see such an end, and it is one.
+    An end on a side has a unique number below 0 instead. On the plane of a mirror middles run through vertices: both
+    sides see such an end, and it counts once.
     """
     one, two, _ = mesh.neighbours
     owner, following, corner = mesh.cells.owner, mesh.cells.following, mesh.cells.corner
@@ -212,7 +203,7 @@ def _ends(mesh: PolygonMesh, field: CornerField, k: int, blank: Bools, levels: F
     slots = np.stack([outer, following[outer]])
     z = np.stack([_middle(mesh, field, outer, slot) for slot in slots])
     whole = nearest(z.ravel(), levels).reshape(z.shape)
-    on = np.abs(z - whole) < ON
+    on = np.abs(z - whole) < 1e-6  # periods: such a middle ends at the vertex
     low, high = np.sort(np.where(on, whole, z), axis=0)
     between = np.searchsorted(levels, high, "left") - np.searchsorted(levels, low, "right")
     inside = np.repeat(owner[inner], np.maximum(between, 0))
@@ -224,7 +215,6 @@ def _ends(mesh: PolygonMesh, field: CornerField, k: int, blank: Bools, levels: F
 
 
 def _middle(mesh: PolygonMesh, field: CornerField, side: Ints, slot: Ints) -> Floats:
-    """(q,) the middle of the band at slots (q,), as the polygons of sides (q,) see it."""
     face, rows = mesh.face[side], mesh.weights[mesh.cells.corner[slot]].tocoo()
     row, vertex = (np.asarray(at, dtype=np.int64) for at in rows.coords)
     seen = field.corners(mesh.F).mean(axis=2)[face[row], mesh.corner(face[row], vertex)]
@@ -232,7 +222,6 @@ def _middle(mesh: PolygonMesh, field: CornerField, side: Ints, slot: Ints) -> Fl
 
 
 def _without_corners(mesh: PolygonMesh, nodes: Bools) -> PolygonMesh:
-    """The mesh with the corners of nodes (c,) cut off: polygons of their own, and void."""
     cells, beside = mesh.cells, (mesh.beyond >= 0) & ~mesh.void[mesh.beyond]
     rest, polygons = np.flatnonzero(~nodes), []
     source, void = rest.tolist(), [False] * len(rest)
@@ -253,8 +242,9 @@ def _without_corners(mesh: PolygonMesh, nodes: Bools) -> PolygonMesh:
 
 
 def _parted(X: Floats, beside: Bools) -> list[Ints]:
-    """Of a convex polygon X (s, 3): first what is between the sides that are marked (s,), and then the corners."""
+    """Divide a convex polygon X (s, 3): first the part between its marked sides (s,), then the corners."""
     count, every = len(X), np.arange(len(X))
+    least = 1e-3 * _area(X)  # smaller corners stay
     marked = beside | np.roll(beside, 1)
     if not marked.any():
         return [every]
@@ -262,12 +252,12 @@ def _parted(X: Floats, beside: Bools) -> list[Ints]:
     for start in np.flatnonzero(marked & ~beside).tolist():
         length = 1 + int(np.argmax(np.roll(marked, -start - 1)))
         corner = (start + np.arange(length + 1)) % count
-        if length > 1 and _area(X[corner]) > THIN * _area(X):
+        if length > 1 and _area(X[corner]) > least:
             corners.append(corner)
         else:
             marked[corner] = True
     hull = every[marked]
-    if len(hull) < 3 or _area(X[hull]) < THIN * _area(X):
+    if len(hull) < 3 or _area(X[hull]) < least:
         return [every]
     return [hull, *corners]
 

@@ -21,7 +21,8 @@ class PolygonMesh:
     """Polygons on vertices X (n', 3), their parent faces and families (c,), and the weights of the vertices.
 
     F     : (m, 3) the faces of the uncut surface.
-    again : (c,) material that later fields divide too.    also : (c,) the field that makes that material as well.
+    again : (c,) material that later fields divide too.
+    also  : (c,) a second field that makes the same polygon material, at a crossing; else `VOID`.
     """
 
     F: Ints
@@ -36,7 +37,7 @@ class PolygonMesh:
 
     @classmethod
     def of(cls, surface: Surface, divided: Divided | None = None) -> Self:
-        """The faces of a surface, or the parts that they are divided into, all void."""
+        """Return the faces of a surface as void polygons, or the parts that `divided` makes of them."""
         if divided:
             parts = divided.surface
             cells, family = Cells.triangles(parts.F), np.full(parts.m, VOID)
@@ -47,13 +48,14 @@ class PolygonMesh:
 
     @classmethod
     def plain(cls, F: Ints, cells: Cells, X: Floats, weights: csr_array, parent: Ints, family: Ints) -> Self:
-        """Polygons, parent and family (c,), on X (n', 3), metres, none of which two fields make material."""
+        """Return polygons with parent and family (c,) on X (n', 3), metres, without crossings."""
         count = len(family)
         return cls(F, cells, X, weights, parent, family, np.zeros(count, dtype=bool), np.full(count, VOID))
 
     def with_material(self, k: int, material: Bools, blank: Bools) -> Self:
-        """What field k makes material (c,), where an earlier field did not already; in a blank face (m,) it is a joint,
-        as stripes end at that."""
+        """Make polygons (c,) material of field k if they are void; in a blank face (m,) they become a joint, where
+        stripes end.
+        """
         new = material & self.void
         joint = (material & ~new & self.again) | (new & blank[self.parent])
         family, also = np.where(new, k, self.family), np.where(joint, k, self.also)
@@ -61,7 +63,7 @@ class PolygonMesh:
 
     @property
     def void(self) -> Bools:
-        """(c,) polygons that no field made material."""
+        """(c,) mask of the void polygons."""
         return np.asarray(self.family == VOID)
 
     @property
@@ -76,11 +78,11 @@ class PolygonMesh:
 
     @cached_property
     def support(self) -> Ints:
-        """(n',) for each vertex one of the uncut vertices that it lies between."""
+        """(n',) one of the uncut vertices that each vertex lies between."""
         return np.asarray(self.weights.indices[self.weights.indptr[:-1]])
 
     def after(self, split: Split) -> "PolygonMesh":
-        """The mesh that a split makes of this one."""
+        """Return the mesh divided by a split."""
         weights = extended_weights(self.weights, split)
         source = split.source
         X, parent, family = split.extended(self.X), self.parent[source], self.family[source]
@@ -88,7 +90,9 @@ class PolygonMesh:
 
     @cached_property
     def neighbours(self) -> tuple[Ints, Ints, Ints]:
-        """(p,) slots of both sides of each inner edge, and the slot of the second polygon where the first begins."""
+        """(p,) slots of both sides of each inner edge, and the slot of the second polygon at the start of the first
+        side.
+        """
         a, b = self.cells.corner, self.cells.ahead(self.cells.corner)
         order, _, edge = grouped(np.minimum(a, b) * len(self.X) + np.maximum(a, b))
         pair = np.flatnonzero(np.diff(edge[order]) == 0)
@@ -104,7 +108,7 @@ class PolygonMesh:
         return found
 
     def parts(self, marked: Bools) -> Ints:
-        """(c,) the part of each marked polygon, -1 of the others: those that sides between marked ones connect."""
+        """(c,) connected part of each marked polygon, -1 for the rest; parts connect across sides."""
         one, two, _ = self.neighbours
         f, g = self.cells.owner[one], self.cells.owner[two]
         both = marked[f] & marked[g]
@@ -114,23 +118,22 @@ class PolygonMesh:
 
     @cached_property
     def _corners(self) -> Ints:
-        """(3, m) the faces of the uncut surface, corner by corner."""
         return np.ascontiguousarray(self.F.T)
 
     def corner(self, face: Ints, vertex: Ints) -> Ints:
-        """(k,) the place in `face` (k,) of uncut vertices (k,), which must be corners of it."""
+        """(k,) position in `face` (k,) of the uncut vertices (k,), which must be its corners."""
         _, second, third = self._corners
         return np.asarray((second[face] == vertex) + 2 * (third[face] == vertex))
 
 
 def places(F: Ints, vertex: Ints) -> Ints:
-    """(k,) the places in faces (k, 3) of their corners `vertex` (k,)."""
+    """(k,) positions in faces (k, 3) of their corners `vertex` (k,)."""
     _, second, third = F.T
     return np.asarray((second == vertex) + 2 * (third == vertex))
 
 
 def extended_weights(weights: csr_array, split: Split) -> csr_array:
-    """Rows (n' + k, n) for the new vertices of a split below the old ones: at most three entries, all of one face."""
+    """Append rows for the new vertices of a split: (n' + k, n), at most three entries in a row, all of one face."""
     new = split.blend(weights.shape[0]) @ weights
     data, indices = (np.concatenate([getattr(part, name) for part in (weights, new)]) for name in ("data", "indices"))
     begins = np.concatenate([weights.indptr, weights.indptr[-1] + new.indptr[1:]])
@@ -141,8 +144,9 @@ def extended_weights(weights: csr_array, split: Split) -> csr_array:
 class Contacts:
     """Stretches of outline along which parts touch.
 
-    parts : (k, 2) the two parts of each, the second one -1 for an edge of the surface.    length : (k,) metres.
-    links : (l, 2) stretches of the same part that follow each other; k is added where that is the second of the two.
+    parts  : (k, 2) both parts of each; the second is -1 for an edge of the surface or an anchor.
+    length : (k,) metres.
+    links  : (l, 2) consecutive stretches of one part; k is added to the number of a stretch seen from its second part.
     around : (p,) metres, the outline of each part.
     """
 
@@ -153,7 +157,10 @@ class Contacts:
 
     @classmethod
     def of(cls, mesh: PolygonMesh, part: Ints, anchor: Bools) -> "Contacts":
-        """Sides that follow each other between the same two parts are one stretch."""
+        """Return the contacts of parts (c,); consecutive sides between the same two parts make one stretch.
+
+        anchor : (n,) uncut vertices at which stripes may end.
+        """
         one, two, _ = mesh.neighbours
         owner, cells = mesh.cells.owner, mesh.cells
         f, g = part[owner[one]], part[owner[two]]
@@ -185,10 +192,11 @@ class Contacts:
         return cls(pairs, length, np.unique(np.stack([stretch[i], stretch[j]], axis=1), axis=0), around)
 
     def ending(self, gone: Bools) -> Bools:
-        """(p,) parts that touch others, or an edge of the surface, in one place, with less than half their outline.
+        """(p,) parts that touch others, or an edge of the surface, at one place, along less than half their outline.
 
-        Stretches that follow each other are one place, whatever is touched there: a stripe that ends in the corner
-        between two others, or that touches a second one beside their crossing, is held there only.
+        Consecutive stretches count as one place. For example, a stripe that ends in the corner between two others has
+        one.
+        gone : (p,) parts that are removed already.
         """
         part, _, length, row = self._left(gone)
         live = np.zeros(2 * len(self.parts), dtype=bool)
@@ -200,13 +208,13 @@ class Contacts:
         return np.asarray((places == 1) & (np.bincount(part, length, len(gone)) < self.around / 2))
 
     def single(self, gone: Bools) -> tuple[Ints, Ints]:
-        """(k,) parts that touch one other part along one stretch and nothing else, and (k,) which."""
+        """(k,) parts that touch nothing but one other part along one stretch, and (k,) that part."""
         part, other, _, _ = self._left(gone)
         alone = (np.bincount(part, minlength=len(gone))[part] == 1) & (other >= 0)
         return part[alone], other[alone]
 
     def islands(self, before: Bools, gone: Bools, stays: Bools) -> Bools:
-        """(p,) parts that hung together with what stays, an edge or an anchor before more had gone, but do no more."""
+        """(p,) parts that the last removal disconnected from all supports: parts that stay, edges and anchors."""
         return self._grounded(before, stays) & ~self._grounded(gone, stays) & ~gone
 
     def _grounded(self, gone: Bools, stays: Bools) -> Bools:
@@ -219,7 +227,7 @@ class Contacts:
         return np.asarray(ground[label])
 
     def _left(self, gone: Bools) -> tuple[Ints, Ints, Floats, Ints]:
-        """Of what has not gone: the part that touches, what it touches, metres, and the number as in `links`."""
+        """The remaining contacts from both sides: part, neighbour, metres, and the number as in `links`."""
         a, b = self.parts.T
         here = np.flatnonzero(~gone[a] & ((b < 0) | ~gone[b]))
         both = here[b[here] >= 0]
@@ -229,7 +237,7 @@ class Contacts:
 
 
 def meeting(group: Ints, ends: Ints, count: int) -> tuple[Ints, Ints]:
-    """Pairs (l,), (l,) of sides of the same group (k,) that share one of their ends (k, 2), vertices of `count`."""
+    """Pairs (l,), (l,) of sides of the same group (k,) that share one of their ends (k, 2), vertices below `count`."""
     key = (group[:, None] * count + ends).ravel()
     order = sorted_order(key)
     meet = np.flatnonzero(np.diff(key[order]) == 0)

@@ -18,23 +18,22 @@ if TYPE_CHECKING:
 
 
 VOID = -1
-"""The `family` of a cell that no field made material."""
+"""The `family` of a void cell."""
 
 ON_SIMPLEX = 1 - 1e-9
-"""A carried 0/1 field of at least this value marks a point that lies between marked vertices only."""
+"""Least interpolated value of a 0/1 field at a point that lies between marked vertices only."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sheet:
-    """A cut surface: n' vertices and m' triangles (cells), each inside one face of the uncut surface (n, m).
+    """A cut surface with n' vertices and m' triangles (cells), each inside one face of the uncut surface (n, m).
 
     surface : the cells, oriented as the faces they lie in.
     parent  : (m',) face of the uncut surface that a cell lies in.
     family  : (m',) index of the field that made the cell material, `VOID` (-1) for void.
     weights : (n', n) barycentric weights of the vertices on the uncut surface's vertices: not negative, at most three
               in a row, rows sum to 1. A vertex of the uncut surface has itself with weight 1.
-    stubs   : at how many places stripes that met past their last crossings were cut off or drawn straight, or got an
-              even bow, when it was cut.
+    stubs   : number of places where the cut removed or straightened stripes beyond their last crossings.
     """
 
     surface: Surface
@@ -56,33 +55,33 @@ class Sheet:
             raise ValueError(f"expected {self.surface.m} cells and {self.surface.n} vertices, got {shapes}")
 
     def to_trimesh(self) -> "trimesh.Trimesh":
-        """Its cells, metres."""
+        """The cells as a trimesh, metres."""
         return self.surface.to_trimesh()
 
     def to_pyvista(self) -> "pyvista.PolyData":
-        """Its cells, metres, with `family` and `parent` of each."""
+        """The cells as a pyvista mesh, metres, with `family` and `parent` of each."""
         mesh = self.surface.to_pyvista()
         mesh.cell_data["family"], mesh.cell_data["parent"] = self.family, self.parent
         return mesh
 
     def to_compas(self) -> "compas.datastructures.Mesh":
-        """Its cells, metres; raises SurfaceError where compas is not installed."""
+        """The cells as a COMPAS mesh, metres; raises SurfaceError if compas is not installed."""
         return self.surface.to_compas()
 
     @property
     def material(self) -> Bools:
-        """(m',) whether a cell is material."""
+        """(m',) mask of the material cells."""
         return np.asarray(self.family != VOID)
 
     @property
     def has_openings(self) -> bool:
-        """Whether some cells are material and others void."""
+        """True for a sheet with both material and void cells."""
         material = self.material
         return bool(material.any() and not material.all())
 
     @cached_property
     def void_beside(self) -> Ints:
-        """(m', 3) the void cell across each side of void cells, -1 elsewhere."""
+        """(m', 3) the void neighbour across each side of the void cells, -1 elsewhere."""
         one, two = self.surface.edges.pairs.T
         inner = ~(self.material[one // 3] | self.material[two // 3])
         cell = np.full(3 * self.surface.m, -1)
@@ -90,14 +89,14 @@ class Sheet:
         return cell.reshape(-1, 3)
 
     def carry(self, x: Floats) -> Floats:
-        """Values x (n, ...) on the uncut surface's vertices, interpolated linearly to this sheet's (n', ...)."""
+        """Interpolate values x (n, ...) on the uncut surface's vertices linearly to this sheet's (n', ...)."""
         return np.asarray(self.weights @ x)
 
     def carry_corners(self, x: Floats, F: Ints) -> Floats:
-        """Values x (m, 3, k) at the corners of the uncut faces F (m, 3), interpolated to this sheet's vertices (n', k).
+        """Interpolate values x (m, 3, k) at the corners of the uncut faces F (m, 3) to this sheet's vertices (n', k).
 
-        Each vertex takes them from the parent of the first cell around it: for vectors that other faces there see from
-        their other side, as on a Moebius strip. Equals `carry` where the corners at each vertex agree.
+        Each vertex takes them from the parent of the first cell around it. On a Moebius strip other faces may see
+        vectors from their other side. Equals `carry` if the corners at each vertex agree.
         """
         corner = np.full(self.surface.n, -1)
         corner[self.surface.F[::-1, ::-1].ravel()] = np.arange(3 * self.surface.m)[::-1]
@@ -110,11 +109,10 @@ class Sheet:
         return np.asarray(np.where((corner >= 0)[:, None], total, 0.0))
 
     def between(self, surface: Surface, marks: Bools, edges: Bools | None = None) -> Bools:
-        """(n', ...) vertices that lie where marks (n, ...) on the vertices of the uncut surface mean them to be.
+        """Return a mask (n', ...) of the vertices that lie between marked vertices (n, ...) of the uncut surface.
 
-        edges : (e, ...) of the uncut surface, those that are marked between their ends; left out, those that the marks
-                span (`spanned_edges`). A vertex within a face lies there if all three of its edges are marked, and not
-                all of them are free: then the boundary is.
+        edges : (e, ...) marked edges of the uncut surface; default: the edges that the marks span (`spanned_edges`).
+        A vertex within a face counts if all three edges of the face are marked and at least one is an inner edge.
         """
         found: Bools = np.asarray(self.carry(marks.astype(np.float64)) >= ON_SIMPLEX)
         table = surface.edges
@@ -131,7 +129,7 @@ class Sheet:
         return found
 
     def same_vertex(self) -> Ints:
-        """(n,) the vertex of this sheet at each vertex of the uncut surface, -1 where it was cut away."""
+        """(n,) the vertex of this sheet at each vertex of the uncut surface, -1 for vertices that the cut removed."""
         weights = self.weights.tocoo()
         whole = weights.data >= ON_SIMPLEX
         at = np.full(weights.shape[1], -1)
@@ -139,15 +137,14 @@ class Sheet:
         return at
 
     def kept(self, mask: Bools | None = None) -> "Sheet":
-        """The sheet of the marked cells only (m',), of the material when left out; vertices without a cell are dropped.
+        """Return the sheet of the marked cells (m',), by default of the material, without unused vertices.
 
-        Raises PatternError when nothing is marked.
+        Raises PatternError if no cell is marked.
         """
         return self._material_alone if mask is None else self._kept(mask)
 
     @cached_property
     def _material_alone(self) -> "Sheet":
-        """Several stages ask for it, and for its edges."""
         return self._kept(self.material)
 
     def _kept(self, mask: Bools) -> "Sheet":
@@ -167,8 +164,7 @@ class Sheet:
 
 
 def three_each(weights: csr_array) -> tuple[Ints, Floats]:
-    """(k, 3) columns and values of the rows of barycentric weights (k, n), at most three in each; filled up with
-    zeros."""
+    """Return (k, 3) columns and values of the rows of barycentric weights (k, n), padded with zeros."""
     count = np.diff(weights.indptr)
     place = np.arange(weights.nnz) - np.repeat(weights.indptr[:-1], count)
     row = np.repeat(np.arange(len(count)), count)
@@ -178,7 +174,7 @@ def three_each(weights: csr_array) -> tuple[Ints, Floats]:
 
 
 def part_of(surface: Surface, mask: Bools) -> tuple[Surface, Ints]:
-    """The marked faces as a surface, and the faces that they were."""
+    """Return the marked faces as a surface, and their indices in `surface`."""
     F, used = surface.F[mask], np.zeros(surface.n, dtype=bool)
     used[F] = True
     number = np.cumsum(used) - 1
@@ -186,19 +182,21 @@ def part_of(surface: Surface, mask: Bools) -> tuple[Surface, Ints]:
 
 
 def whole_edges(part: Surface, whole: Surface, faces: Ints) -> Ints:
-    """(e,) the edges of the whole that those of a part are; `faces` (f,) are those of the part."""
+    """(e,) the edges of the surface that belong to those of a part; `faces` (f,) are the indices of its faces."""
     found = np.empty(len(part.edges.ends), dtype=np.int64)
     found[part.edges.of] = whole.edges.of[faces]
     return found
 
 
 def inner_walls(void: Surface, whole: Surface, faces: Ints) -> Bools:
-    """(e,) the boundary edges of a part that are not on the boundary of the whole."""
+    """(e,) mask of the boundary edges of a part that lie inside the surface."""
     return np.asarray(void.edges.boundary & ~whole.edges.boundary[whole_edges(void, whole, faces)])
 
 
 def round_sizes(part: Surface, walls: Bools, label: Ints, count: int) -> Floats:
-    """(count,) 4 area / perimeter of the pieces of a part; infinite for those that walls do not enclose wholly."""
+    """(count,) hydraulic diameters 4 area / perimeter of the pieces of a part; infinite for a piece not enclosed by
+    walls.
+    """
     length = part.edge_lengths
     edge = np.flatnonzero(part.edges.boundary)
     whose = label[part.edges.order[part.edges.start[:-1]][edge] // 3]
@@ -210,10 +208,7 @@ def round_sizes(part: Surface, walls: Bools, label: Ints, count: int) -> Floats:
 
 
 def medians(values: Floats, weight: Floats, label: Ints, count: int) -> Floats:
-    """(count,) the value that half of the weight under each label does not exceed; infinite where nothing weighs.
-
-    Values that are not a number do not count.
-    """
+    """(count,) weighted median of the values under each label; infinite without weight. NaN values do not count."""
     good = np.flatnonzero((weight > 0) & ~np.isnan(values))
     order = good[np.lexsort((values[good], label[good]))]
     x, of = values[order], label[order]

@@ -1,4 +1,4 @@
-"""Polygons split along the level lines of one field, without new polygons of zero area."""
+"""Polygons split along the level lines of a field, without new polygons of zero area."""
 
 from dataclasses import dataclass, fields
 from typing import NamedTuple
@@ -13,13 +13,13 @@ from dsfab.surface.mesh import ZERO_AREA
 
 @dataclass(frozen=True, eq=False)
 class Split:
-    """What `split_cells` gives.
+    """Polygons after a cut, see `split_cells`.
 
     cells  : the new polygons, on the old vertices followed by the new ones.
     source : (c',) the old polygon that each new one is a part of.
-    strip  : (c',) how many levels lie below a new polygon; -1 for those that were not to be cut.
+    strip  : (c',) number of levels below a new polygon; -1 for inactive ones.
     low, high, t : (k,) new vertex i lies at (1 - t) low + t high of two old vertices, 0 < t < 1.
-    side, level  : (k,) the slot of a side that a new vertex lies on, of the polygons before, and the level there.
+    side, level  : (k,) the slot of the old side that a new vertex lies on, and the level there.
     """
 
     cells: Cells
@@ -33,12 +33,12 @@ class Split:
 
     @classmethod
     def none(cls, cells: Cells, active: Bools) -> "Split":
-        """The polygons as they are, the active ones (c,) in strip 0."""
+        """Return the polygons unchanged, the active ones (c,) in strip 0."""
         no, none = np.empty(0, dtype=np.int64), np.empty(0)
         return cls(cells, np.arange(len(cells.sizes)), np.where(active, 0, -1), no, no, none, no, none)
 
     def extended(self, old: Floats) -> Floats:
-        """Values (n, ...) on the old vertices, followed by the interpolated ones on the new vertices."""
+        """Append interpolated values on the new vertices to values (n, ...) on the old ones."""
         t = self.t.reshape(-1, *[1] * (old.ndim - 1))
         return np.concatenate([old, (1 - t) * old[self.low] + t * old[self.high]])
 
@@ -52,9 +52,9 @@ class Split:
 
 @dataclass(frozen=True, eq=False)
 class SideValues:
-    """A field at both ends of every side of polygons, (h,) each: as the polygon sees it that the side belongs to.
+    """A field at both ends of every side of polygons, (h,) each, as the side's polygon sees it.
 
-    foreign : (k,) sides whose polygon cannot tell, and takes what the other one on the edge sees.
+    foreign : (k,) sides whose polygon has no value; they take the values of the other polygon on the edge.
     own     : (h,) the field at the slots.
     """
 
@@ -65,12 +65,12 @@ class SideValues:
 
     @classmethod
     def of(cls, cells: Cells, x: Floats) -> "SideValues":
-        """Of a field x (n,) on the vertices."""
+        """Return the values of a field x (n,) on the vertices."""
         return cls.at(cells, x[cells.corner])
 
     @classmethod
     def at(cls, cells: Cells, y: Floats, foreign: Bools | None = None) -> "SideValues":
-        """Of values y (h,) at the slots."""
+        """Return the values of a field y (h,) at the slots; `foreign` (h,) marks sides of polygons without a value."""
         if foreign is None or not foreign.any():
             return cls(y, cells.ahead(y), np.empty(0, dtype=np.int64), y)
         start, end = y.copy(), cells.ahead(y)
@@ -92,9 +92,9 @@ class SideValues:
         return cls(start, end, which, y)
 
     def places(self, cells: Cells, levels: Floats, only: Ints | None = None) -> tuple[Ints, Ints]:
-        """(h,) where the values at the start and at the end of every side are; see `_places`.
+        """(h,) positions among the levels of the values at the start and at the end of every side; see `_level_places`.
 
-        only : the sides of some polygons (k,) where it is wanted; 0 on all others.
+        only : slots (k,) to evaluate; the rest is 0.
         """
         if only is not None:
             start, end = np.zeros((2, len(self.start)), dtype=np.int64)
@@ -111,13 +111,14 @@ class SideValues:
 
 @dataclass(frozen=True, eq=False)
 class _Sides:
-    """Where levels cross the sides of polygons, (h,) each.
+    """Crossings of the sides of polygons with levels, (h,) each.
 
-    low   : how many levels are not above the lower end: the strip in which a side starts.
-    count : how many levels lie strictly between its ends; 0 where no active polygon has the side.
+    low   : number of levels not above the lower end: the strip in which a side starts.
+    count : number of levels strictly between its ends; 0 for a side without active polygon.
     first : the first new vertex on it, counted from the lower end, the same for all polygons with this side.
-    up    : whether it runs from the lower to the higher end.    flat : whether it lies wholly on a level.
-    along : whether it meets its new vertices in their order.
+    up    : the side runs from the lower to the higher end.
+    flat  : the side lies wholly on a level.
+    along : the side meets its new vertices in their order.
 
         lower end o------x-------x----o higher end      low = 2, count = 2, new vertices first + 0, first + 1
                      2   |   3   |  4                   strips 2, 3, 4
@@ -136,7 +137,7 @@ class _Sides:
 
 
 class _Between(NamedTuple):
-    """New vertices (k,): at (1 - t) low + t high of two old ones, on a side and a level."""
+    """New vertices (k,) at (1 - t) low + t high of two old ones, on a side and a level."""
 
     low: Ints
     high: Ints
@@ -154,27 +155,25 @@ def split_cells(
     above: Bools | None = None,
     live: Bools | None = None,
 ) -> Split:
-    """Cut the active polygons on n vertices along every level of a field on their sides, each along straight chords.
+    """Cut the active polygons on n vertices along every level of a field on their sides, by straight chords.
 
-    Where two polygons see a field differently, by its sign or by what carries levels to levels, they see the same
-    crossings of their common edge.
+    Two polygons may see a field differently, by sign or shift; they still find the same crossings of their common edge.
 
-    levels : (l,) strictly ascending. Polygons that are not active get the new vertices of the sides that they share
-             with active ones, and stay whole. A side that lies on a level goes with the side before it.
-    above  : (l,) whether a polygon that lies on a level with all its corners gets the strip above it or the one below;
-             when left out, the even one of the two, which is void.
-    live   : (h,) all sides of the edges that get new vertices whether a polygon is active there or not.
+    levels : (l,) strictly ascending. Inactive polygons get the new vertices of sides that they share with active ones,
+             and stay whole. A side that lies on a level goes with the side before it.
+    above  : (l,) True: a polygon with all corners on a level gets the strip above it; default: the even one, void.
+    live   : (h,) all sides of edges that get new vertices even without an active polygon.
     """
     above = np.arange(len(levels)) % 2 == 1 if above is None else above
     only = None
-    if live is not None and not active.any():  # polygons that are not on these edges stay as they are
+    if live is not None and not active.any():  # other polygons are not changed
         only = cells.slots(np.flatnonzero(cells.reduced(np.logical_or, live)))
     ends = x.places(cells, levels, only)
     least, most = (cells.reduced(np.minimum, ends[0]) + 1) // 2, cells.reduced(np.maximum, ends[0]) // 2
     if len(x.foreign):
         least = np.minimum(least, (cells.reduced(np.minimum, ends[1]) + 1) // 2)
         most = np.maximum(most, cells.reduced(np.maximum, ends[1]) // 2)
-    strip = np.where(most < least, most + above[np.minimum(most, len(levels) - 1)], least)  # of those that stay whole
+    strip = np.where(most < least, most + above[np.minimum(most, len(levels) - 1)], least)  # of uncut polygons
     strip[~active] = -1
     which = np.flatnonzero(most > least)
     slots = cells.slots(which)
@@ -190,7 +189,7 @@ def split_cells(
 
 
 def _places(x: Floats, levels: Floats) -> Ints:
-    """Where values are: 2 k in strip k, above k levels; 2 k + 1 on levels[k]."""
+    """Positions of values: 2 k in strip k, above k levels; 2 k + 1 on levels[k]."""
     below = np.searchsorted(levels, x)
     return np.asarray(2 * below + (levels[np.minimum(below, len(levels) - 1)] == x))
 
@@ -205,9 +204,9 @@ def _sides(
     places: tuple[Ints, Ints],
     live: Bools | None,
 ) -> tuple[_Sides, _Between]:
-    """The crossings of all sides, and the new vertices: each edge once, so that its polygons share them.
+    """The crossings of all sides, and the new vertices; polygons share the vertices of a common edge.
 
-    slots : (h,) of all polygons, those of the `cells`: x, `places` of its values and `live` belong to all.
+    slots : (h,) slots of `cells` among all polygons; x, `places` and `live` refer to all polygons.
     """
     a, b = cells.corner, cells.ahead(cells.corner)
     start, end, one, two = x.start[slots], x.end[slots], places[0][slots], places[1][slots]
@@ -220,7 +219,7 @@ def _sides(
     wanted = active[cells.owner[crossed]]
     if live is not None:
         wanted = wanted | live[slots[crossed]]
-    if len(x.foreign) and len(some):  # the first that sees for itself
+    if len(x.foreign) and len(some):  # take the first side whose polygon has values
         foreign = np.zeros(len(x.start), dtype=bool)
         foreign[x.foreign] = True
         rank = np.where(foreign[slots[crossed]], len(a), 0) + np.arange(len(crossed))
@@ -257,7 +256,6 @@ def _subdivided(cells: Cells, sides: _Sides) -> tuple[Cells, Ints]:
 
 
 def _carried_over(cells: Cells, strip: Ints, flat: Bools) -> Ints:
-    """Strips with those of the flat sides replaced by that of the last other side before them."""
     if not flat.any():
         return strip
     slot = np.where(flat, -1, np.arange(len(strip)))
@@ -271,7 +269,7 @@ def _grouped(sides: Cells, strip: Ints, level_count: int) -> tuple[Cells, Ints, 
     """Polygons of one strip each: the sides of one strip of one polygon, closed by chords.
 
         b            Sides a-b and c-d are of strip 1. Each gives its first corner, and its last one too
-      / |  strip 2   where the next side is of another strip (b and d): a b c d is the new polygon, with
+      / |  strip 2   if the next side is of another strip (b and d): a b c d is the new polygon, with
     a   |            the chords b-c and d-a.
     |   c
     d /   strip 0
@@ -290,7 +288,7 @@ def _grouped(sides: Cells, strip: Ints, level_count: int) -> tuple[Cells, Ints, 
 
 
 def _merged(cells: Cells, strip: Ints, which: Ints, made: tuple[Cells, Ints, Ints], new: _Between) -> Split:
-    """All polygons in order, some of them (k,) replaced by what was `made` of them; strip : (c,) of the others."""
+    """Polygons in order, the rows `which` (k,) replaced by their pieces; strip : (c,) of the unchanged polygons."""
     pieces, of, label = made
     count = np.ones(len(strip), dtype=np.int64)
     count[which] = np.bincount(of, minlength=len(which))
@@ -308,17 +306,17 @@ def _merged(cells: Cells, strip: Ints, which: Ints, made: tuple[Cells, Ints, Int
 
 
 CELL_AREA = 1e3 * ZERO_AREA
-"""A cell under this share of the squared size is not made (a margin over what `Surface` refuses)."""
-FLATNESS = 1e-12
-"""Nor is one whose area is under this share of its squared diameter: its corners lie on one line."""
+"""Least area of a cell as a share of the squared size, with a margin over the least area that `Surface` accepts."""
 ROUNDS = 12
-"""How often vertices of cells that would have no area are moved before it is given up."""
+"""Most rounds of moving the vertices of cells without area."""
 
 
 class Snapping(NamedTuple):
-    """How values are moved onto levels before a cut.
+    """Rules for moving values onto levels before a cut.
 
-    fraction : of an edge's range.    size : of the surface, metres.    hold : vertices whose value is never moved.
+    fraction : of an edge's range.
+    size     : of the surface, metres.
+    hold     : vertices whose value never moves.
     """
 
     fraction: float
@@ -327,19 +325,12 @@ class Snapping(NamedTuple):
 
 
 def clean_split(
-    cells: Cells,
-    X: Floats,
-    x: Floats,
-    levels: Floats,
-    active: Bools,
-    snapping: Snapping,
-    above: Bools | None = None,
+    cells: Cells, X: Floats, x: Floats, levels: Floats, active: Bools, snapping: Snapping, above: Bools | None = None
 ) -> Split:
-    """`split_cells` of field x (n,) on vertices X (n, 3) after snapping; no new cell is without area (see `CELL_AREA`,
-    `FLATNESS`).
+    """Split by field x (n,) on vertices X (n, 3) after snapping, without cells of zero area (see `collapsed_corners`).
 
-    Values move onto levels only, never across one, so that the cut stays a cut of convex polygons by chords that do not
-    cross.    active, above : see `split_cells`.
+    Values move onto levels but never across one, so that all cells stay convex and chords never cross.
+    active, above : see `split_cells`.
     """
     snap, size, hold = snapping
     if not len(levels) or not active.any():
@@ -360,11 +351,12 @@ def clean_split(
 
 
 def collapsed_corners(split: Split, X: Floats, size: float) -> Ints:
-    """(k,) vertices, of X (n, 3), of the cells that a split made without area; those left whole do not count."""
+    """(k,) vertices, of X (n, 3), of the divided cells without area."""
     divided = np.flatnonzero(np.bincount(split.source)[split.source] > 1)
     if not len(divided):
         return divided
     cells = split.cells.some(divided)
     area, squared_reach = cells.areas(X)
-    bad = area <= np.maximum(CELL_AREA * size**2, FLATNESS * squared_reach)
+    flat = 1e-12 * squared_reach  # the corners of such a cell lie on one line
+    bad = area <= np.maximum(CELL_AREA * size**2, flat)
     return np.unique(cells.corner[bad[cells.owner]])

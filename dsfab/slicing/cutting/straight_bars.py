@@ -13,22 +13,16 @@ from dsfab.slicing.cutting.split import Snapping, clean_split
 from dsfab.slicing.cutting.stubs import with_crossings
 from dsfab.surface import connected
 
-OBLIQUE = 0.4
-"""No bar touches a member along more than so many times less than its width: it is a share of that length."""
-STEEP = 1.0
-"""No bow is steeper than this: it would not be the graph of a cubic."""
-SAMPLES = 21
-"""Places at which that is looked at."""
 TINY = 1e-12
 
 
 @dataclass(frozen=True, eq=False)
 class FairBar:
-    """A bar between two contacts as it will be.
+    """A new shape of a bar between two contacts.
 
-    cells : (c,) the polygons that it is now.    ends : (2, 3) the middles of its contacts, metres.
-    across, normal : (3,) unit.    half : (2,) metres across to its sides, at each end.
-    bow   : (2,) a, b: its middle is t (1 - t) (a + b t) metres to the left at the share t of its length.
+    cells : (c,) the polygons of the bar at present.    ends : (2, 3) the middles of its contacts, metres.
+    across, normal : (3,) unit.    half : (2,) half-widths at each end, metres.
+    bow   : (2,) a, b: the middle is t (1 - t) (a + b t) metres to the left at the share t of the length.
     """
 
     cells: Bools
@@ -40,8 +34,9 @@ class FairBar:
 
     @classmethod
     def of(cls, mesh: PolygonMesh, cells: Bools) -> Self | None:
-        """The straight bar of polygons (c,), as wide as the narrower contact; None where it has not two contacts, or
-        touches a member obliquely."""
+        """Return the straight bar of polygons (c,), as wide as the narrower contact; None without two square
+        contacts.
+        """
         contacts = _contacts(mesh, cells)
         if len(contacts) != 2:
             return None
@@ -54,31 +49,32 @@ class FairBar:
         across = np.cross(normal, axis / max(float(np.linalg.norm(axis)), TINY))
         across /= max(float(np.linalg.norm(across)), TINY)
         widths, lengths = np.abs(step @ across), np.linalg.norm(step, axis=1)
-        if (widths < OBLIQUE * lengths).any():
+        if (widths < 0.4 * lengths).any():  # it touches a member obliquely
             return None
         return cls(cells, ends, across, normal, (float(widths.min()) / 2,) * 2)
 
     def bent(self, mesh: PolygonMesh) -> Self | None:
-        """The bar with the bow and the widths that its walls have in the mean, by least squares; None where that is
-        steep against the line between its ends."""
+        """Return the bar with the mean bow and widths of its walls, by least squares; None if too steep or without
+        width.
+        """
         start, end = _walls(mesh, self.cells)
         t, y = self._places((start + end) / 2)
         ahead = (end - start) @ np.cross(self.across, self.normal)
-        side = np.where(ahead > 0, -1, 1)  # counter-clockwise around it: ahead along its right side
+        side = np.where(ahead > 0, -1, 1)  # counter-clockwise: ahead along the right side
         here, weight = (t > 0) & (t < 1), np.sqrt(np.abs(ahead))
         basis = np.stack([t * (1 - t), t**2 * (1 - t), side * (1 - t), side * t], axis=1)
         (a, b, *half), *_ = np.linalg.lstsq((basis * weight[:, None])[here], (y * weight)[here], rcond=None)
         new = replace(self, bow=(float(a), float(b)), half=(float(half[0]), float(half[1])))
-        steepest = np.abs(new._middle(np.linspace(0, 1, SAMPLES))[1]).max()
-        return new if steepest < STEEP and min(half) > 0 else None
+        steepest = np.abs(new._middle(np.linspace(0, 1, 21))[1]).max()
+        return new if steepest < 1 and min(half) > 0 else None
 
     @property
     def width(self) -> float:
-        """Metres, in the mean."""
+        """Mean width, metres."""
         return sum(self.half)
 
     def heights(self, X: Floats) -> Floats:
-        """(2, k) metres of places X (k, 3) inside each of its sides."""
+        """(2, k) metres of places X (k, 3) inside each side of the bar."""
         t, y = self._places(X)
         t = np.clip(t, 0, 1)
         middle, slope = self._middle(t)
@@ -86,13 +82,13 @@ class FairBar:
         return np.array([half + y - middle, half - y + middle]) / np.hypot(1, slope)
 
     def beside(self, X: Floats) -> Bools:
-        """(k,) which places X (k, 3) lie between the contacts, or not farther beyond them than the bar is wide."""
+        """(k,) mask of places X (k, 3) between the contacts, or beyond them by less than the width of the bar."""
         beyond = self.width / self.length
         t, _ = self._places(X)
         return np.asarray((t > -beyond) & (t < 1 + beyond))
 
     def off(self, mesh: PolygonMesh) -> float:
-        """How far its outline leaves the one that it is to have at most, over its width."""
+        """Largest distance of the present outline outside the new one, over the width."""
         corners = np.unique(mesh.cells.corner[self.cells[mesh.cells.owner]])
         return float(-self.heights(mesh.X[corners]).min()) / self.width
 
@@ -102,26 +98,25 @@ class FairBar:
         return max(float(np.linalg.norm(self.ends[1] - self.ends[0])), TINY)
 
     def _places(self, X: Floats) -> tuple[Floats, Floats]:
-        """(k,) shares of its length at which places X (k, 3) are, and (k,) metres to the left of the straight line."""
+        """(k,) shares of the length at places X (k, 3), and (k,) metres to the left of the straight line."""
         away = X - self.ends[0]
         return away @ (self.ends[1] - self.ends[0]) / self.length**2, away @ self.across
 
     def _middle(self, t: Floats) -> tuple[Floats, Floats]:
-        """(k,) metres to the left at shares t (k,) of its length, and how steep it is there."""
+        """(k,) metres to the left at shares t (k,) of the length, and the slope there."""
         (a, b), both = self.bow, t * (1 - t)
         return both * (a + b * t), ((1 - 2 * t) * (a + b * t) + both * b) / self.length
 
 
 def _walls(mesh: PolygonMesh, bar: Bools) -> tuple[Floats, Floats]:
-    """(k, 3) metres: where the sides of polygons (c,) begin and end beyond which is void, counter-clockwise."""
+    """(k, 3) metres: begin and end of the sides of polygons (c,) towards void, counter-clockwise."""
     mine, beyond = bar[mesh.cells.owner], mesh.beyond
     wall = np.flatnonzero(mine & (beyond >= 0) & mesh.void[beyond])
     return mesh.X[mesh.cells.corner[wall]], mesh.X[mesh.cells.ahead(mesh.cells.corner)[wall]]
 
 
 def _contacts(mesh: PolygonMesh, bar: Bools) -> Floats:
-    """(k, 2, 3) metres: where each stretch begins and ends along which polygons (c,) touch other material, seen
-    counter-clockwise around them; none where they touch an edge of the surface."""
+    """(k, 2, 3) metres: begin and end of each counter-clockwise contact of polygons (c,); none at a surface edge."""
     cells, mine, beyond = mesh.cells, bar[mesh.cells.owner], mesh.beyond
     held = np.flatnonzero(mine & (beyond >= 0) & ~mesh.void[beyond] & ~bar[beyond])
     if (mine & (beyond < 0)).any() or not len(held):
@@ -131,35 +126,35 @@ def _contacts(mesh: PolygonMesh, bar: Bools) -> Floats:
     found = []
     for k in range(count):
         first, last = np.setdiff1d(start[place == k], end[place == k]), np.setdiff1d(end[place == k], start[place == k])
-        if len(first) != 1 or len(last) != 1:  # around it, or in one point with another
+        if len(first) != 1 or len(last) != 1:  # a closed contact, or two that meet in a point
             return np.empty((0, 2, 3))
         found.append(mesh.X[[first[0], last[0]]])
     return np.array(found)
 
 
 ASKEW = 0.25
-"""Bars whose outline is nearer to the straight one than this share of their width stay as they are."""
+"""Bars stay if their outline is nearer to the straight one than this share of their width."""
 UNEVEN = 0.12
-"""So do those that bend, if their outline is nearer than this to that with an even bow."""
+"""Bent bars stay if their outline is nearer than this share to the one with an even bow."""
 FAR = 1.5
-"""And those whose outline is farther from it than this: members that bend otherwise, or that another one touches."""
+"""Bars stay if their outline is farther than this share from the new one: they bend otherwise, or another member
+touches.
+"""
 SNAP = 0.02
-"""Vertices nearer to a straight side than this share of the width are on it: no slivers."""
+"""Vertices nearer to a straight side than this share of the width move onto it, to avoid slivers."""
 LARGER = 2.5
-"""A bar may not become so many times as large or as small."""
-ALIKE = 0.05
-"""Bars of which these shares differ by less may be the same but for the mesh."""
+"""A bar may not become larger or smaller by this factor."""
 
 
 def with_straight_bars(
     mesh: PolygonMesh, nodes: Bools, near: Bools, tidy: Tidy, size: float
 ) -> tuple[PolygonMesh, int]:
-    """The mesh with bars through nodes (c,) between two contacts drawn straight, and those near singular points (c,)
-    with an even bow; and at how many places.
+    """Replace bars through nodes (c,) between two contacts by straight ones, and bars near singular points (c,) by
+    even bows.
 
-    size : of the surface, metres.
+    size : of the surface, metres.    Returns the mesh and the number of replaced bars.
 
-    Nothing falls apart: both contacts stay, and nothing else touches a bar.
+    Parts stay connected: both contacts remain, and nothing else touches a bar.
     """
     nodes, near, count = nodes & ~mesh.void, near & ~mesh.void, 0
     if not (nodes | near).any() or not mesh.void.any():
@@ -176,10 +171,10 @@ def with_straight_bars(
 
 
 def _askew_bars(mesh: PolygonMesh, nodes: Bools, near: Bools, tidy: Tidy) -> list[FairBar]:
-    """Bars that are drawn anew: nodes (c,), and what touches them from one crossing to the next, straight; and other
-    stretches near singular points (c,). No two overlap.
+    """Bars to replace: nodes (c,) with the stretches that touch them, and stretches near singular points (c,); no
+    overlap.
 
-    Crossings that touch a node count as node where that makes a bar: those of stripes that overlap before they end.
+    Crossings that touch a node count as node if that makes a bar, because stripes may overlap before they end.
     """
     found, taken, none = list[FairBar](), np.zeros_like(nodes), np.zeros_like(nodes)
     for lumps, some in ((with_crossings(mesh, nodes), nodes), (nodes, nodes), (none, near)):
@@ -193,12 +188,11 @@ def _askew_bars(mesh: PolygonMesh, nodes: Bools, near: Bools, tidy: Tidy) -> lis
                 found.append(bar)
                 taken |= cells
     off = np.array([bar.off(mesh) for bar in found])
-    straight, bent, most = (limit(off, each, ALIKE) for each in (ASKEW, UNEVEN, FAR))
+    straight, bent, most = (limit(off, each) for each in (ASKEW, UNEVEN, FAR))
     return [bar for bar, x in zip(found, off, strict=True) if (bent if any(bar.bow) else straight) < x < most]
 
 
 def _with_beside(mesh: PolygonMesh, some: Bools, part: Ints) -> Bools:
-    """(c,) polygons of the stretches (c,) of which there are some (c,), or that touch these."""
     one, two, _ = mesh.neighbours
     f, g = mesh.cells.owner[one], mesh.cells.owner[two]
     near = some.copy()
@@ -207,8 +201,9 @@ def _with_beside(mesh: PolygonMesh, some: Bools, part: Ints) -> Bools:
 
 
 def _straightened(mesh: PolygonMesh, bar: Bools, new: FairBar, size: float) -> tuple[PolygonMesh | None, Ints]:
-    """The mesh with polygons (c,) of a bar replaced by the straight one, and (c',) the polygon that each was; None
-    where that is much larger or smaller."""
+    """Replace polygons (c,) of a bar by the new bar; return also the old polygon (c',) of each. None for a large
+    change.
+    """
     opening = mesh.parts(mesh.void | bar)
     inside, made, source = np.isin(opening, opening[bar]) & (opening >= 0), mesh, np.arange(len(bar))
     for side in (0, 1):

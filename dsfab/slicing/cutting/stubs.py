@@ -1,7 +1,7 @@
-"""`without_stubs`: stripes that go on past their last crossing to a node are cut off there, so that it is a T.
+"""Remove stubs: stripes that run on past their last crossings to a node.
 
-Stripes that end at a singular point of the stress meet in a node (see `ends_meeting`). Where two or three do, the stubs
-that lead to it are a bar across one opening, or a hook beside a member, with a lump where they meet:
+Stripes that end at a singular point of the stress meet in a node (see `with_meeting_ends`). The stubs that lead to it
+are a bar across one opening, or a hook beside a member, with a lump at the node:
 
     ---+--+--+---           ---+--+--+---
        |  |  |                 |     |              o : the node.    + : the last crossings of its stubs.
@@ -9,7 +9,7 @@ that lead to it are a bar across one opening, or a hook beside a member, with a 
        |  |  |                 |     |
     ---+--+--+---           ---+--+--+---
 
-Without them there is one opening. Openings are compared by their size, 4 area / perimeter, over the median of all.
+Without them one opening remains. All sizes of openings are 4 area / perimeter over the median.
 """
 
 from dataclasses import dataclass, replace
@@ -25,28 +25,24 @@ from dsfab.slicing.cutting.sheet import VOID
 from dsfab.surface import connected
 
 LARGE = 1.6
-"""Stubs stay where the opening without them would have so many times the size of most: one in twenty is as large."""
+"""Stubs stay if the opening without them would be larger: one opening in twenty is as large."""
 EYELET, LARGER = 0.5, 2.5
-"""Where an opening beside them has less than the first share of the size of another, this is the limit: a hook around
-an eyelet divides nothing. The largest openings of a pattern are so large."""
+"""Limit for stubs around an eyelet, an opening under the first share of its neighbour: the second, not `LARGE`, because
+such a hook divides nothing."""
 GOOD = 1.1
-"""They stay where all openings beside them have so many times the size of most: a stub of a Y divides those well."""
+"""Stubs stay if all openings beside them are larger: a stub of a Y divides those well."""
 SMALL = 0.6
-"""They stay where the opening would be smaller than this share of most: it is better filled."""
-SMOOTHER = 1.02
-"""A lump in one opening is cut off where the opening has so many times its size without it: not what leaves a notch."""
+"""Stubs stay if the opening without them would be smaller."""
 TURN = float(np.radians(110))
-"""By how much the outline of what is left may turn where a stub was. It is straight where a member goes by, and has a
-corner where one ends on it; where one would end in nothing there are two corners."""
-ALIKE = 0.05
-"""Openings of which these factors differ by less may be the same but for the mesh."""
+"""Largest turn of the remaining outline where a stub was removed: a second corner would be a member that ends in
+nothing.
+"""
 
 
 def without_stubs(mesh: PolygonMesh, nodes: Bools, tidy: Tidy) -> tuple[PolygonMesh, int]:
-    """The mesh without nodes (c,) and what leads to them alone where that leaves one good opening; and at how many
-    places.
+    """Remove nodes (c,) and the stubs that lead to them if one good opening remains; return also the number of places.
 
-    Nothing falls apart and no end is made: what touches a bar goes by, and hangs together without it, or it stays.
+    Parts stay connected and no new end appears: the members that touch a removed bar run past it and stay connected.
     """
     count = 0
     for joined in (False, True):
@@ -61,21 +57,20 @@ def without_stubs(mesh: PolygonMesh, nodes: Bools, tidy: Tidy) -> tuple[PolygonM
 
 
 def with_crossings(mesh: PolygonMesh, nodes: Bools) -> Bools:
-    """(c,) nodes (c,), and crossings that touch them: of stubs that overlap before they end. Other members may cross
-    there too: only a bar between two openings is cut off with them."""
+    """(c,) nodes (c,), and crossings that touch them, of stubs that overlap before they end."""
     crossing = mesh.parts(~mesh.void & ((mesh.also != VOID) | nodes))
     return np.asarray(np.isin(crossing, crossing[nodes]) & (crossing >= 0))
 
 
 @dataclass(frozen=True, eq=False)
 class _Bars:
-    """Bars between openings, as they touch.
+    """Bars between openings.
 
-    label   : (c,) the bar that each polygon is a part of, or -1.
-    area    : (b,) square metres.    wall : (b,) metres of outline that other material, or nothing, is beyond.
+    label   : (c,) the bar of each polygon, or -1.
+    area    : (b,) square metres.    wall : (b,) metres of outline towards other material or the edge of the surface.
     pair    : (k, 2) bars and the openings beside them, each once.    shared : (k,) metres of outline between the two.
     opening : (o, 2) area, square metres, and perimeter, metres, of each opening.
-    cut     : (b,) whether what touches a bar hangs together without any of them, and ends nowhere.
+    cut     : (b,) True if the material around a bar stays connected without any bar, and ends nowhere.
     """
 
     label: Ints
@@ -88,7 +83,6 @@ class _Bars:
 
     @classmethod
     def of(cls, mesh: PolygonMesh, off: Bools) -> Self:
-        """The parts of what might be taken off, (c,) polygons."""
         label, opening = (_numbered(mesh.parts(some)) for some in (off, mesh.void))
         bars, openings = int(label.max(initial=-1)) + 1, int(opening.max(initial=-1)) + 1
         owner, beyond = mesh.cells.owner, mesh.beyond
@@ -115,18 +109,15 @@ class _Bars:
 
     @cached_property
     def sizes(self) -> Floats:
-        """(o,) of the openings, over the median."""
         found: Floats = 4 * self.opening[:, 0] / self.opening[:, 1]
         return np.asarray(found / np.median(found))
 
     @cached_property
     def beside(self) -> Ints:
-        """(b,) how many openings are beside each bar."""
         return np.bincount(self.pair[:, 0], minlength=len(self.area))
 
     def without(self, group: Ints, count: int) -> Floats:
-        """(count,) sizes, over the median, of the openings without the bars of each group (b,); -1 is for those that
-        stay."""
+        """(count,) sizes, over the median, of the openings without the bars of each group (b,); group -1 stays."""
         bar, opening = self.pair.T
         out = group[bar] >= 0
         both = np.unique(np.stack([group[bar[out]], opening[out]], axis=1), axis=0)
@@ -140,7 +131,6 @@ class _Bars:
 
     @cached_property
     def alone(self) -> Floats:
-        """(b,) sizes, over the median, of the openings without each bar but with all others."""
         every = np.arange(len(self.area))
         return self.without(every, len(every))
 
@@ -155,12 +145,12 @@ class _Bars:
 
     @cached_property
     def lumps(self) -> Bools:
-        """(b,) bars in one opening, which is larger and has a shorter outline without them."""
-        return np.asarray((self.beside == 1) & (self.alone > np.maximum(SMOOTHER * self.extremes[1], SMALL)))
+        """(b,) bars in one opening that is larger and has a shorter outline without them."""
+        return np.asarray((self.beside == 1) & (self.alone > np.maximum(1.02 * self.extremes[1], SMALL)))
 
     @cached_property
     def eyelets(self) -> Bools:
-        """(b,) bars between openings that are one good opening without them; all or none of those at one opening."""
+        """(b,) bars between openings that are one good opening without them; of bars at one opening all or none."""
         least, most = self.extremes
         ratio = np.divide(least, most, out=np.full_like(least, np.inf), where=most > 0)
         largest = np.where(_within(ratio, EYELET), LARGER, LARGE)
@@ -168,11 +158,11 @@ class _Bars:
         group, count = self._groups(fits)
         most = np.full(count, LARGE)
         np.maximum.at(most, group[fits], largest[fits])
-        good = np.append(_within(self.without(group, count), most), False)  # the last is for the others
+        good = np.append(_within(self.without(group, count), most), False)  # group -1
         return np.asarray(good[group])
 
     def _groups(self, some: Bools) -> tuple[Ints, int]:
-        """(b,) the group of each of some bars (b,), -1 of others: those at one opening; and how many groups."""
+        """(b,) the group of each chosen bar (b,), -1 elsewhere: bars at one opening; and the number of groups."""
         count = len(self.area)
         bar, opening = self.pair[some[self.pair[:, 0]]].T
         label = connected(count + len(self.opening), bar, count + opening)[1][:count]
@@ -181,7 +171,7 @@ class _Bars:
 
 
 def _together(mesh: PolygonMesh, label: Ints, held: Bools, beyond: Ints) -> Bools:
-    """(b,) whether all that touches a bar at its sides `held` (h,) is one piece without bars (c,)."""
+    """(b,) True if the material that touches a bar at its sides `contact_sides` (h,) is one piece without bars (c,)."""
     rest = mesh.parts(~mesh.void & (label < 0))
     touching = np.stack([label[mesh.cells.owner[held]], rest[beyond[held]]], axis=1)
     bar = np.unique(touching, axis=0)[:, 0]
@@ -189,8 +179,7 @@ def _together(mesh: PolygonMesh, label: Ints, held: Bools, beyond: Ints) -> Bool
 
 
 def _turns(mesh: PolygonMesh, label: Ints, side: Ints) -> Floats:
-    """(b,) radians by which the outline of what is left turns to its own side where it touches a bar (c,), at sides
-    (s,) of those: the most over all places, at both ends of a place together."""
+    """(b,) largest turn of the remaining outline at the ends of a contact, radians, at sides (s,) of bars (c,)."""
     cells, count = mesh.cells, len(mesh.X)
     bar, ends = label[cells.owner[side]], np.stack([cells.corner[side], cells.ahead(cells.corner)[side]], axis=1)
     place = connected(len(side), *meeting(bar, ends, count))[1]
@@ -205,7 +194,6 @@ def _turns(mesh: PolygonMesh, label: Ints, side: Ints) -> Floats:
 
 
 def _angles(mesh: PolygonMesh) -> Floats:
-    """(h,) radians at the corners of the polygons."""
     cells, X = mesh.cells, mesh.X
     here, after = cells.following, cells.following[cells.following]
     u, v = (X[cells.corner[there]] - X[cells.corner[here]] for there in (np.arange(len(here)), after))
@@ -215,16 +203,15 @@ def _angles(mesh: PolygonMesh) -> Floats:
 
 
 def _within(x: Floats, most: float | Floats) -> Bools:
-    """(k,) which of x (k,) are under limits; of those that are alike all or none."""
+    """(k,) mask of x (k,) under its limits; nearly equal values pass all or none."""
     limits = np.broadcast_to(most, x.shape)
     found = np.zeros(len(x), dtype=bool)
     for each in np.unique(limits):
-        found |= (limits == each) & (x < limit(x[np.isfinite(x)], float(each), ALIKE))
+        found |= (limits == each) & (x < limit(x[np.isfinite(x)], float(each)))
     return found
 
 
 def _numbered(part: Ints) -> Ints:
-    """(k,) parts with numbers from 0 on; -1 stays."""
     found: Ints = np.full(len(part), -1)
     found[part >= 0] = np.unique(part[part >= 0], return_inverse=True)[1].ravel()
     return found

@@ -15,28 +15,18 @@ from dsfab.slicing.finishing.walls import Walls
 from dsfab.surface import Surface
 
 CORNER = float(np.radians(25))
-"""Where a wall turns by more, it has a corner and is not one fair curve."""
+"""A wall that turns by more has a corner."""
 REACH = 2.0
-"""Waves of a wall that are shorter than 2 pi times so many of its segments are taken out."""
+"""Fairing removes waves of a wall shorter than 2 pi times this number of segments."""
 BEND = 0.4
-"""Walls that are too short to have a change of curvature bend less the shorter they are: segments."""
-ALONG = 0.1
-"""How far vertices move along a wall counts so many times what it counts that they move across."""
-FARTHEST = 0.1
-"""No vertex moves by more than this share of the mesh edge that it lies on, or of one of its face: twice what values
-are moved by onto vertices of the mesh, at most."""
-FINEST = 0.02
-"""Vertices of a wall that are nearer to each other than this share of its segments count as so far apart."""
-SLIMMEST = 0.5
-"""Degrees; no cell gets a smaller angle, or one that is smaller than it was."""
-SLICING_ROUNDS = 8
-"""How often moves are halved where cells would become too slim, before they are left out."""
+"""Segments: shorter walls bend less."""
 
 
 class Freedom(NamedTuple):
-    """How vertices of walls may move. vertex : (k,).    along : (k, 2, 3) unit directions, 0 where there are fewer.
+    """Possible moves of wall vertices. vertex : (k,).    along : (k, 2, 3) unit directions, 0 for a missing one.
 
-    share : (k, 2, 3) what a metre along each adds to the weights of the columns `column` (k, 3).    most : (k,) metres.
+    share : (k, 2, 3) change of the weights of the columns `column` (k, 3) for a metre along each.
+    most  : (k,) metres, a tenth of the mesh edge of the vertex, twice the largest snap onto vertices.
     """
 
     vertex: Ints
@@ -47,14 +37,14 @@ class Freedom(NamedTuple):
 
 
 def faired_walls(sheet: Sheet) -> Sheet:
-    """The cells of a sheet, its walls between material and void as fair as the mesh lets them be.
+    """Make the walls between material and void of a sheet as fair as the mesh allows.
 
     sheet : all cells, material and void, without pinches.
 
-    Minimised is the integral of d^2 + a^6 k'^2 + b^4 k^2 over the walls between corners: d how far they move across,
-    k the curvature in the surface, a and b some segments of the wall. Circles and straight lines stay, short waves go,
-    by 1 / (1 + (a w)^6) at wave number w [a smoothing spline of third order: Reinsch 1967; Wahba 1990].
-    Cells stay in their uncut faces; vertices of the uncut surface stay where they are.
+    Minimises the integral of d^2 + a^6 k'^2 + b^4 k^2 over the walls between corners: d is the move across the wall, k
+    the curvature in the surface, a and b some segments of the wall. Circles and straight lines stay; waves of wave
+    number w shrink by 1 / (1 + (a w)^6) [a smoothing spline of third order: Reinsch 1967; Wahba 1990]. Cells stay in
+    their uncut faces; vertices of the uncut surface stay where they are.
     """
     walls = Walls.of(sheet)
     if not len(walls.start):
@@ -70,13 +60,15 @@ def faired_walls(sheet: Sheet) -> Sheet:
 
 
 def _freedom(sheet: Sheet, walls: Walls) -> Freedom:
-    """Vertices of walls on edges slide along these, those within faces anywhere in them, others not at all."""
     vertex = np.unique(np.concatenate([walls.start, walls.end]))
     return freedom(sheet, vertex, sheet.weights[vertex])
 
 
 def freedom(sheet: Sheet, vertex: Ints, weights: csr_array) -> Freedom:
-    """How vertices (k,), with rows of weights (k, n) on the uncut ones, may move; those that may not are left out."""
+    """Return the possible moves of vertices (k,) with rows of weights (k, n) on the uncut ones.
+
+    Vertices on edges slide along them, vertices within faces move anywhere in them, others are left out.
+    """
     column, weight = three_each(weights)
     held = weight > 0
     count = held.sum(axis=1)
@@ -97,7 +89,7 @@ def freedom(sheet: Sheet, vertex: Ints, weights: csr_array) -> Freedom:
     along[face, 1] = y / height[:, None]
     lean = lean / length[face]
     share[face, 1] = np.stack([(lean - 1) / height, -lean / height, 1 / height], axis=1)
-    return Freedom(vertex[able], along, share, column[able], FARTHEST * length)
+    return Freedom(vertex[able], along, share, column[able], 0.1 * length)
 
 
 def _fair_steps(sheet: Sheet, walls: Walls, free: Freedom) -> Floats:
@@ -116,7 +108,7 @@ def _fair_steps(sheet: Sheet, walls: Walls, free: Freedom) -> Floats:
     side = _lateral(sheet, walls, p)
     rows, right = list[csr_array](), list[Floats]()
     for used, points, order, size in ((changes, p, 3, REACH * segment), (bends, p[:, :3], 2, BEND * segment)):
-        q, least = points[used], FINEST * segment[used]
+        q, least = points[used], 0.02 * segment[used]  # nearer vertices count as so far apart
         c, scale = _differences(sheet.surface.V[q], least, order)
         c = c * (size[used] ** order * np.sqrt(scale))[:, None]
         row, value = _rows(q, c[:, :, None] * side[used][:, None], place, free)
@@ -127,13 +119,12 @@ def _fair_steps(sheet: Sheet, walls: Walls, free: Freedom) -> Floats:
         rows.append(row)
         right.append(np.zeros(len(end)))
     A = csr_array(vstack(rows, format="csr"))
-    hold = ALONG * segment.mean() + np.zeros(2 * len(free.vertex))
+    hold = 0.1 * segment.mean() + np.zeros(2 * len(free.vertex))  # weight of moves along a wall against moves across
     x = spsolve((A.T @ A + diags_array(hold)).tocsc(), A.T @ np.concatenate(right))
     return np.asarray(x.reshape(-1, 2) * free.along.any(axis=2))
 
 
 def _lateral(sheet: Sheet, walls: Walls, p: Ints) -> Floats:
-    """(w, 3) unit vectors in the surface across the walls."""
     normals, V = sheet.surface.normals, sheet.surface.V
     up = normals[walls.inside // 3] + normals[walls.outside // 3]
     across = np.cross(up, V[p[:, 3]] - V[p[:, 0]])
@@ -143,8 +134,7 @@ def _lateral(sheet: Sheet, walls: Walls, p: Ints) -> Floats:
 
 
 def _differences(P: Floats, least: Floats, order: int) -> tuple[Floats, Floats]:
-    """(k, order + 1) weights of points P (k, order + 1, 3) in the derivative of that order along them, and (k,) the
-    length that each stands for."""
+    """(k, order + 1) weights of points P (k, order + 1, 3) in the derivative along them, and (k,) their lengths."""
     length = np.maximum(np.linalg.norm(np.diff(P, axis=1), axis=2), least[:, None])
     u = np.concatenate([np.zeros((len(P), 1)), np.cumsum(length, axis=1)], axis=1)
     gap = u[:, :, None] - u[:, None, :] + np.eye(order + 1)
@@ -162,7 +152,7 @@ def _rows(q: Ints, value: Floats, place: Ints, free: Freedom) -> tuple[csr_array
 
 
 def _moved(sheet: Sheet, free: Freedom, step: Floats) -> Sheet:
-    """The sheet with vertices moved by steps (k, 2), by less where cells would become slim or turn over."""
+    """The sheet with vertices moved by steps (k, 2), by less if cells would become slim or turn over."""
     surface = sheet.surface
     share = np.ones(surface.n)
     move = np.zeros((surface.n, 3))
@@ -170,12 +160,13 @@ def _moved(sheet: Sheet, free: Freedom, step: Floats) -> Sheet:
     touched = np.flatnonzero((move != 0).any(axis=1)[surface.F].any(axis=1))
     F, normals = surface.F[touched], surface.normals[touched]
     before = least_angles(surface.V[F], normals)
-    for attempt in itertools.count():  # what is left out may make the next cell slim: until none is
+    slimmest, halvings = 0.5, 7  # degrees
+    for attempt in itertools.count():  # an undone move may make the next cell slim
         V = surface.V + share[:, None] * move
-        bad = least_angles(V[F], normals) < np.minimum(before, SLIMMEST)
+        bad = least_angles(V[F], normals) < np.minimum(before, slimmest)
         if not bad.any():
             break
-        share[F[bad]] *= 0.5 if attempt < SLICING_ROUNDS - 1 else 0.0
+        share[F[bad]] *= 0.5 if attempt < halvings else 0.0
     added = np.einsum("kj,kjc->kc", step, free.share) * share[free.vertex][:, None]
     row = np.repeat(free.vertex, 3)
     change = csr_array((added.ravel(), (row, free.column.ravel())), shape=sheet.weights.shape)
@@ -183,47 +174,37 @@ def _moved(sheet: Sheet, free: Freedom, step: Floats) -> Sheet:
 
 
 def least_angles(P: Floats, normals: Floats) -> Floats:
-    """(k,) the smallest angle of triangles P (k, 3, 3), degrees; negative where one is turned over."""
+    """(k,) the smallest angle of triangles P (k, 3, 3), degrees; negative if one is turned over."""
     sides = np.roll(P, -1, axis=1) - P
     back = -np.roll(sides, 1, axis=1)
     twice = np.einsum("ki,ki->k", np.cross(sides[:, 0], back[:, 0]), normals)
     return np.asarray(np.degrees(np.arctan2(twice[:, None], np.einsum("kci,kci->kc", sides, back))).min(axis=1))
 
 
-BENT = float(np.radians(3))
-"""Walls are divided where they turn by more than this from end to end."""
-WALL_DIVISION_ROUNDS = 3
-"""How often: each time about halves the turns."""
-SLIM, WORSE = 4.0, 0.5
-"""Cells are not divided where the smallest angle becomes less than so many degrees, or than it was, by this factor."""
-WITHIN = 1e-3
-"""Least weight of a new vertex on each corner of its face."""
-
-
 @dataclass(frozen=True, eq=False)
 class Division:
-    """Walls (k,) of a sheet, no two of them at one cell, with the places V (k, 3) and the weights (k, n) of the new
-    vertices on them."""
+    """Walls (k,) of a sheet, no two of them at one cell, with the places V (k, 3) and the weights (k, n) of new
+    vertices.
+    """
 
     wall: Ints
     V: Floats
     weights: csr_array
 
     def some(self, chosen: Bools) -> "Division":
-        """Those that are marked (k,)."""
         at = np.flatnonzero(chosen)
         return Division(self.wall[at], self.V[at], self.weights[at])
 
 
 def divided_walls(sheet: Sheet) -> Sheet:
-    """The cells of a sheet, walls between material and void divided where they bend, so that outlines look round.
+    """Divide bent walls between material and void, so that outlines look round.
 
     sheet : all cells, material and void, without pinches; its walls are fair.
 
-    Only walls inside of one uncut face are divided, and only where cells stay plump enough: the new vertex stays in
-    that face. Corners stay as sharp as they are.
+    Only walls inside one uncut face are divided, and only if cells keep large angles. The new vertex stays in that
+    face, and corners stay sharp.
     """
-    for _ in range(WALL_DIVISION_ROUNDS):
+    for _ in range(3):  # each round about halves the turns
         walls = Walls.of(sheet)
         division = _division(sheet, walls)
         if not len(division.wall):
@@ -233,8 +214,7 @@ def divided_walls(sheet: Sheet) -> Sheet:
 
 
 def _bows(sheet: Sheet, walls: Walls) -> Floats:
-    """(w,) metres that the middle of the curve through each wall's ends lies to the right of it; 0 where it hardly
-    bends."""
+    """(w,) distance of the curve through each wall's ends from its middle, to the right, metres; 0 under 3 degrees."""
     if not len(walls.start):
         return np.empty(0)
     turn, every = walls.turns(sheet), np.arange(len(walls.start))
@@ -244,12 +224,12 @@ def _bows(sheet: Sheet, walls: Walls) -> Floats:
     curvature[plain] = (turn / ((walls.length[before] + walls.length) / 2))[plain]
     ends = plain.astype(np.int64) + (plain[after] & too)
     mean = (curvature + np.where(too, curvature[after], 0.0)) / np.maximum(ends, 1)
-    bent = np.abs(mean) * walls.length > BENT
+    bent = np.abs(mean) * walls.length > np.radians(3)
     return np.asarray(np.where(bent, mean * walls.length**2 / 8, 0.0))
 
 
 def _division(sheet: Sheet, walls: Walls) -> Division:
-    """The walls that are divided next: of two at one cell the one that bows more."""
+    """The walls to divide next: of two at one cell the one with the larger bow."""
     bow = _bows(sheet, walls)
     one, two = walls.inside // 3, walls.outside // 3
     wall = np.flatnonzero((bow != 0) & (sheet.parent[one] == sheet.parent[two]))
@@ -268,11 +248,10 @@ def _division(sheet: Sheet, walls: Walls) -> Division:
     new = Division(wall, (a + b) / 2 + np.einsum("kj,kji->ki", step, along), weights)
     within = np.full(len(wall), np.inf)
     np.minimum.at(within, np.repeat(np.arange(len(wall)), np.diff(weights.indptr)), weights.data)
-    return _apart(sheet, walls, new.some(face & (within > WITHIN)))
+    return _apart(sheet, walls, new.some(face & (within > 1e-3)))  # inside the uncut face
 
 
 def _apart(sheet: Sheet, walls: Walls, new: Division) -> Division:
-    """Of divisions, the best first, those that leave cells plump, and no two of which are at one cell."""
     new = new.some(_plump(sheet, walls, new))
     rank = np.arange(len(new.wall))
     cells = np.concatenate([walls.inside[new.wall], walls.outside[new.wall]]) // 3
@@ -287,20 +266,19 @@ def _halves(sheet: Sheet, half_edge: Ints, new: Ints) -> tuple[Ints, Ints]:
 
 
 def _plump(sheet: Sheet, walls: Walls, new: Division) -> Bools:
-    """(k,) whether the four cells at each new vertex have angles that are large enough."""
+    """(k,) True if the four cells at a new vertex keep half of their smallest angle, or 2 degrees."""
     surface = sheet.surface
     V, number = np.concatenate([surface.V, new.V]), surface.n + np.arange(len(new.wall))
     good = np.ones(len(new.wall), dtype=bool)
     for h in (walls.inside[new.wall], walls.outside[new.wall]):
         normals = surface.normals[h // 3]
-        least = WORSE * np.minimum(SLIM, least_angles(surface.V[surface.F[h // 3]], normals))
+        least = 0.5 * np.minimum(4.0, least_angles(surface.V[surface.F[h // 3]], normals))
         for F in _halves(sheet, h, number):
             good &= least_angles(V[F], normals) >= least
     return good
 
 
 def _divided(sheet: Sheet, walls: Walls, new: Division) -> Sheet:
-    """The sheet with new vertices behind its own, and the halves of cells one behind the other."""
     surface = sheet.surface
     number = surface.n + np.arange(len(new.wall))
     F, rows, came = surface.F.copy(), list[Ints](), list[Ints]()

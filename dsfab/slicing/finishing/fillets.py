@@ -16,19 +16,10 @@ from dsfab.slicing.finishing.opening_corners import SMALLER, Arcs, Corners, cros
 from dsfab.slicing.finishing.point_contacts import pinched_vertices
 from dsfab.slicing.finishing.walls import SHARPEST, Stretches, following
 
-BESIDE = 0.1
-"""Nearer to a foot than this share of the radius, walls are about as near to the middle as the foot."""
-NEARLY = 3e-3
-"""A wall is touched by a disc where its distance from the nearest middle exceeds the radius by less than this share."""
-AWAY = 1.2
-"""Radii from the middle at least to a vertex that is surely beyond; the nearest one is in the plane of the disc."""
-BEYOND = 0.6
-"""Walls are looked at this share of the radius beyond where a disc touches them in the flat."""
-
 
 @dataclass(frozen=True, eq=False)
 class Stops:
-    """Where discs stop in the flat.
+    """Stops of discs that roll in the flat.
 
     middle : (p, 2) metres.    before, behind : (p, 2) unit vectors from there to the walls that they touch.
     a, b   : (p,) these walls, by their places in `FlatOpenings.wall`, and the share of each that lies before the foot.
@@ -43,17 +34,16 @@ class Stops:
     share_b: Floats
 
     def some(self, chosen: Bools) -> "Stops":
-        """Those that are marked (p,)."""
         return Stops(*(getattr(self, field.name)[chosen] for field in fields(self)))
 
 
 def rolled_arcs(corners: Corners, radius: float, taken: list[Stretches]) -> Iterator[tuple[Corners, Arcs]]:
-    """Where discs of a radius, metres, stop in the openings: vertices (p,) beyond them, as corners, and the arcs (p,)
-    in the frames of these, none of which reaches over another. Those that stop at one wall, or touch none when seen in
-    space, are not listed.
+    """Yield arcs where discs of a radius, metres, stop in the openings: corners (p,) beyond the discs, and the arcs
+    (p,).
 
-    Twice, for vertices near the discs and for those at the end of what lies beyond: on a curved surface one of them may
-    see the arc where the other does not. The second time without those in what is `taken` by then.
+    Arcs are in the frames of the corners, and none overlaps another. Discs that stop at one wall, or touch no walls in
+    space, are left out. It yields twice, for the vertices nearest to the discs and for the farthest ones: on a curved
+    surface only one of them may see the arc. The second time `taken` stretches are left out.
     """
     flat = FlatOpenings.of(corners.sheet, corners.walls)
     loops = [np.asarray(loop) for loop in flat.room(radius).to_polygons() if len(loop) > 2]
@@ -85,7 +75,7 @@ def _seen(corners: Corners, flat: FlatOpenings, stop: Stops, tip: Ints, radius: 
 
     one, two = in_frame(wall_a, stop.share_a, stop.before), in_frame(wall_b, stop.share_b, stop.behind)
     first, exists = crossing(*one, *two, size)
-    every, more = np.arange(len(wall)), BEYOND * radius
+    every, more = np.arange(len(wall)), 0.6 * radius  # beyond the feet in the flat
     lines = tips.line(every, way_a + more, back=True), tips.line(every, way_b + more, back=False)
     arcs = touching_arcs(*lines, size, first)
     good = np.flatnonzero(arcs.touching & exists & (arcs.angle > SHARPEST))
@@ -94,7 +84,6 @@ def _seen(corners: Corners, flat: FlatOpenings, stop: Stops, tip: Ints, radius: 
 
 
 def _stops(flat: FlatOpenings, loops: list[Floats], radius: float) -> Stops:
-    """Those that stop between two walls of a chain; the middles of discs lie within loops."""
     middle, before, behind = _left_turns(loops)
     (a, share_a), (b, share_b) = flat.touched(middle + radius * before), flat.touched(middle + radius * behind)
     some = (flat.chain[a] == flat.chain[b]) & (a != b)
@@ -102,7 +91,7 @@ def _stops(flat: FlatOpenings, loops: list[Floats], radius: float) -> Stops:
 
 
 def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
-    """Where loops turn to the left by more than `SHARPEST`, and unit vectors to the right before and behind there."""
+    """Points where loops turn left by more than `SHARPEST`, and unit vectors to the right before and behind them."""
     empty = np.empty((0, 2))
     points, rights = [empty], ([empty], [empty])
     for loop in loops:
@@ -117,7 +106,8 @@ def _left_turns(loops: list[Floats]) -> tuple[Floats, Floats, Floats]:
 
 
 def _tips(flat: FlatOpenings, stop: Stops, loops: list[Floats], radius: float) -> tuple[Stops, Ints, Ints]:
-    """Those beyond which no other disc has room; and for each two walls (p,) that start beyond, near it and far away.
+    """The stops beyond which no other disc has room; and for each two walls (p,) that start beyond, a near and a far
+    one.
 
     Behind a neck an opening may widen again: that is no tip.
     """
@@ -129,13 +119,13 @@ def _tips(flat: FlatOpenings, stop: Stops, loops: list[Floats], radius: float) -
     step = np.arange(len(row)) - np.repeat(np.cumsum(count) - count, count) + 1
     wall = first[row] + (stop.a[row] - first[row] + step) % most[row]
     start = flat.start[wall]
-    touched = _distance(flat.start, loops)[wall] < (1 + NEARLY) * radius
+    touched = _distance(flat.start, loops)[wall] < (1 + 3e-3) * radius
     for to_wall in (stop.before, stop.behind):
         foot = (stop.middle + radius * to_wall)[row]
-        touched &= np.linalg.norm(start - foot, axis=1) > BESIDE * radius
+        touched &= np.linalg.norm(start - foot, axis=1) > 0.1 * radius  # not at the foot
     free = np.bincount(row, touched, len(count)) == 0
     far = np.linalg.norm(start - stop.middle[row], axis=1)
-    near = far < AWAY * radius
+    near = far < 1.2 * radius
     nearby, farthest = (
         wall[order][np.unique(row[order], return_index=True)[1]]
         for order in (np.lexsort((np.where(near, -far, far), near, row)), np.lexsort((-far, row)))
@@ -144,34 +134,28 @@ def _tips(flat: FlatOpenings, stop: Stops, loops: list[Floats], radius: float) -
 
 
 def _distance(points: Floats, loops: list[Floats]) -> Floats:
-    """(k,) of points (k, 2) from the nearest of closed loops."""
     after = following(np.repeat(np.arange(len(loops)), [len(loop) for loop in loops]))
     edges = np.stack([np.arange(len(after)), after], axis=1)
     return nearest_in_plane(points, np.concatenate(loops), edges).distance
 
 
 SNAP = 2e-3
-"""Vertices nearer to a chord than this share of the radius are on it: no slivers."""
-SMALLEST = 0.02
-"""Corners with room for a smaller share of the radius stay sharp."""
-TRIES = 12
-"""Radii that are tried, each smaller than the last."""
-FARTHEST = 1.1
-"""What an arc rounds off is no farther from its corner than so many times the farther foot."""
+"""Vertices nearer to a chord than this share of the radius move onto it, to avoid slivers."""
 
 COLUMNS = ("wall", "radius", "normal", "distance", "ray", "ray_distance")
 
 
 @dataclass(frozen=True, eq=False)
 class Fillets:
-    """Chords of the arcs that are to round corners (k,), and the rays beside some: planes of outward normals (k, c, 3)
-    and (k, 2, 3), metres from the origin of space (k, c) and (k, 2). A plane that is none has a normal of 0.
+    """Chords of the arcs at corners (k,), and rays beside some arcs, as planes in space.
 
-    Rounded off is what lies beyond a chord and within both rays. Rays are those from the middle through the feet, where
-    the walls turn away so sharply at a foot that the void beside it lies beyond the chord as well.
-
+    normal, distance : (k, c, 3), (k, c) outward normals of the chords, and metres from the origin.
+    ray, ray_distance : (k, 2, 3), (k, 2) the same of the rays. An unused plane has a normal of 0.
     wall : (k,) the walls that begin at the corners.    radius : (k,) metres.
-    pair : (p, 2) an arc, and a void cell that lies beyond its chords in part, reached from the corner through others.
+    pair : (p, 2) an arc, and a void cell that lies partly beyond its chords, connected to the corner.
+
+    The filled region is beyond a chord and within both rays. Rays run from the middle through the feet. They are needed
+    if the walls turn away so sharply at a foot that the void beside it lies beyond the chord as well.
     """
 
     wall: Ints
@@ -184,19 +168,18 @@ class Fillets:
 
     @property
     def count(self) -> int:
-        """How many there are."""
         return len(self.wall)
 
     def beyond(self, arc: Ints, X: Floats) -> Floats:
-        """(p,) metres that points X (p, 3) lie beyond the chord of an arc (p,) that they are farthest beyond."""
+        """(p,) largest distance of points X (p, 3) beyond a chord of an arc (p,), metres."""
         return np.asarray((np.einsum("pci,pi->pc", self.normal[arc], X) - self.distance[arc]).max(axis=1))
 
     def outside(self, arc: Ints, X: Floats) -> Floats:
-        """(p,) metres that points X (p, 3) lie outside the ray of an arc (p,) that they are farthest outside of."""
+        """(p,) largest distance of points X (p, 3) outside a ray of an arc (p,), metres."""
         return np.asarray((np.einsum("pci,pi->pc", self.ray[arc], X) - self.ray_distance[arc]).max(axis=1))
 
     def some(self, chosen: Bools) -> "Fillets":
-        """Those that are marked (k,), with their void cells."""
+        """Return the marked fillets (k,), with their void cells."""
         number = np.cumsum(chosen) - 1
         pair = self.pair[chosen[self.pair[:, 0]]]
         pair = np.stack([number[pair[:, 0]], pair[:, 1]], axis=1)
@@ -204,7 +187,7 @@ class Fillets:
 
     @classmethod
     def joined(cls, parts: Sequence["Fillets"]) -> "Fillets":
-        """All fillets of several, one behind the other."""
+        """Concatenate fillets."""
         before = np.cumsum([0, *(part.count for part in parts)])
         pair = np.concatenate([part.pair + [begin, 0] for part, begin in zip(parts, before[:-1], strict=True)])
         columns = {name: np.concatenate([getattr(part, name) for part in parts]) for name in COLUMNS}
@@ -212,8 +195,11 @@ class Fillets:
 
 
 def fitting_fillets(corners: Corners, radius: float) -> Fillets:
-    """Arcs for all corners: where a disc of that radius stops, beyond which may be several; then for each of the
-    others, made smaller until they fit between the walls; without those that do not."""
+    """Return arcs for all corners: first where a disc of that radius stops, then smaller ones that fit between the
+    walls.
+
+    Corners without a fitting arc are left out.
+    """
     done, taken = list[Fillets](), list[Stretches]()
     for tips, arcs in rolled_arcs(corners, radius, taken):
         for rays in (False, True):
@@ -225,8 +211,9 @@ def fitting_fillets(corners: Corners, radius: float) -> Fillets:
             taken.append(tips.some(clear).stretches(arcs.some(clear)))
             corners = corners.beside(tips.some(clear), arcs.some(clear))
     wanted = corners.largest(radius)
-    waiting = np.flatnonzero(wanted >= SMALLEST * radius)
-    for _ in range(TRIES):
+    smallest = 0.02 * radius  # corners with less room stay sharp
+    waiting = np.flatnonzero(wanted >= smallest)
+    for _ in range(12):
         arcs, factor = corners.arcs(waiting, wanted[waiting])
         fits = factor == 1
         fillets, clear = _cutting(corners, waiting[fits], arcs.some(fits))
@@ -234,14 +221,14 @@ def fitting_fillets(corners: Corners, radius: float) -> Fillets:
         factor[np.flatnonzero(fits)[~clear]] = SMALLER
         wanted[waiting] *= factor
         waiting = waiting[factor < 1]
-        waiting = waiting[wanted[waiting] >= SMALLEST * radius]
+        waiting = waiting[wanted[waiting] >= smallest]
         if not len(waiting):
             break
     return Fillets.joined(done)
 
 
 def _cutting(corners: Corners, at: Ints, arcs: Arcs, rays: bool = False) -> tuple[Fillets, Bools]:
-    """Chords in space for arcs at corners `at`, and which arcs are clear: beyond them is no other wall, and no end."""
+    """Chords in space for arcs at corners, and a mask of the clear ones: beyond them is no other wall, and no end."""
     surface, walls, beside = corners.sheet.surface, corners.walls, corners.sheet.void_beside
     flat, distance = arcs.chords()
     normal = np.einsum("kcj,kji->kci", flat, corners.frames[at])
@@ -280,19 +267,19 @@ def _cutting(corners: Corners, at: Ints, arcs: Arcs, rays: bool = False) -> tupl
 
 
 def _within_feet(corners: Corners, at: Ints, arcs: Arcs, fillets: Fillets) -> Bools:
-    """(k,) which arcs at corners `at` (k,) round off nothing farther from the corner, in its plane, than their feet.
+    """(k,) mask of arcs at corners (k,) that fill nothing farther from the corner, in its plane, than their feet.
 
-    What an arc and the walls between its feet enclose is not. At a fold the void may turn back under itself and lie
-    beyond a chord again, where no wall parts it from the corner: an arc would fill the opening all along the fold.
+    At a fold the void may turn back under itself and lie beyond a chord again. Without this test an arc would fill the
+    opening all along the fold.
     """
     surface, (arc, cell) = corners.sheet.surface, fillets.pair.T
-    most = FARTHEST * np.maximum(arcs.way_a, arcs.way_b)
+    most = 1.1 * np.maximum(arcs.way_a, arcs.way_b)
 
     def farther(arc: Ints, X: Floats) -> Bools:
         flat = np.einsum("p...i,pji->p...j", X - corners.origin[at[arc]][:, None], corners.frames[at[arc]])
         return np.asarray(np.linalg.norm(flat, axis=-1) > most[arc][:, None])
 
-    some = farther(arc, surface.V[surface.F[cell]]).any(axis=1)  # points of the others are between near ones
+    some = farther(arc, surface.V[surface.F[cell]]).any(axis=1)  # other cells are near the corner
     arc, X = arc[some], surface.V[surface.F[cell[some]]]
     bad = np.zeros(len(at), dtype=bool)
     for c in range(fillets.normal.shape[1]):
@@ -308,20 +295,20 @@ def _within_feet(corners: Corners, at: Ints, arcs: Arcs, fillets: Fillets) -> Bo
 
 
 GOLDEN = (5**0.5 - 1) / 2
-"""Multiples of it, less their whole parts, are spread evenly."""
+"""Fractional parts of its multiples are spread evenly."""
 
 
 def rounded_corners(sheet: Sheet, radius: float) -> tuple[Sheet, Floats]:
-    """All cells of a sheet with the corners of its openings rounded off, and the radius (k,) that each became, metres.
+    """Round the corners of the openings of a sheet; return also the radius (k,) of each fillet, metres.
 
-    sheet  : material and void, without pinches.
-    radius : metres; smaller where the walls beside a corner leave no room for it. The arc is one in the plane that
-             touches the surface at the corner, to a 20th of its radius; corners that turn by under 20 degrees stay. At
-             a blunt tip, where a disc of that radius stops before several corners, one arc rounds them all.
+    sheet  : all cells, material and void, without pinches.
+    radius : metres; smaller at corners without room for it. The arc is one in the plane that touches the surface at the
+             corner, to a 20th of its radius; corners that turn by under 20 degrees stay. At a blunt tip, where a disc
+             of that radius stops before several corners, one arc rounds them all.
 
-    Material is added only, never taken away; it takes the family of the member before the corner. Corners stay whose
-    arcs, on cells that are coarse beside the radius, would touch other material in a point.
-    Raises PatternError for a radius that is no length.
+    It only adds material, with the family of the member before the corner. Corners stay sharp if their arcs, on cells
+    that are coarse beside the radius, would touch other material in a point. Raises PatternError for a radius that is
+    no length.
     """
     if not (np.isfinite(radius) and radius > 0):
         raise PatternError(f"the radius {radius} of fillets must be a positive length in metres")
@@ -339,7 +326,6 @@ def rounded_corners(sheet: Sheet, radius: float) -> tuple[Sheet, Floats]:
 
 
 def _clear_of(corners: Corners, fillets: Fillets, X: Floats) -> Bools:
-    """(k,) which arcs cut no cell with one of a few points X (p, 3) in its box."""
     surface, (arc, cell) = corners.sheet.surface, fillets.pair.T
     box, near = surface.V[surface.F[cell]], SNAP * fillets.radius[arc][:, None]
     clear = np.ones(fillets.count, dtype=bool)
@@ -349,7 +335,6 @@ def _clear_of(corners: Corners, fillets: Fillets, X: Floats) -> Bools:
 
 
 def _with_fillets(corners: Corners, fillets: Fillets) -> Sheet:
-    """Only the cells that are cut and their neighbours are divided as polygons; the others are as they were."""
     sheet, surface = corners.sheet, corners.sheet.surface
     some = Recut.of(sheet, fillets.pair[:, 1])
     which, mesh = some.cells, some.mesh
@@ -368,10 +353,11 @@ def _with_fillets(corners: Corners, fillets: Fillets) -> Sheet:
 
 
 def _colours(arc: Ints, corner: Ints) -> Ints:
-    """(k,) arcs in groups such that cells of two of a group have no vertex in common.
+    """(k,) arcs in groups; cells of two arcs of a group have no vertex in common.
 
-    arc : (p,) of a cell, and corner : (p, 3) the vertices of that. Of the arcs left, those come next that are first at
-    all their vertices, in an order without rhyme: few rounds are needed.
+    arc : (p,) of a cell, and corner : (p, 3) its vertices. Each round takes the arcs that are first at all their
+          vertices
+    in a scattered order, so that few rounds are needed.
     """
     vertex, arc = corner.ravel(), np.repeat(arc, 3)
     count = int(arc.max()) + 1
@@ -391,9 +377,10 @@ def _colours(arc: Ints, corner: Ints) -> Ints:
 def _filled_corners(
     mesh: PolygonMesh, arc: Ints, fillets: Fillets, corner: Ints, size: float
 ) -> tuple[PolygonMesh, Ints, Bools]:
-    """The polygons cut along the chords of an arc (c,) each, -1 for none; what each was before, and which to fill.
+    """The polygons cut along the chords of an arc (c,) each, -1 for none; the old polygons, and a mask of those to
+    fill.
 
-    corner : (k,) the vertex that each arc rounds off.    size : of the surface, metres.
+    corner : (k,) the vertex that each arc rounds.    size : of the surface, metres.
     """
     arc = np.where(mesh.void, arc, -1)
     source, beyond = np.arange(len(arc)), np.zeros(len(arc), dtype=bool)
@@ -420,8 +407,7 @@ def _filled_corners(
 
 
 def _heights(mesh: PolygonMesh, arc: Ints, active: Bools, normal: Floats, distance: Floats, snap: Floats) -> Floats:
-    """(n',) metres by which vertices of the active polygons lie beyond a plane (k, 3), (k,) of the polygon's arc (c,);
-    none where it is less than `snap` (k,)."""
+    """(n',) metres of active polygons' vertices beyond a plane (k, 3), (k,) of their arc (c,); 0 under `snap` (k,)."""
     slots = mesh.cells.slots(np.flatnonzero(active))
     vertex, mine = mesh.cells.corner[slots], arc[mesh.cells.owner[slots]]
     height = np.einsum("ki,ki->k", normal[mine], mesh.X[vertex]) - distance[mine]

@@ -18,20 +18,16 @@ if TYPE_CHECKING:
     import manifold3d
 
 
-APART = 2.0
-"""Openings are laid beside one another, so many times the largest from each to the next."""
 SMOOTH = 1e-3
-"""Steps of an offset shape that are shorter than this share of the offset are rounding."""
-SEGMENTS = 48
-"""Of a circle, in an offset shape."""
+"""Shorter steps of an offset shape, as a share of the offset, are rounding."""
 
 
 @dataclass(frozen=True, eq=False)
 class FlatOpenings:
-    """The openings that walls enclose wholly, each seen square to its mean plane.
+    """The enclosed openings, each projected to its mean plane.
 
-    wall  : (w',) their walls.    chain : (w',) of each, numbered as they come.    after : (w',) the next in its chain.
-    start : (w', 2) where they start, metres.    frame : (w', 2, 3) unit vectors of the plane.
+    wall  : (w',) their walls.    chain : (w',) of each, renumbered.    after : (w',) the next in its chain.
+    start : (w', 2) start points, metres.    frame : (w', 2, 3) unit vectors of the plane.
     """
 
     wall: Ints
@@ -42,7 +38,7 @@ class FlatOpenings:
 
     @classmethod
     def of(cls, sheet: Sheet, walls: Walls) -> "FlatOpenings":
-        """The openings of a sheet."""
+        """Return the openings of a sheet, laid beside one another at distances of twice the largest."""
         void, face = part_of(sheet.surface, ~sheet.material)
         count, label = pieces(void.F, void.edges)
         opening = np.empty(sheet.surface.m, dtype=np.int64)
@@ -59,13 +55,13 @@ class FlatOpenings:
         np.maximum.at(high, mine, start)
         size = float(np.max((high - low)[whole], initial=0.0))
         across = int(np.ceil(np.sqrt(count)))
-        place = np.stack([np.arange(count) % across, np.arange(count) // across], axis=1) * APART * size
+        place = np.stack([np.arange(count) % across, np.arange(count) // across], axis=1) * 2 * size
         chain = np.cumsum(np.diff(walls.chain[wall], prepend=walls.chain[wall[:1]]) != 0)
         return cls(wall, chain, following(chain), start - low[mine] + place[mine], frame)
 
     @cached_property
     def shape(self) -> "manifold3d.CrossSection":
-        """All of them."""
+        """The union of all openings."""
         import manifold3d
 
         loops = np.split(self.start, np.flatnonzero(np.diff(self.chain)) + 1)
@@ -76,7 +72,9 @@ class FlatOpenings:
         return offset(self.shape, -radius)
 
     def touched(self, points: Floats) -> tuple[Ints, Floats]:
-        """(p,) the nearest wall to points (p, 2), by its place in `wall`; and which share of it lies before."""
+        """(p,) the nearest wall to points (p, 2), by its place in `wall`, and the share of it before the nearest
+        point.
+        """
         found = self._nearest(points)
         one, two = self.start[found.simplex], self.start[self.after[found.simplex]]
         size = np.maximum(np.linalg.norm(two - one, axis=1), TINY)
@@ -96,77 +94,66 @@ def nearest_in_plane(points: Floats, V: Floats, simplices: Ints) -> NearestPlace
 
 
 def offset(shape: "manifold3d.CrossSection", by: float) -> "manifold3d.CrossSection":
-    """A shape grown by a length, or shrunk where that is negative."""
+    """Grow a shape by a length, or shrink it by a negative one."""
     import manifold3d
 
-    return shape.offset(by, manifold3d.JoinType.Round, circular_segments=SEGMENTS).simplify(SMOOTH * abs(by))
+    return shape.offset(by, manifold3d.JoinType.Round, circular_segments=48).simplify(SMOOTH * abs(by))
 
 
 def _mean_planes(normal: Floats, label: Ints, count: int) -> Floats:
-    """(count, 2, 3) unit vectors square to the mean of normals (f, 3) with labels (f,)."""
     mean = unit(np.stack([np.bincount(label, x, count) for x in normal.T], axis=1))
     one = unit(np.cross(np.eye(3)[np.abs(mean).argmin(axis=1)], mean))
     return np.stack([one, np.cross(mean, one)], axis=1)
 
 
-LARGER = 1 + 4 * SMOOTH
-"""Rooms are grown by so many radii, and meet straight walls for certain."""
-ON_WALL = 4e-4
-"""Outlines are on a wall where they are nearer to it than this share of the radius."""
-SMALL = 1e-3
-"""Parts of less area than this share of the radius squared are rounding."""
-WIDE = 0.02
-"""Arcs whose ends are nearer to one another than this share of the radius are rounding."""
 LONG, BULKY = 4.0, 0.7
-"""A tip so many radii long, with this share of the area of a strip as wide as its mouth, is a blind alley."""
-ALLEY = 1.2, 3.2
-"""It is shut between so many radii from its mouth, along its walls."""
+"""Least length of a blind alley, in radii, and least share of the area of a strip as wide as its mouth."""
 
 
 @dataclass(frozen=True, eq=False)
 class NarrowPart:
-    """A part of an opening: its outline (k, 2), metres, and what of it lies on walls, one run after another between the
-    arcs that part it from rooms: (r, 2) each. None for an opening that has no room at all.
+    """A part of an opening: its outline (k, 2), metres, and the runs of it on walls, (r, 2) each, between arcs.
+
+    An opening without any room has no runs.
     """
 
     outline: Floats
     runs: tuple[Floats, ...]
 
     def narrowest(self) -> Floats:
-        """(2, 2) the points of two runs that are nearest to one another."""
+        """(2, 2) the nearest points of two runs."""
         found = [_nearest(a, b) for a, b in combinations(self.runs, 2)]
         return min(found, key=lambda points: float(np.linalg.norm(points[1] - points[0])))
 
 
 def narrow_parts(flat: FlatOpenings, radius: float) -> Iterator[NarrowPart]:
-    """Where no disc of a radius, metres, has room: necks, whole openings, blind alleys with two runs near their mouths.
+    """Yield parts without room for a disc of a radius, metres: necks, whole openings, and blind alleys.
 
-    Tips, which end in nothing soon, are left out. Parts that go around something are left out too: there is room on all
-    their sides, or none.
+    A blind alley has two runs near its mouth. Tips, which soon end, are left out, and so are parts that go around
+    something, because all their sides have room, or none.
     """
     if not len(flat.wall):
         return
-    parts = (flat.shape - offset(flat.room(radius), LARGER * radius)).decompose()
-    loops = [part.to_polygons() for part in parts if part.area() > SMALL * radius**2]
+    parts = (flat.shape - offset(flat.room(radius), (1 + 4 * SMOOTH) * radius)).decompose()
+    loops = [part.to_polygons() for part in parts if part.area() > 1e-3 * radius**2]  # smaller ones are rounding
     outlines = [np.asarray(loop[0]) for loop in loops if len(loop) == 1]
     if not outlines:
         return
     middles = np.concatenate([(loop + np.roll(loop, -1, axis=0)) / 2 for loop in outlines])
-    on_wall = flat.distance(middles) < ON_WALL * radius
+    on_wall = flat.distance(middles) < 4e-4 * radius
     start = np.cumsum([0, *(len(loop) for loop in outlines)])
     for k in _looked_at(np.concatenate(outlines), on_wall, start[:-1], LONG * radius).tolist():
         outline, on = outlines[k], on_wall[start[k] : start[k + 1]]
         if on.all():
             yield NarrowPart(outline, ())
-        elif len(runs := _runs(outline, on, WIDE * radius)) > 1:
+        elif len(runs := _runs(outline, on, 0.02 * radius)) > 1:
             yield NarrowPart(outline, runs)
         elif len(runs) == 1 and _is_alley(runs[0], radius):
             yield NarrowPart(outline, _beside_mouth(runs[0], radius))
 
 
 def _looked_at(points: Floats, on_wall: Bools, start: Ints, long: float) -> Ints:
-    """Outlines, which begin at `start` (k,) of all points (p, 2), that are on walls alone, or in several runs, or long:
-    most are the tips of corners."""
+    """Outlines, with starts (k,) in points (p, 2), on walls alone, in several runs, or long; others are tips."""
     before = np.arange(len(points)) - 1
     before[start] = np.append(start[1:], len(points)) - 1
     runs = np.add.reduceat((on_wall & ~on_wall[before]).astype(np.int64), start)
@@ -176,7 +163,7 @@ def _looked_at(points: Floats, on_wall: Bools, start: Ints, long: float) -> Ints
 
 
 def _runs(outline: Floats, on_wall: Bools, wide: float) -> tuple[Floats, ...]:
-    """Stretches of the outline between its arcs whose ends are at least so far apart; one point at least each."""
+    """Stretches of the outline between its arcs, whose ends are at least `wide` apart; at least one point each."""
     count = len(outline)
     begin = np.flatnonzero(~on_wall & np.roll(on_wall, 1))
     end = np.flatnonzero(on_wall & ~np.roll(on_wall, 1))  # the point behind an arc
@@ -191,7 +178,7 @@ def _runs(outline: Floats, on_wall: Bools, wide: float) -> tuple[Floats, ...]:
 
 
 def _is_alley(run: Floats, radius: float) -> bool:
-    """Whether the wall (r, 2) around a tip encloses something long with two sides that do not close to a point."""
+    """True if the wall (r, 2) around a tip encloses something long with two sides that do not close to a point."""
     mouth, middle = float(np.linalg.norm(run[-1] - run[0])), (run[0] + run[-1]) / 2
     length = float(np.linalg.norm(run - middle, axis=1).max())
     x, y = (run - middle).T
@@ -200,9 +187,9 @@ def _is_alley(run: Floats, radius: float) -> bool:
 
 
 def _beside_mouth(run: Floats, radius: float) -> tuple[Floats, Floats]:
-    """The stretches (s, 2) of the wall (r, 2) around a blind alley at which it is shut, one on each side."""
+    """The stretches (s, 2) of the wall (r, 2) around a blind alley near its mouth, one on each side."""
     place = np.concatenate([[0], np.cumsum(np.linalg.norm(np.diff(run, axis=0), axis=1))])
-    low, high = (share * radius for share in ALLEY)
+    low, high = 1.2 * radius, 3.2 * radius  # from the mouth, along the walls
     sides = []
     for begin, end in ((low, high), (place[-1] - high, place[-1] - low)):
         at = np.concatenate([[begin], place[(place > begin) & (place < end)], [end]])
@@ -211,7 +198,6 @@ def _beside_mouth(run: Floats, radius: float) -> tuple[Floats, Floats]:
 
 
 def _nearest(one: Floats, two: Floats) -> Floats:
-    """(2, 2) the points of two open polylines that are nearest to one another."""
     found = []
     for points, line, turned in ((one, two, False), (two, one, True)):
         simplex = np.arange(len(line))[:, None]

@@ -15,15 +15,15 @@ from dsfab.slicing.measures.widths import MIDDLE, Crossings, crossings
 from dsfab.surface import Surface
 
 LOCAL = 0.8
-"""A member is narrow at a place where it has less than this share of the median width of all."""
+"""A member is narrow if it has less than this share of the median width of all."""
 NOWHERE = np.empty((0, 2, 3))
 
 
 def narrow_gaps(cells: Sheet, least: float, apart: float, tips: bool = False, widest: bool = False) -> Floats:
-    """(k, 2, 3) points on both walls of openings where these are nearer than `least` metres; the narrowest gap first,
-    and of those less than `apart` metres from it no other.
+    """(k, 2, 3) points on both walls of openings narrower than `least` metres, the narrowest first, `apart` metres
+    apart.
 
-    tips : also where walls close to a tip.    widest : the widest of these gaps first: the mouth of a tip.
+    tips : include gaps where walls close to a tip.    widest : the widest of these gaps first, the mouth of a tip.
     """
     if not cells.has_openings:
         return NOWHERE
@@ -33,8 +33,7 @@ def narrow_gaps(cells: Sheet, least: float, apart: float, tips: bool = False, wi
 
 
 def narrow_members(cells: Sheet, least: float, apart: float) -> Floats:
-    """(k, 2, 3) points on both sides of members between openings that are narrower than `least` metres there, and than
-    members usually are, as `narrow_gaps`."""
+    """(k, 2, 3) points on both sides of members between openings that are narrow, under `least` metres and `LOCAL`."""
     if not cells.has_openings:
         return NOWHERE
     material, from_material = part_of(cells.surface, cells.material)
@@ -44,7 +43,7 @@ def narrow_members(cells: Sheet, least: float, apart: float) -> Floats:
 
 
 def usual_width(cells: Sheet) -> float:
-    """Metres that members beside half of the walls of openings do not exceed; infinite without openings."""
+    """Median width of members along the walls of openings, metres; infinite without openings."""
     if not cells.has_openings:
         return float("inf")
     material, from_material = part_of(cells.surface, cells.material)
@@ -54,8 +53,7 @@ def usual_width(cells: Sheet) -> float:
 
 
 def members_under(cells: Sheet, least: float, apart: float) -> Floats:
-    """(k, 2, 3) points on both sides of members that are narrower than `least` metres, as `narrow_gaps`: also of those
-    between an opening and the edge of the surface."""
+    """(k, 2, 3) points on both sides of members narrower than `least` metres, also between an opening and an edge."""
     if not cells.has_openings:
         return NOWHERE
     material, from_material = part_of(cells.surface, cells.material)
@@ -77,13 +75,8 @@ def _narrowest(part: Surface, across: Crossings, least: float, apart: float, wid
     return ends[chosen]
 
 
-NECKS_ROUNDS = 4
-"""A bridge may leave necks on both of its sides, and two bridges that would touch are made one after the other."""
 REACH = 0.25
-"""A bridge runs so many widths past its neck, along walls that it meets askew."""
-SLIMMER = (1.0, 0.5)
-"""Bridges are tried with these shares of their width, and as much nearer to one another: over a ridge a broad one may
-not end on the other wall. What is left beside a slim one is bridged in the next round."""
+"""Length of a bridge past its neck, in widths, because walls may be oblique."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,13 +88,13 @@ class Neck:
 
 
 def bridged_necks(cells: Sheet, width: float) -> tuple[Sheet, int]:
-    """The cells with openings bridged wherever they are narrower than `width` metres, and how many bridges it took.
+    """Bridge openings wherever they are narrower than `width` metres; return also the number of bridges.
 
-    Openings that are nowhere so wide, and small ones that a bridge parts off, become material. Openings that the edge
-    of the surface cuts open stay as they are, and so do tips, which `rounded_corners` rounds.
+    Openings that are nowhere so wide, and small ones that a bridge cuts off, become material. Openings at the edge of
+    the surface stay, and so do tips, which `rounded_corners` rounds.
     """
     count = 0
-    for _ in range(NECKS_ROUNDS):
+    for _ in range(4):  # a bridge may leave necks on both of its sides
         if not cells.has_openings:
             break
         walls = Walls.of(cells)
@@ -114,13 +107,13 @@ def bridged_necks(cells: Sheet, width: float) -> tuple[Sheet, int]:
 
 
 def bridged_gaps(cells: Sheet, rounded: Sheet, least: float, width: float) -> tuple[Sheet, int]:
-    """The cells with bridges, `width` metres broad, where openings are narrower than `least` metres once their corners
-    are `rounded`; and how many bridges that took.
+    """Bridge openings, `width` metres broad, that are under `least` metres in the `rounded` sheet; return also the
+    number.
 
-    Necks are found in openings laid flat. What that does not see, where a surface is folded, or where walls leave no
-    room for an arc, is found here as `features` measures it.
+    Necks are found in openings laid flat. This misses folds of the surface and walls without room for an arc, so it
+    measures as `features` does.
     """
-    for slim in (share * width for share in SLIMMER):
+    for slim in (1.0 * width, 0.5 * width):  # over a ridge a broad bridge may miss the other wall
         better, count = bridged_at(cells, narrow_gaps(rounded, least, 2 * slim), slim)
         if count:
             return better, count
@@ -128,8 +121,11 @@ def bridged_gaps(cells: Sheet, rounded: Sheet, least: float, width: float) -> tu
 
 
 def bridged_at(cells: Sheet, places: Floats, width: float, snap: float = OPENINGS_SNAP) -> tuple[Sheet, int]:
-    """The cells with bridges, `width` metres broad, between points (k, 2, 3) on or near two walls each, as many as can
-    be at once; and how many. For `snap` see `with_strips`."""
+    """Bridge pairs of points (k, 2, 3) near two walls, `width` metres broad, as many as possible at once; return the
+    number.
+
+    snap : see `with_strips`.
+    """
     if not len(places):
         return cells, 0
     walls = Walls.of(cells)
@@ -142,13 +138,12 @@ def bridged_at(cells: Sheet, places: Floats, width: float, snap: float = OPENING
 def _with_bridges(
     cells: Sheet, walls: Walls, necks: list[Neck], width: float, snap: float = OPENINGS_SNAP
 ) -> tuple[Sheet, int]:
-    """The cells with as many necks bridged as can be at once, and how many."""
     bridges = [bridge for neck in necks if (bridge := _bridge(cells, walls, neck, width)) is not None]
     return with_strips(cells, bridges, width, snap)
 
 
 def _narrow(cells: Sheet, walls: Walls, width: float) -> tuple[list[Neck], list[int]]:
-    """The necks of openings, and a void cell of each opening that is all too narrow."""
+    """The necks of openings, and a void cell of each opening that is too narrow everywhere."""
     flat = FlatOpenings.of(cells, walls)
     necks, lost = [], list[int]()
     for part in narrow_parts(flat, width / 2):
@@ -158,13 +153,12 @@ def _narrow(cells: Sheet, walls: Walls, width: float) -> tuple[list[Neck], list[
         number, share = flat.touched(part.narrowest())
         wall = flat.wall[number]
         ends = walls.points(cells.surface.V, wall, share)
-        if np.linalg.norm(ends[1] - ends[0]) < width:  # else the opening is curved, and only looks narrow from there
+        if np.linalg.norm(ends[1] - ends[0]) < width:  # else it only looks narrow in projection
             necks.append(Neck(ends, (int(wall[0]), int(wall[1]))))
     return necks, lost
 
 
 def _filled(cells: Sheet, lost: list[int]) -> Sheet:
-    """The openings of these void cells made material."""
     every = Openings.of(cells) if lost else None
     if every is None:
         return cells
@@ -174,30 +168,24 @@ def _filled(cells: Sheet, lost: list[int]) -> Sheet:
 
 
 def _bridge(cells: Sheet, walls: Walls, neck: Neck, width: float) -> Strip | None:
-    """The strip between both walls of a neck; None where it would not end there."""
+    """The strip between both walls of a neck; None if it would not end there."""
     gap = float(np.linalg.norm(neck.ends[1] - neck.ends[0]))
     half = np.array([gap / 2 + REACH * width, width / 2])
     strip = Strip.of(cells, walls, neck.walls[0], neck.ends, half)
     return strip if strip is not None and int(walls.inside[neck.walls[1]]) // 3 in strip.cells else None
 
 
-WIDENING_APART = 0.8
-"""Narrow places are so many widths from one another, so that the strips of a long member overlap."""
-END = 6.0
-"""Both sides of a member that ends are walls of one opening, less than so many widths apart along it: ends stay."""
-WIDENING_WIDER = 1.04
-"""A strip is a little wider than asked for: it is measured along walls that are not quite parallel."""
-
-
 def widened_members(cells: Sheet, rounded: Sheet, least: float) -> tuple[Sheet, int]:
-    """The cells with material beside members that are narrower than `least` metres once corners are `rounded`; and at
-    how many places. Strips that would touch are made by calling it again."""
-    if not len(narrow := narrow_members(rounded, least, WIDENING_APART * least)):
+    """Add strips beside members narrower than `least` metres in the `rounded` sheet; return also the number of places.
+
+    A call makes only strips that do not touch each other.
+    """
+    if not len(narrow := narrow_members(rounded, least, 0.8 * least)):
         return cells, 0
-    walls, half = Walls.of(cells), np.array([WIDENING_WIDER * least / 2, least / 2])
+    walls, half = Walls.of(cells), np.array([1.04 * least / 2, least / 2])
     wall, ends = walls.nearest(cells.surface.V, narrow.reshape(-1, 3))
     wall, ends = wall.reshape(-1, 2), ends.reshape(-1, 2, 3)
-    goes_on = _way_around(walls, wall) > END * least
+    goes_on = _way_around(walls, wall) > 6.0 * least  # else the member ends there
     strips = []
     for place, sides in zip(ends[goes_on], wall[goes_on].tolist(), strict=True):
         both = (Strip.of(cells, walls, side, place, half) for side in sides)
@@ -214,25 +202,18 @@ def _way_around(walls: Walls, wall: Ints) -> Floats:
     return np.where(chain[:, 0] == chain[:, 1], around, np.inf)
 
 
-SLICING_ROUNDS = 40
-"""Strips that would touch are made one after the other: so often at most."""
+MOST_ROUNDS = 40
+"""Most rounds of strips; a round adds only strips that do not touch."""
 TURNS = 6
-"""Wider members leave narrower openings, which are closed in their turn: so often at most."""
-SLICING_APART = 2.0
-"""Bridges that are made at once are so many widths from one another."""
-SLICING_WIDER, LONG = 1.1, 1.5
-"""A strip beside a member is so many times as wide as asked, for walls are not quite parallel and vertices near to its
-side are on it, and twice so long."""
+"""Most rounds of widening and bridging, because wider members leave narrower openings."""
 SNAP = 0.05
-"""Vertices nearer to the side of a strip than this share of half its width are on it. Edges that are shorter than a
-hundredth of that leave finite elements no digits: a cantilever became a mechanism by one of 32 micrometres."""
-ON_WALL = 1e-6
-"""A place is on a wall if it is no further from it than this share of the width: else on the edge of the surface."""
+"""Vertices within this share of half a strip's width of its side move onto it: tiny edges ruin finite elements."""
 
 
 class LeastWidths(NamedTuple):
-    """All cells; how many openings were filled, how many bridges were built, strips laid beside members, and slits
-    between wider members filled that this left, and bridges in necks that it left."""
+    """Cells, and numbers of filled openings, bridges, strips beside members, slits filled after that, bridges in
+    necks.
+    """
 
     cells: Sheet
     filled: int
@@ -245,13 +226,13 @@ class LeastWidths(NamedTuple):
 def with_least_widths(
     cells: Sheet, gap: float, member: float, merge: Merging = "none", neck: float = 0.0
 ) -> LeastWidths:
-    """The cells without openings under `gap` and members under `member`, metres, as far as material can do that.
+    """Remove openings under `gap` and members under `member`, metres, as far as added material can.
 
-    Members that are no narrower than most, see `LOCAL`, stay as they are, and so does what is narrow between
-    two edges of the surface. 0 asks for nothing.
+    Members at least as wide as most, see `LOCAL`, stay as they are, and so do those between two edges of the surface. 0
+    switches a limit off.
 
-    merge : openings whose tips are filled may be narrower than the members beside them: which of these are filled.
-    neck  : metres; openings that wider members leave narrower than that are bridged, too. Ends of filled tips are.
+    merge : slits to fill after widening, because shorter openings may be narrower than the members beside them.
+    neck  : metres; openings that widening leaves narrower get bridges, too.
     """
     cells, filled = _without_specks(cells, gap)
     member = min(member, LOCAL * usual_width(cells)) if member else 0.0
@@ -271,7 +252,6 @@ def with_least_widths(
 
 
 def _without_necks(cells: Sheet, neck: float) -> tuple[Sheet, int]:
-    """The cells with bridges, `neck` metres broad, wherever openings are narrower, but for their tips; and how many."""
     total = 0
     for _ in range(TURNS if neck else 0):
         cells, count = bridged_gaps(cells, cells, neck, neck)
@@ -282,7 +262,6 @@ def _without_necks(cells: Sheet, neck: float) -> tuple[Sheet, int]:
 
 
 def _without_specks(cells: Sheet, gap: float) -> tuple[Sheet, int]:
-    """Openings in which a disc of that size has no room wherever it is: their 4 area / perimeter is less."""
     every = Openings.of(cells) if gap else None
     if every is None or not (small := every.round_sizes < gap).any():
         return cells, 0
@@ -290,10 +269,9 @@ def _without_specks(cells: Sheet, gap: float) -> tuple[Sheet, int]:
 
 
 def _closed(cells: Sheet, gap: float) -> tuple[Sheet, int]:
-    """The cells with bridges wherever openings are narrower than a gap, and how many."""
     total, idle = 0, 0
-    for attempt in range(SLICING_ROUNDS if gap else 0):
-        places = narrow_gaps(cells, gap, SLICING_APART * gap, tips=True, widest=attempt % 2 == 0)
+    for attempt in range(MOST_ROUNDS if gap else 0):
+        places = narrow_gaps(cells, gap, 2.0 * gap, tips=True, widest=attempt % 2 == 0)
         cells, count = bridged_at(cells, places, gap, SNAP)
         total, idle = total + count, 0 if count else idle + 1
         if not len(places) or idle == 2:  # neither from mouths nor from the narrowest places
@@ -302,10 +280,9 @@ def _closed(cells: Sheet, gap: float) -> tuple[Sheet, int]:
 
 
 def _broadened(cells: Sheet, member: float) -> tuple[Sheet, int]:
-    """The cells with strips beside members wherever they are too narrow, and how many."""
     total = 0
-    for _ in range(SLICING_ROUNDS if member else 0):
-        cells, count = _widened(cells, members_under(cells, member, LONG * member), member)
+    for _ in range(MOST_ROUNDS if member else 0):
+        cells, count = _widened(cells, members_under(cells, member, 1.5 * member), member)
         total += count
         if not count:
             break
@@ -313,13 +290,12 @@ def _broadened(cells: Sheet, member: float) -> tuple[Sheet, int]:
 
 
 def _widened(cells: Sheet, places: Floats, member: float) -> tuple[Sheet, int]:
-    """Strips on both sides of members at points (k, 2, 3) on their walls, and how many. A side on the edge of the
-    surface has none."""
+    """Strips on both sides of members at points (k, 2, 3) on their walls, without surface edges, and their number."""
     if not len(places):
         return cells, 0
-    walls, half = Walls.of(cells), np.array([SLICING_WIDER * member / 2, LONG * member])
+    walls, half = Walls.of(cells), np.array([1.1 * member / 2, 1.5 * member])  # walls are not quite parallel
     wall, ends = walls.nearest(cells.surface.V, places.reshape(-1, 3))
-    inner = np.linalg.norm(ends - places.reshape(-1, 3), axis=1) < ON_WALL * member
+    inner = np.linalg.norm(ends - places.reshape(-1, 3), axis=1) < 1e-6 * member  # else on the surface edge
     strips = []
     for place, sides, on in zip(places, wall.reshape(-1, 2), inner.reshape(-1, 2), strict=True):
         both = (Strip.of(cells, walls, side, place, half) for side in sides[on].tolist())

@@ -13,12 +13,9 @@ from dsfab.slicing.cutting.split import CELL_AREA
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import EdgeTable, edge_table, on_boundary
 
-NEEDLE = 1.0
-"""Degrees: triangles with a smaller angle are counted."""
-
 
 class Quality(NamedTuple):
-    """The shape of triangles.
+    """Shape of triangles.
 
     worst_angle : the smallest angle, degrees, at `place` (3,).    needles : the share of triangles under 1 degree.
     median      : of 4 sqrt(3) area / (sum of squared sides), 1 for an equilateral triangle [Bank, Smith 1997].
@@ -31,7 +28,7 @@ class Quality(NamedTuple):
 
 
 def quality(surface: Surface) -> Quality:
-    """The shape of the triangles of a surface."""
+    """Measure the shape of the triangles of a surface."""
     P = surface.V[surface.F]
     sides = np.roll(P, -1, axis=1) - P
     squares = np.einsum("mci,mci->mc", sides, sides)
@@ -39,13 +36,11 @@ def quality(surface: Surface) -> Quality:
     angles = np.degrees(np.arctan2(2 * surface.areas[:, None], np.einsum("mci,mci->mc", sides, back))).min(axis=1)
     shape = 4 * np.sqrt(3) * surface.areas / squares.sum(axis=1)
     worst = int(angles.argmin())
-    return Quality(
-        float(angles[worst]), surface.centroids[worst], float((angles < NEEDLE).mean()), float(np.median(shape))
-    )
+    return Quality(float(angles[worst]), surface.centroids[worst], float((angles < 1).mean()), float(np.median(shape)))
 
 
 GAIN = 1.01
-"""A step must raise the smallest angle by this factor at least: what rounding alone gains is left."""
+"""Least factor by which a step must raise the smallest angle, more than rounding."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -53,8 +48,8 @@ class Cut:
     """Cells F (m', 3) on places V (n', 3), the face and family (m',) of each, and the uncut surface.
 
     normal  : (m, 3) unit normals of the uncut faces.    corner : (m, 3) their vertices.
-    support : (n', 3) the uncut vertices that each vertex lies between, -1 where there are fewer.
-    strayed : (n',) metres by which the edges of stripes at a vertex may have moved so far.
+    support : (n', 3) the uncut vertices that each vertex lies between, -1 for missing ones.
+    strayed : (n',) largest possible move of the stripe edges at a vertex so far, metres.
     """
 
     V: Floats
@@ -77,18 +72,18 @@ class Cut:
         return self.key(*self.edges.ends.T)
 
     def key(self, a: Ints, b: Ints) -> Ints:
-        """(k,) the number of the edges between vertices a (k,) and b (k,), whichever way."""
+        """(k,) the numbers of the edges between vertices a (k,) and b (k,), in any direction."""
         return np.minimum(a, b) * len(self.V) + np.maximum(a, b)
 
     def edge(self, a: Ints, b: Ints) -> Ints:
-        """(k,) the edge between vertices a (k,) and b (k,), -1 where there is none."""
+        """(k,) the edges between vertices a (k,) and b (k,), -1 for missing ones."""
         key = self.key(a, b)
         at = np.minimum(np.searchsorted(self.keys, key), len(self.keys) - 1)
         return np.where(self.keys[at] == key, at, -1)
 
     @cached_property
     def lines(self) -> Bools:
-        """(e,) edges that bound something: the surface, or cells of one family."""
+        """(e,) edges on the boundary of the surface, or between cells of different families."""
         result = np.ones(len(self.keys), dtype=bool)
         two = self.edges.count == 2
         f, g = (self.edges.pairs // 3).T
@@ -105,7 +100,7 @@ class Cut:
 
     @cached_property
     def line_ends(self) -> Ints:
-        """(n',) sum of the vertices that lines lead to: of two, the other one is this less the first."""
+        """(n',) sum of the neighbours along lines; of two, the second is the sum less the first."""
         total = np.zeros(len(self.V), dtype=np.int64)
         a, b = self.edges.ends[self.lines].T
         np.add.at(total, a, b)
@@ -118,8 +113,9 @@ class Cut:
         return self.angles(self.F, self.parent)
 
     def angles(self, F: Ints, parent: Ints) -> Floats:
-        """(k,) the smallest angle of triangles in uncut faces, degrees; negative where one is turned over, 0 where it
-        has next to no area: no surface takes such a face."""
+        """(k,) the smallest angle of triangles in uncut faces, degrees; negative if turned over, 0 almost without
+        area.
+        """
         P = self.V[F]
         sides = np.roll(P, -1, axis=1) - P
         back = -np.roll(sides, 1, axis=1)
@@ -129,7 +125,7 @@ class Cut:
 
     @cached_property
     def least(self) -> float:
-        """Square metres that a cell has at least."""
+        """Least area of a cell, square metres."""
         return CELL_AREA * float(np.sum(np.ptp(self.V, axis=0) ** 2))
 
     @cached_property
@@ -150,8 +146,9 @@ class Cut:
         return row, faces[begin + np.arange(len(row))]
 
     def with_cells(self, F: Ints, kept: Bools | None = None, strayed: Floats | None = None) -> "Cut":
-        """The same with other cells F (m', 3), of which those marked `kept` (m',) stay; strayed (n',) metres, as it
-        was if left out."""
+        """Return the cells F (m', 3), by default all, else the marked ones (m',); strayed (n',) metres, by default
+        unchanged.
+        """
         kept = np.ones(len(F), dtype=bool) if kept is None else kept
         return replace(
             self,
@@ -163,7 +160,7 @@ class Cut:
 
 
 def independent(row: Ints, face: Ints, rank: Ints, m: int) -> Bools:
-    """(k,) steps that need none of the faces of a better one; step row[i] of rank[row[i]] needs face[i] of m."""
+    """(k,) mask of steps whose faces no better step needs; step row[i] of rank[row[i]] needs face[i] of m."""
     best = np.full(m, len(rank))
     np.minimum.at(best, face, rank[row])
     free = np.ones(len(rank), dtype=bool)
@@ -171,29 +168,21 @@ def independent(row: Ints, face: Ints, rank: Ints, m: int) -> Bools:
     return free
 
 
-POOR = 25.0
-"""Degrees: only at cells with a smaller angle edges are collapsed."""
-
-STRAIGHT = 1e-12
-"""A vertex this share of the largest coordinate off a line is on it."""
-
-
 class Moves(NamedTuple):
-    """Vertices v (k,) that may move onto their neighbours w (k,), and how far edges of stripes strayed then, metres."""
+    """Moves of vertices v (k,) onto their neighbours w (k,), and the stray of stripe edges after them, metres."""
 
     v: Ints
     w: Ints
     strayed: Floats
 
     def some(self, which: Bools | Ints) -> "Moves":
-        """Those that are marked (k,), or of these numbers."""
         return Moves(self.v[which], self.w[which], self.strayed[which])
 
 
 def collapsed(cut: Cut, tolerance: float) -> tuple[Cut, int]:
-    """The cells after one round of collapses that raise the smallest angle around a vertex, and how many there were.
+    """Collapse edges once to raise the smallest angle around a vertex; return also the number of collapses.
 
-    tolerance : metres that an edge of a stripe, of a family or of the surface may be off where it was at first.
+    tolerance : largest distance of an edge of a stripe, of a family or of the surface from its first place, metres.
     """
     moves = _along_lines(cut, _candidates(cut), tolerance)
     moves, gain = _better(cut, moves)
@@ -219,8 +208,8 @@ def collapsed(cut: Cut, tolerance: float) -> tuple[Cut, int]:
 
 
 def _candidates(cut: Cut) -> Moves:
-    """Moves away from poor cells, of vertices that were made by the cut, within all uncut faces around them."""
-    poor = (cut.angle < POOR) & (cut.family != VOID)
+    """Moves of vertices of the cut away from cells with angles under 25 degrees, within all uncut faces around them."""
+    poor = (cut.angle < 25) & (cut.family != VOID)
     edge = distinct(cut.edges.of[poor])
     v, w = np.concatenate([cut.edges.ends[edge], cut.edges.ends[edge][:, ::-1]]).T
     made = (cut.support[v] >= 0).sum(axis=1) > 1
@@ -234,11 +223,11 @@ def _candidates(cut: Cut) -> Moves:
 
 
 def _along_lines(cut: Cut, moves: Moves, tolerance: float) -> Moves:
-    """The moves that keep all lines as they are connected, and where they are by the tolerance.
+    """The moves that keep the topology of all lines, and their places to the tolerance.
 
-    A vertex without lines may go anywhere; others along a line, or off it to where no line is. Two joints of three
-    lines may meet if material is one fan around them still: not along a border of families, at whose ends void is. The
-    boundary of the surface is not left.
+    A vertex without lines may go anywhere; others along a line, or off it to a vertex without lines. Two joints of
+    three lines may meet if the material around them stays one fan: not along a border of families, at whose ends void
+    is. Vertices stay on the boundary of the surface.
     """
     v, w, _ = moves
     count = np.bincount(cut.edges.ends[cut.lines].ravel(), minlength=len(cut.V))
@@ -250,7 +239,7 @@ def _along_lines(cut: Cut, moves: Moves, tolerance: float) -> Moves:
     total = cut.line_ends
     u = np.where(slides, total[v] - w, v)  # the other neighbour on the line
     off = np.where(slides, from_segments(cut.V[v], cut.V[u], cut.V[w]), step)
-    off[off <= STRAIGHT * np.abs(cut.V).max()] = 0
+    off[off <= 1e-12 * np.abs(cut.V).max()] = 0  # rounding
     strayed = np.where(count[v] > 0, np.maximum.reduce([cut.strayed[v], cut.strayed[w], cut.strayed[u]]) + off, 0)
     joints = (count[v] == 3) & (count[w] == 3) & cut.outline[edge] & ~rim[v] & ~rim[w]
     connected = np.where(along, (count[v] == 2) | (count[w] == 2) | joints, count[w] == 0)
@@ -260,7 +249,7 @@ def _along_lines(cut: Cut, moves: Moves, tolerance: float) -> Moves:
 
 
 def _better(cut: Cut, moves: Moves) -> tuple[Moves, Floats]:
-    """The moves after which material has a larger smallest angle, void none smaller, and how much larger, degrees."""
+    """The moves that raise the smallest angle of material, without lowering that of void, and the gain, degrees."""
     row, face = cut.around(moves.v)
     F, material = cut.F[face], cut.family[face] != VOID
     v, w = moves.v[row], moves.w[row]
@@ -278,10 +267,9 @@ def _better(cut: Cut, moves: Moves) -> tuple[Moves, Floats]:
 
 
 def _linked(cut: Cut, moves: Moves, row: Ints, F: Ints) -> Bools:
-    """(k,) both ends of an edge have no neighbours in common but across its cells (link condition: [Dey et al. 1999]),
-    and no triangle of lines closes.
+    """(k,) True if the ends of an edge have no common neighbours except across its cells, and no line triangle closes.
 
-    row, F : the cells around each v.
+    This is the link condition [Dey et al. 1999].    row, F : the cells around each v.
     """
     others = np.repeat(row, 3), F.ravel()
     known = (others[1] != moves.v[others[0]]) & (others[1] != moves.w[others[0]])
@@ -295,7 +283,7 @@ def _linked(cut: Cut, moves: Moves, row: Ints, F: Ints) -> Bools:
 
 
 def flipped(cut: Cut) -> tuple[Cut, int]:
-    """The cells after one round of flips that raise the smaller smallest angle of two cells, and how many there were.
+    r"""Flip edges once to raise the smaller smallest angle of two cells; return also the number of flips.
 
       c            c
      /|\\          / \\       Only between cells of the same family and face: across faces of a curved surface a flip
@@ -313,7 +301,7 @@ def flipped(cut: Cut) -> tuple[Cut, int]:
     parent = cut.parent[f]
     new = np.minimum(cut.angles(one, parent), cut.angles(two, parent))
     old = np.minimum(cut.angle[f], cut.angle[e])
-    better = np.flatnonzero(new > GAIN * old)  # inside a plane face no other edge joins a and b
+    better = np.flatnonzero(new > GAIN * old)  # in a plane face a and b have no other edge
     better = better[np.argsort(-(new - old)[better], kind="stable")]
     rank = np.arange(len(better))
     both = np.concatenate([f[better], e[better]])
@@ -323,17 +311,13 @@ def flipped(cut: Cut) -> tuple[Cut, int]:
     return cut.with_cells(F), len(chosen)
 
 
-ROUNDS = 40
-"""Of collapses and flips at most; most sheets need under ten."""
-
-
 @dataclass(frozen=True, eq=False)
 class Improved:
     """A sheet with better shaped cells.
 
-    sheet         : all cells, material and void.      flips, collapses : how many there were.
+    sheet         : all cells, material and void.      flips, collapses : their numbers.
     before, after : the shape of the material's cells.
-    strayed       : metres by which the edges of stripes moved, at most.
+    strayed       : largest move of the edges of stripes, metres.
     """
 
     sheet: Sheet
@@ -355,19 +339,19 @@ class Improved:
 
 
 def improved(sheet: Sheet, uncut: Surface, tolerance: float = 0.0) -> Improved:
-    """The sheet after flips of edges and collapses of small edges that raise the smallest angle of its material.
+    """Flip and collapse edges to raise the smallest angle of a sheet's material.
 
     sheet     : all cells cut from the surface `uncut`, material and void.
-    tolerance : metres that the edges of stripes, of families and of the surface may move.
+    tolerance : largest move of the edges of stripes, of families and of the surface, metres.
 
-    Cells stay in their uncut faces, and vertices where they are or are gone: the surface, its area and its topology,
-    the weights and every carried field are kept exactly, as are the vertices of the uncut surface. No step makes a
-    cell with a smaller angle than the smallest of the cells it takes away. With tolerance 0 the material covers the
-    same points as before; else its area changes by less than tolerance x length of its edges.
+    Cells stay in their uncut faces, and vertices stay in place or disappear. So the surface, its area and its topology,
+    the weights, every interpolated field and the vertices of the uncut surface stay exact. No step makes a cell with a
+    smaller angle than the smallest of the cells it removes. With tolerance 0 the material covers the same points as
+    before; otherwise its area changes by less than tolerance x length of its edges.
     """
     cut = _cells(sheet, uncut)
     flips = collapses = 0
-    for _ in range(ROUNDS):
+    for _ in range(40):  # most sheets need under ten
         cut, fewer = collapsed(cut, tolerance)
         cut, turned = flipped(cut)
         flips, collapses = flips + turned, collapses + fewer
@@ -390,12 +374,10 @@ def _cells(sheet: Sheet, uncut: Surface) -> Cut:
 
 
 def _places(weights: csr_array, size: Ints) -> Ints:
-    """Each entry's place in its row."""
     return np.asarray(np.arange(weights.nnz) - np.repeat(weights.indptr[:-1], size))
 
 
 def _sheet(cut: Cut, before: Sheet, uncut: Surface) -> Sheet:
-    """The cells as a sheet, without the vertices that are gone."""
     used = np.zeros(len(cut.V), dtype=bool)
     used[cut.F] = True
     used[: uncut.n] = True

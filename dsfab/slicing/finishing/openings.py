@@ -18,32 +18,24 @@ from dsfab.slicing.measures.widths import MIDDLE, Crossings, crossings
 from dsfab.surface import Surface, pieces
 
 Merging = Literal["none", "slits", "crowded"]
-"""Which members with a slit between them become one."""
+"""Members that become one across a slit."""
 
-SLENDER = 3.0
-"""4 area / perimeter is at most twice the width of a slit, and some more where it widens."""
-BROAD = 2.5
-"""What is so many times wider than the median member is several in one, or kept besides them."""
-TOLD = (0.05, 0.25)
-"""Lines to an opposite wall say nothing about an opening if they stand for the first of these shares of its walls, and
-all from the second on. A wall more or less, as in the mirrored one on another mesh, makes no other opening of it."""
 NARROWER = 0.9
-"""An opening is a slit if it is narrower than this share of the members beside it. Where members crowd they are made
-just as wide as the openings between them: on the sheet, of flat triangles, that is right to some percent."""
+"""An opening is a slit if it is narrower than this share of the members beside it.
+
+Crowded members are designed as wide as the openings between them; on flat triangles that is exact to some percent.
+"""
 CRUMB, SEVERAL = 0.35, 8
-"""An opening is a crumb if its size is under this share of the median's, of at least so many that say what is usual."""
-ROOMY = 2.5
-"""It is none if it is so many times as wide as the members beside it: filled between thin members it would be a plate.
-Crumbs of crowns are up to 2 times as wide, the triangles that an edge leaves of a lattice of bars 4 and more."""
+"""Size of a crumb, as a share of the median opening; least number of openings for a median."""
 ALIKE = 0.03
-"""Openings of which these shares differ by less may be the same but for the mesh."""
+"""Openings of which these shares differ by less may be equal but for the mesh."""
 
 
 @dataclass(frozen=True, eq=False)
 class Openings:
-    """The void of a sheet that material encloses, and what the edge of the surface leaves of such.
+    """The enclosed void of a sheet, and openings that the edge of the surface cuts.
 
-    cells : all cells of the sheet.    part : the void ones alone, or some of them.    face : (f,) which cells they are.
+    cells : all cells of the sheet.    part : the void ones alone, or a part of them.    face : (f,) their indices.
     label : (f,) the opening of each, of `count`.    walls : (e,) the edges of `part` between void and material.
     """
 
@@ -56,7 +48,7 @@ class Openings:
 
     @classmethod
     def of(cls, cells: Sheet) -> Self | None:
-        """The openings of a sheet; None where there is none, or nothing else."""
+        """Return the openings of a sheet; None for a sheet of material or of void alone."""
         if not cells.has_openings:
             return None
         part, face = part_of(cells.surface, ~cells.material)
@@ -64,13 +56,13 @@ class Openings:
         return cls(cells, part, face, label, count, inner_walls(part, cells.surface, face))
 
     def some(self, wanted: Bools) -> "Openings":
-        """Those that are marked (o,), numbered as they come."""
+        """Return the marked openings (o,), renumbered."""
         part, left = part_of(self.part, wanted[self.label])
         face, label = self.face[left], (np.cumsum(wanted) - 1)[self.label[left]]
         return Openings(self.cells, part, face, label, int(wanted.sum()), inner_walls(part, self.cells.surface, face))
 
     def filled(self, wanted: Bools) -> Sheet:
-        """The cells with the marked openings (o,) made material, each of the family of a cell beside it."""
+        """Return the cells with the marked openings (o,) as material, each of the family of a neighbouring cell."""
         cells, here = self.cells, wanted[self.label]
         family = cells.family.copy()
         family[self.face[here]] = self._families()[self.label[here]]
@@ -85,7 +77,7 @@ class Openings:
 
     @cached_property
     def round_sizes(self) -> Floats:
-        """(o,) 4 area / perimeter; infinite for those that walls do not enclose wholly."""
+        """(o,) hydraulic diameters 4 area / perimeter; infinite for openings that walls do not enclose wholly."""
         return round_sizes(self.part, self.walls, self.label, self.count)
 
     def _families(self) -> Ints:
@@ -101,12 +93,12 @@ class Openings:
 
     @cached_property
     def narrowness(self) -> Floats:
-        """(o,) how wide they are over the narrower of the two members beside them: half of their walls have less.
+        """(o,) width of each opening over the narrower of the two members beside it: the median along its walls.
 
-        At least half of 4 area / perimeter, the width of a long slit: others are wide somewhere. With few opposite
-        walls, as in a triangle, the side of a square of the same area counts; of both, by how much opposite walls tell,
-        the harmonic mean. Infinite where no member is beside them, and for those with few opposite walls that the edge
-        of the surface cuts open.
+        It is at least half of 4 area / perimeter, the width of a long slit. An opening with few opposite walls, such as
+        a triangle, counts with the side of the square of equal area instead. Between 5 and 25 % of opposite walls it is
+        the weighted harmonic mean of both. Infinite without members, and for openings with few opposite walls at the
+        edge of the surface.
         """
         across, wall, member = self._across, np.flatnonzero(self.walls), self._members
         label, known = self.label[across.face], ~np.isnan(self._ratio)
@@ -117,23 +109,23 @@ class Openings:
         enclosed = np.isfinite(self.round_sizes)
         square = np.sqrt(np.bincount(self.label, self.part.areas, self.count)) / around
         square[~enclosed | np.isinf(around)] = np.inf
-        told = np.clip((opposite / np.where(total > 0, total, 1.0) - TOLD[0]) / (TOLD[1] - TOLD[0]), 0, 1)
+        told = np.clip((opposite / np.where(total > 0, total, 1.0) - 0.05) / (0.25 - 0.05), 0, 1)
         told = np.where(enclosed, told, told == 1)
         found = _harmonic(between, square, told)
-        around[~enclosed] = 1.0  # it does not count there
+        around[~enclosed] = 1.0  # without effect
         return np.where(enclosed, np.maximum(found, self.round_sizes / (2 * around)), found)
 
     @cached_property
     def slits(self) -> Bools:
-        """(o,) which of them are slits: those that are alike are or are not all together."""
+        """(o,) mask of the slits; nearly equal openings are slits all or none."""
         return self.narrowness < limit(self.narrowness, NARROWER, ALIKE)
 
     @cached_property
     def crowded(self) -> Bools:
-        """(o,) slits between members that are nearer to each other than elsewhere: where so much material is asked for
-        that openings are narrower than members anyway, closing them all would leave another structure.
+        """(o,) mask of slits between members that are nearer to each other than elsewhere.
 
-        Members may be `CROWDING` times as wide, for their distance, as half of the openings by area have them.
+        In a dense pattern all openings are narrower than members, and closing them would leave another structure. So
+        the limit is `CROWDING` times the median width of members for their distance.
         """
         area = np.where(np.isfinite(self.narrowness), np.bincount(self.label, self.part.areas, self.count), 0.0)
         usual = float(medians(self.narrowness, area, np.zeros(self.count, dtype=np.int64), 1)[0])
@@ -141,8 +133,9 @@ class Openings:
         return self.slits & (self.narrowness < limit(self.narrowness, least, ALIKE))
 
     def slits_between(self, family: Bools) -> tuple[int, float]:
-        """How many slits lie between members of a family, material cells (m',) of the sheet; and the share of the
-        length of its walls from which it is too near to the next."""
+        """Number of slits along members of a family, material cells (m',), and the share of their wall length at
+        slits.
+        """
         own = np.zeros(len(self.cells.surface.edges.ends), dtype=bool)
         own[self.cells.surface.edges.of[family]] = True
         wall = self._across.walls[:, 0]
@@ -159,31 +152,28 @@ class Openings:
 
     @cached_property
     def _ratio(self) -> Floats:
-        """(k,) how long lines across are over the narrower of the two members at their ends; not a number without."""
+        """(k,) length of lines across over the narrower of the two members at their ends; NaN without."""
         return np.asarray(self._across.width / np.fmin(*self._members[self._edges[self._across.walls]].T))
 
     @cached_property
     def _edges(self) -> Ints:
-        """(e,) the edges of the whole sheet that those of `part` are."""
         return whole_edges(self.part, self.cells.surface, self.face)
 
     @cached_property
     def _lengths(self) -> Floats:
-        """(e,) of the edges, metres."""
         return self.part.edge_lengths
 
     @cached_property
     def _beside(self) -> Ints:
-        """(e,) the opening that each edge of `part` is of."""
         found = np.empty(len(self.walls), dtype=np.int64)
         found[self.part.edges.of] = self.label[:, None]
         return found
 
     @cached_property
     def _members(self) -> Floats:
-        """(e',) widths of the members beyond the walls, by the edges of the whole sheet.
+        """(e',) widths of the members beyond the walls, by the edges of the whole sheet; NaN elsewhere.
 
-        Not a number elsewhere; the median where material is too broad to be one member.
+        Material broader than 2.5 medians is several members and counts with the median.
         """
         sheet = self.cells.surface
         wanted = np.zeros(len(sheet.edges.ends), dtype=bool)
@@ -193,7 +183,7 @@ class Openings:
         away = crossings(material, material.edges.boundary, wanted[whole], (MIDDLE,))
         width = np.full(len(sheet.edges.ends), np.nan)
         median = medians(away.width, away.weight, np.zeros_like(away.face), 1)
-        width[whole[away.walls[:, 0]]] = np.where(away.width < BROAD * median, away.width, median)
+        width[whole[away.walls[:, 0]]] = np.where(away.width < 2.5 * median, away.width, median)
         return width
 
 
@@ -205,18 +195,18 @@ def _harmonic(x: Floats, y: Floats, share: Floats) -> Floats:
 
 
 def filled_openings(cells: Sheet, size: float, alike: bool = False) -> tuple[Sheet, int]:
-    """The cells with every opening smaller than `size` metres made material, and how many there were.
+    """Make every opening smaller than `size` metres material; return also their number.
 
-    alike : whether openings of that size that may be the same but for the mesh are filled all or none.
+    alike : if True, nearly equal openings of about that size are filled all or none.
 
-    An opening is void that material encloses. Its size is the width that half of its walls do not exceed, but no more
-    than 4 area / perimeter, nor less than half of that: a triangle with a long tip has opposite walls in its tip alone,
-    and is wide elsewhere. It takes the family of a material cell beside it.
+    The size of an opening is its median width along the walls, but between half of and all of 4 area / perimeter. For
+    example, a triangle with a long tip has opposite walls in the tip alone, and is wider elsewhere. An opening takes
+    the family of a neighbouring material cell.
     """
     every = Openings.of(cells)
-    if every is None or not (near := every.round_sizes < SLENDER * size).any():
+    if every is None or not (near := every.round_sizes < 3 * size).any():
         return cells, 0
-    few = every.some(near)  # looking across those alone takes a tenth of the time
+    few = every.some(near)  # measuring these alone takes a tenth of the time
     across = crossings(few.part, few.walls)
     width = medians(across.width, across.weight, few.label[across.face], few.count)
     smaller = np.clip(width, few.round_sizes / 2, few.round_sizes)  # half is the width of a long slit
@@ -225,11 +215,11 @@ def filled_openings(cells: Sheet, size: float, alike: bool = False) -> tuple[She
 
 
 def filled_crumbs(cells: Sheet) -> tuple[Sheet, int]:
-    """The cells with every opening made material that is far smaller than most, and how many there were.
+    """Make every opening that is far smaller than most material; return also their number.
 
-    Sizes are 4 area / perimeter of openings that material encloses; what is `ROOMY` beside its members stays. Those
-    that are alike are filled all or none. There are such where members crowd, as around the crown of a dome, and where
-    an edge leaves a corner of an opening.
+    Sizes are 4 area / perimeter of enclosed openings. An opening that is 2.5 times as wide as the members beside it
+    stays, because a plate between thin members would replace it. Nearly equal openings are filled all or none. Crumbs
+    arise where members crowd, as around the crown of a dome, and where an edge leaves a corner of an opening.
     """
     every = Openings.of(cells)
     if every is None or np.isfinite(every.round_sizes).sum() < SEVERAL:
@@ -238,16 +228,16 @@ def filled_crumbs(cells: Sheet) -> tuple[Sheet, int]:
     crumbs = share < limit(share, CRUMB, ALIKE)
     if crumbs.any():
         narrowness = every.some(crumbs).narrowness
-        crumbs[crumbs] = narrowness < limit(narrowness, ROOMY, ALIKE * ROOMY)
+        crumbs[crumbs] = narrowness < limit(narrowness, 2.5, ALIKE * 2.5)
     return (every.filled(crumbs), int(crumbs.sum())) if crumbs.any() else (cells, 0)
 
 
 def filled_slits(cells: Sheet, merge: Merging = "slits") -> tuple[Sheet, int]:
-    """The cells with every slit made material, so that the members beside it are one; and how many there were.
+    """Make every slit material, so that the members beside it become one; return also their number.
 
-    merge : "crowded" for those alone where members crowd, `Openings.crowded`.
+    merge : "crowded" for the slits of `Openings.crowded_slits` only.
 
-    What is beside a broader member may be a slit then: so often as there are any.
+    Openings beside a broader member may become slits; so it repeats until no slit is left.
     """
     filled = 0
     while (found := Openings.of(cells)) is not None:
@@ -258,16 +248,14 @@ def filled_slits(cells: Sheet, merge: Merging = "slits") -> tuple[Sheet, int]:
     return cells, filled
 
 
-POCKET = 1.6
-"""What a strip parts off is filled where 4 area / perimeter is under this many widths."""
 SIDES = np.array([-1.0, 1.0])
 SNAP = 2e-3
-"""Vertices nearer to the side of a strip than this share of half its width are on it."""
+"""Vertices nearer to the side of a strip than this share of half its width move onto it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Strip:
-    """Void cells (c,) that a strip crosses, the first of which it begins in, and the family that it takes.
+    """A rectangular strip across void cells (c,), the first of which it begins in, and the family that it takes.
 
     middle : (3,).    axes : (2, 3) unit vectors along and across.    half : (2,) half of its length and width, metres.
     """
@@ -280,7 +268,9 @@ class Strip:
 
     @classmethod
     def of(cls, cells: Sheet, walls: Walls, wall: int, ends: Floats, half: Floats) -> "Strip | None":
-        """In the opening at a wall, along the line between two ends (2, 3); None where there is none."""
+        """Return the strip in the opening at a wall, along the line between two ends (2, 3); None without an
+        opening.
+        """
         surface, first = cells.surface, int(walls.inside[wall]) // 3
         way = ends[1] - ends[0]
         gap = float(np.linalg.norm(way))
@@ -308,15 +298,18 @@ class Strip:
 
 
 def with_strips(cells: Sheet, strips: list[Strip], width: float, snap: float = SNAP) -> tuple[Sheet, int]:
-    """The cells with as many strips as can be made at once, and small openings that these part off, as material; and
-    how many strips. `width`, metres, is what small refers to; for `snap` see `SNAP`."""
+    """Make as many strips as possible at once, and small openings that these cut off, material; return also their
+    number.
+
+    width : metres; openings with 4 area / perimeter under 1.6 widths are small.    snap : see `SNAP`.
+    """
     if not (strips := [strips[k] for k in apart(cells, [strip.cells for strip in strips])]):
         return cells, 0
     return _without_pockets(_filled(cells, strips, snap), cells.surface.n, width), len(strips)
 
 
 def apart(cells: Sheet, groups: Sequence[Ints]) -> list[int]:
-    """The numbers of those groups (c,) of cells that have no vertex in common with one chosen before."""
+    """Choose groups (c,) of cells that have no vertex in common with an earlier one; return their numbers."""
     taken, chosen = np.zeros(cells.surface.n, dtype=bool), []
     for k, group in enumerate(groups):
         vertices = cells.surface.F[group]
@@ -327,7 +320,6 @@ def apart(cells: Sheet, groups: Sequence[Ints]) -> list[int]:
 
 
 def _filled(cells: Sheet, strips: list[Strip], snap: float) -> Sheet:
-    """The strips made material."""
     some = Recut.of(cells, np.concatenate([strip.cells for strip in strips]))
     mesh, owner, root = some.mesh, np.full(len(some.cells), -1), np.arange(len(some.cells))
     for k, strip in enumerate(strips):
@@ -350,11 +342,11 @@ def _filled(cells: Sheet, strips: list[Strip], snap: float) -> Sheet:
 
 
 def _without_pockets(cells: Sheet, before: int, width: float) -> Sheet:
-    """The cells with the small openings beside strips, whose vertices are not among the first `before`, filled."""
+    """The cells with the small openings beside strips filled; vertices of strips are not among the first `before`."""
     every = Openings.of(cells)
     if every is None:
         return cells
     beside = np.zeros(every.count, dtype=bool)
     beside[every.label[(cells.surface.F[every.face] >= before).any(axis=1)]] = True
-    small: Bools = beside & (every.round_sizes < POCKET * width)
+    small: Bools = beside & (every.round_sizes < 1.6 * width)
     return every.filled(small) if small.any() else cells

@@ -1,10 +1,10 @@
-"""Pinches: vertices where material meets in a single point. No solid can be built there; join the parts or split them.
+"""Pinches: vertices where material meets in a single point. No solid is possible; join the parts or split them.
 
     material . void         join: a disc around the pinch      split: the disc becomes void
     . . . .  x . . . .            becomes material
      void    . material
 
-The disc is cut out of the full sheet, material and void together, so that the cells around it still fit.
+The full sheet, material and void together, is cut along the disc, so that the cells around it still fit.
 """
 
 from dataclasses import dataclass
@@ -25,13 +25,9 @@ from dsfab.surface.topology import edge_table, pieces
 Rule = Literal["join", "split"]
 
 DISC_ROUNDS = 3
-"""A disc can make a new pinch where its rim meets another stripe: so often discs are tried."""
+"""Most rounds of discs, because a disc can make a new pinch where its rim meets another stripe."""
 CORNER_ROUNDS = 2
-"""Then corners are cut, which makes no new pinch; the second round is for pinches of the first one's neighbours."""
-CORNER_SHARE = 0.4
-"""Longest corner cut, as a share of the edge: under a half, so that cuts at both ends do not meet."""
-DISC_SNAP = 0.1
-"""Snap fraction (see `cut`) of the rim of a disc."""
+"""Rounds of corner cuts after that, which make no new pinch; the second is for pinches next to those of the first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,7 +35,7 @@ class Pinched:
     """A sheet without pinches.
 
     sheet       : all cells, material and void.
-    count       : number of discs and corner cuts that were needed; 0 leaves the sheet as it was.
+    count       : number of discs and corner cuts; 0 leaves the sheet as it was.
     area_change : material area after less before, square metres: positive for "join", negative for "split".
     """
 
@@ -51,11 +47,11 @@ class Pinched:
 def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> Pinched:
     """Make discs of `radius` metres around all pinches of the material into material ("join") or void ("split").
 
-    Up to three rounds of discs, then corners cut at min(radius, 0.4 edge) around what is left. Joined cells take the
-    family of the first material cell at their pinch. Pinches on the surface's boundary count too.
+    Up to three rounds of discs, then corners cut at min(radius, 0.4 edge) around the remaining pinches. Joined cells
+    take the family of the first material cell at their pinch. Pinches on the surface's boundary count too.
 
-    Raises PatternError when nothing is material, before or after, when `radius` or `rule` is impossible, and when
-    pinches remain (a surface that touches itself in a vertex cannot be joined there).
+    Raises PatternError without material, before or after; for an impossible `radius` or `rule`; and for remaining
+    pinches (a surface that touches itself in a vertex cannot be joined there).
     """
     if not (np.isfinite(radius) and radius > 0):
         raise PatternError(f"the pinch radius {radius} must be a positive length in metres")
@@ -77,10 +73,10 @@ def resolve_pinches(sheet: Sheet, radius: float, rule: Rule = "join") -> Pinched
 
 
 def _round(sheet: Sheet, at: Ints, radius: float, rule: Rule, corners: bool) -> tuple[Sheet, int]:
-    """The sheet with a disc or a corner cut at each of the pinches `at`, and how many it took."""
+    """The sheet with a disc or a corner cut at each of the pinches (k,), and their number."""
     count = 0
     for turn, group in enumerate(_apart(at, _links(sheet, at))):
-        if turn:  # a disc of an earlier group may have swallowed some
+        if turn:  # a disc of an earlier group may have removed pinches of this one
             group = np.intersect1d(group, pinched_vertices(sheet))
         if len(group):
             distance = _corner_distance(sheet, group, radius) if corners else _distance(sheet, group)
@@ -109,7 +105,6 @@ def pinched_vertices(sheet: Sheet) -> Ints:
 
 
 def _links(sheet: Sheet, at: Ints) -> Ints:
-    """(k, 2) the edges between the vertices `at`."""
     marked = np.zeros(sheet.surface.n, dtype=bool)
     marked[at] = True
     p, q, r = marked[sheet.surface.F].T
@@ -119,7 +114,7 @@ def _links(sheet: Sheet, at: Ints) -> Ints:
 
 
 def _apart(at: Ints, ends: Ints) -> list[Ints]:
-    """The pinches `at` in groups, no two of a group on one edge: linear between them, their distance would be zero."""
+    """The pinches in groups without common edges: on such an edge the linear distance would be zero."""
     groups = []
     while len(at):
         later = np.unique(ends[np.isin(ends, at).all(axis=1), 1])
@@ -129,15 +124,16 @@ def _apart(at: Ints, ends: Ints) -> list[Ints]:
 
 
 def _distance(sheet: Sheet, at: Ints) -> Floats:
-    """(n',) straight distance of every vertex to the nearest of the pinches `at`, metres."""
     V = sheet.surface.V
     return np.asarray(cKDTree(V[at]).query(V)[0])
 
 
 def _corner_distance(sheet: Sheet, at: Ints, radius: float) -> Floats:
-    """(n',) a field whose level `radius` cuts each edge from a pinch at min(radius, `CORNER_SHARE` of the edge)."""
+    """(n',) a field whose level `radius` cuts edges from a pinch at min(radius, 0.4 edge); cuts of both ends never
+    meet.
+    """
     surface = sheet.surface
-    x = np.full(surface.n, radius / CORNER_SHARE)
+    x = np.full(surface.n, radius / 0.4)
     pinch = np.zeros(surface.n, dtype=bool)
     pinch[at] = True
     for p, q in (surface.edges.ends.T, surface.edges.ends[:, ::-1].T):
@@ -148,11 +144,10 @@ def _corner_distance(sheet: Sheet, at: Ints, radius: float) -> Floats:
 
 
 def _with_discs(sheet: Sheet, at: Ints, distance: Floats, radius: float, rule: Rule) -> Sheet:
-    """The sheet cut along distance = radius, with the cells inside made material or void."""
     V, F = sheet.surface.V, sheet.surface.F
     touched = np.asarray((distance[F] < radius).any(axis=1))
     level = np.array([radius])
-    split = clean_split(Cells.triangles(F), V, distance, level, touched, Snapping(DISC_SNAP, sheet.surface.size, at))
+    split = clean_split(Cells.triangles(F), V, distance, level, touched, Snapping(0.1, sheet.surface.size, at))
     surface, cell = filled_polygons(split.cells, split.extended(V), sheet.parent[split.source])
     before = split.source[cell]
     inside = _at_pinches(surface.F, split.strip[cell] == 0, at)
@@ -167,7 +162,7 @@ def _with_discs(sheet: Sheet, at: Ints, distance: Floats, radius: float, rule: R
 
 
 def _at_pinches(F: Ints, inside: Bools, at: Ints) -> Bools:
-    """(m',) the inside cells that are edge-connected to a pinch: not those of another part of the surface near by."""
+    """(m',) the inside cells that are edge-connected to a pinch, without other parts of the surface nearby."""
     here = F[inside]
     count, piece = pieces(here, edge_table(here))
     reached = np.zeros(count, dtype=bool)
@@ -178,7 +173,6 @@ def _at_pinches(F: Ints, inside: Bools, at: Ints) -> Bools:
 
 
 def _first_family(sheet: Sheet, at: Ints) -> Ints:
-    """The family of the first material cell at each of the vertices `at`."""
     marked = np.zeros(sheet.surface.n, dtype=bool)
     marked[at] = True
     near = np.flatnonzero(sheet.material & marked[sheet.surface.F].any(axis=1))

@@ -1,9 +1,9 @@
-"""`without_spikes`: teeth of a member that stick out into an opening are cut off along their chord.
+r"""`without_spikes`: cut off teeth of a member that stick out into an opening, along their chord.
 
-opening          Between two re-entrant corners, a and b, that are near to each other the outline goes out to a
-   .             sharp tip and back. Such a tooth is left where a stub was cut off that a neighbour overlapped, or
-__/ \\____       where a stripe ends aslant along a rim. What lies beyond the chord from a to b becomes void: no
- a  b  member    member has its way through it.
+opening          Between two near re-entrant corners, a and b, the outline goes out to a sharp tip and back.
+   .             Such a tooth remains at a removed stub that a neighbour overlapped, or at a stripe that ends
+__/ \\____       aslant along a rim. The part beyond the chord from a to b becomes void: no member needs it.
+ a  b  member
 """
 
 from dataclasses import replace
@@ -19,23 +19,14 @@ from dsfab.slicing.finishing.openings import apart
 from dsfab.slicing.finishing.walls import SHARPEST, Walls
 
 SHARP = float(np.radians(60))
-"""The outline turns back at a tip by so much at least: where a member bends, or two of them cross, it does not."""
+"""Least angle by which the outline turns back at a tip; at bends and crossings of members it turns less."""
 LONG, THIN, FAR = 1.5, 0.5, 4.0
-"""A tooth's outline is shorter than so many mean widths of members: where a member goes on, its sides are longer. One
-whose chord is under `THIN` of that width may be `FAR` of it long: a spur, which ends in nothing."""
-HIGH = 0.04
-"""What sticks out by less than this share of that width is no tooth: a hair that is rounded with the corner beside."""
-POINTED = 0.25
-"""A tooth is at least so high for the length of its chord: lower ones are a member that bends, or swells."""
-SNAP = 2e-3
-"""Vertices nearer to a chord than this share of it are on it: no slivers."""
-ROUNDS = 4
-"""Teeth beside one another are cut off one after the other."""
+"""Longest outline of a tooth, in mean widths of members: `FAR` for a spur with a chord under `THIN`, else `LONG`."""
 
 
 class Spike(NamedTuple):
-    """A tooth: the vertices of its outline (k,), from one re-entrant corner to the other, and the cells beyond the
-    chord between these, (c,).
+    """A tooth: the vertices of its outline (k,), from one re-entrant corner to the other, and the cells beyond its
+    chord (c,).
 
     origin : (3,) the first corner.    outward : (3,) unit, square to the chord, out of the member.    snap : metres.
     """
@@ -47,19 +38,19 @@ class Spike(NamedTuple):
     snap: float
 
     def heights(self, X: Floats) -> Floats:
-        """(k,) metres of points X (k, 3) beyond the chord; 0 for those that count as on it."""
+        """(k,) metres of points X (k, 3) beyond the chord; 0 within `snap`."""
         height = (X - self.origin) @ self.outward
         return np.asarray(np.where(np.abs(height) < self.snap, 0.0, height))
 
 
 def without_spikes(cells: Sheet) -> tuple[Sheet, int]:
-    """The cells without teeth of material, and how many were cut off; the same cells where there is none.
+    """Cut teeth off the material; return also their number. Without teeth it returns the same cells.
 
-    cells : all cells, material and void, without pinches. Nothing but material beyond a chord becomes void, and no
-            other wall and no edge of the surface lies there: nothing falls apart.
+    cells : all cells, material and void, without pinches. Only material beyond a chord becomes void. No other wall and
+            no edge of the surface lies there, so that parts stay connected.
     """
     count = 0
-    for _ in range(ROUNDS):
+    for _ in range(4):  # neighbouring teeth are cut off one after the other
         found = _spikes(cells) if cells.has_openings else []
         spikes = [found[k] for k in apart(cells, [spike.cells for spike in found])]
         if not spikes:
@@ -69,7 +60,6 @@ def without_spikes(cells: Sheet) -> tuple[Sheet, int]:
 
 
 def _spikes(cells: Sheet) -> list[Spike]:
-    """All teeth of a sheet."""
     walls = Walls.of(cells)
     turn, width = walls.turns(cells), _member_width(cells, walls)
     found = []
@@ -84,7 +74,7 @@ def _spikes(cells: Sheet) -> list[Spike]:
 
 
 def _member_width(cells: Sheet, walls: Walls) -> float:
-    """Metres, in the mean: twice the area of the material over the length of its outline."""
+    """Mean width, metres: twice the area of the material over the length of its outline."""
     surface, material = cells.surface, cells.material
     edge = np.zeros(len(surface.edges.ends), dtype=bool)
     edge[surface.edges.of[material]] = True
@@ -93,12 +83,12 @@ def _member_width(cells: Sheet, walls: Walls) -> float:
 
 
 def _corners_beside(walls: Walls, turn: Floats, tip: int, step: int, longest: float) -> list[tuple[int, float]]:
-    """Re-entrant corners before a tip (step -1) or behind it (1): how many walls away, and how many metres."""
+    """Re-entrant corners before a tip (step -1) or behind it (1): number of walls away, and metres."""
     found, way, size = list[tuple[int, float]](), 0.0, int(np.diff(walls.begin)[walls.chain[tip]])
     for k in range(1, size):
         (last, wall), there = walls.ahead(np.array([tip, tip]), step * np.array([k - 1, k]))
         way += float(walls.length[wall if step < 0 else last])
-        if not there[1] or way > longest:  # a chain that is not closed ends on the edge of the surface
+        if not there[1] or way > longest:  # an open chain ends on the edge of the surface
             break
         if turn[wall] > SHARPEST:
             found.append((k, way))
@@ -106,29 +96,28 @@ def _corners_beside(walls: Walls, turn: Floats, tip: int, step: int, longest: fl
 
 
 def _stretch(walls: Walls, tip: int, before: int, behind: int) -> Ints:
-    """(k,) the walls from one corner to the other, which are so many walls before a tip and behind it."""
     return walls.ahead(np.full(before + behind, tip), np.arange(-before, behind))[0]
 
 
 def _tooth(cells: Sheet, walls: Walls, stretch: Ints, width: float) -> Spike | None:
-    """The tooth along walls (k,); None where it is no tooth for members of a mean width, metres, or its chord leaves
-    the material."""
+    """The tooth along walls (k,) for members of a mean width, metres; None if its shape or its chord does not fit."""
     V, outline = cells.surface.V, np.append(walls.start[stretch], walls.end[stretch[-1]])
     X, step, first = V[outline], walls.length[stretch], walls.outside[stretch] // 3
-    chord, up = X[-1] - X[0], step @ cells.surface.normals[first]  # over an edge of the surface, half of both sides
+    chord, up = X[-1] - X[0], step @ cells.surface.normals[first]  # mean normal over an edge of the surface
     length, outward = float(np.linalg.norm(chord)), np.cross(up, chord)
     if not outward.any() or step.sum() > (FAR if length < THIN * width else LONG) * width:
         return None
-    spike = Spike(outline, first, X[0], outward / np.linalg.norm(outward), SNAP * length)
+    spike = Spike(outline, first, X[0], outward / np.linalg.norm(outward), 2e-3 * length)
     height = spike.heights(X)
-    if height.min() < 0 or height.max() < max(HIGH * width, POINTED * length):
+    lowest = max(0.04 * width, 0.25 * length)  # lower ones are hairs, or bends of a member
+    if height.min() < 0 or height.max() < lowest:
         return None
     reached = _reached(cells, spike)
     return None if reached is None else spike._replace(cells=reached)
 
 
 def _reached(cells: Sheet, spike: Spike) -> Ints | None:
-    """(c,) the material cells beyond the chord in part; None where another wall or an edge of the surface is there."""
+    """(c,) the material cells partly beyond the chord; None if another wall or an edge of the surface is there."""
     surface, material, twins = cells.surface, cells.material, cells.surface.edges.twins
     own, seen, waiting = set(spike.outline.tolist()), set[int](), set(spike.cells.tolist())
     while waiting:
@@ -149,7 +138,6 @@ def _reached(cells: Sheet, spike: Spike) -> Ints | None:
 
 
 def _cut_off(cells: Sheet, spikes: list[Spike]) -> Sheet:
-    """The teeth, which share no vertex, made void."""
     some = Recut.of(cells, np.unique(np.concatenate([spike.cells for spike in spikes])))
     mesh = some.mesh
     x, active = np.zeros(len(mesh.X)), np.zeros(len(some.cells), dtype=bool)

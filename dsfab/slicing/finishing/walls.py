@@ -13,7 +13,7 @@ from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import half_edges
 
 SHARPEST = float(np.radians(20))
-"""Where the outline of an opening turns by more than this, it has a corner."""
+"""The outline of an opening has a corner where it turns by more."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,8 +22,8 @@ class Walls:
 
     inside, outside : (w,) the half-edge of the void cell, and that of the material cell.
     start, end : (w,) vertices.    length : (w,) metres.    place : (w,) metres from the chain's beginning to start.
-    chain  : (w,) its number.    begin : (c + 1,) where chains begin.    total : (c,) their lengths, metres.
-    closed : (c,) chains that come back to their beginning; others end on the boundary of the surface.
+    chain  : (w,) its number.    begin : (c + 1,) first wall of each chain.    total : (c,) lengths of chains, metres.
+    closed : (c,) True for a closed chain; open chains end on the boundary of the surface.
     """
 
     inside: Ints
@@ -39,7 +39,7 @@ class Walls:
 
     @classmethod
     def of(cls, sheet: Sheet) -> "Walls":
-        """The walls between material and void of a sheet, chained."""
+        """Return the walls between material and void of a sheet, chained."""
         one, two = sheet.surface.edges.pairs.T
         void = ~sheet.material
         wall = void[one // 3] != void[two // 3]
@@ -55,8 +55,9 @@ class Walls:
         return cls(h, (one + two)[order] - h, a, b, length, place, chain, begin, total, closed)
 
     def ahead(self, wall: Ints, steps: Ints) -> tuple[Ints, Bools]:
-        """(k,) the walls so many steps (k,) from `wall` (k,) along its chain, and whether they exist: open chains
-        end."""
+        """(k,) the walls `steps` (k,) after `wall` (k,) along its chain, and a mask of those that exist: open
+        chains end.
+        """
         chain = self.chain[wall]
         begin, size = self.begin[chain], self.begin[chain + 1] - self.begin[chain]
         at = wall - begin + steps
@@ -75,19 +76,19 @@ class Walls:
         return np.clip(found, self.begin[chain], self.begin[chain + 1] - 1)
 
     def points(self, V: Floats, wall: Ints, share: Floats) -> Floats:
-        """(k, 3) the places on walls (k,) before which shares (k,) of them lie, on vertices V (n, 3)."""
+        """(k, 3) the points at shares (k,) of walls (k,), on vertices V (n, 3)."""
         one, two = V[self.start[wall]], V[self.end[wall]]
         return np.asarray(one + share[:, None] * (two - one))
 
     def nearest(self, V: Floats, points: Floats) -> tuple[Ints, Floats]:
-        """(k,) the walls nearest to points (k, 3), and the places (k, 3) on them, on vertices V (n, 3)."""
+        """(k,) the walls nearest to points (k, 3), and the nearest points (k, 3) on them, on vertices V (n, 3)."""
         found = nearest(points, V, np.stack([self.start, self.end], axis=1))
         return found.simplex, found.place
 
     def turns(self, sheet: Sheet) -> Floats:
-        """(w,) by how much the outline turns to the left where a wall starts, radians: pi less the angle of the void.
+        """(w,) left turn of the outline at the start of each wall, radians: pi less the angle of the void.
 
-        Minus infinity where no other wall comes before. Angles are those on the surface: a crease makes no corner.
+        Minus infinity without a wall before. Angles are those on the surface: a crease makes no corner.
         """
         F, V = sheet.surface.F[~sheet.material], sheet.surface.V
         angle: Floats = np.zeros(sheet.surface.n)
@@ -109,7 +110,7 @@ def following(chain: Ints) -> Ints:
 
 
 def _onward(surface: Surface, a: Ints, b: Ints) -> Ints:
-    """(w,) the wall from a to b that each one is followed by, or -1: at a boundary, where others may meet it."""
+    """(w,) the wall after each wall from a to b, or -1 at a boundary and where several walls meet."""
     ends = surface.edges.ends[surface.edges.boundary]
     plain = (np.bincount(a, minlength=surface.n) == 1) & (np.bincount(b, minlength=surface.n) == 1)
     plain[ends] = False
@@ -119,7 +120,7 @@ def _onward(surface: Surface, a: Ints, b: Ints) -> Ints:
 
 
 def _chains(onward: Ints) -> tuple[Ints, Ints, Bools]:
-    """The walls chain by chain, where chains begin and one more, and which of them are closed."""
+    """The walls chain by chain, the limits of the chains, and a mask of the closed ones."""
     headless = np.ones(len(onward), dtype=bool)
     headless[onward[onward >= 0]] = False
     follow, seen = onward.tolist(), bytearray(len(onward))
@@ -139,9 +140,9 @@ def _chains(onward: Ints) -> tuple[Ints, Ints, Bools]:
 
 @dataclass(frozen=True, eq=False)
 class Stretches:
-    """Parts (p,) of chains, which may run over the beginning of a closed one: there they are two.
+    """Parts (p,) of chains; a part that runs over the beginning of a closed chain has two entries.
 
-    low, high : (q,) metres, all chains laid end to end.    part : (q,) of which part each is.
+    low, high : (q,) metres, all chains laid end to end.    part : (q,) the part of each entry.
     """
 
     low: Floats
@@ -151,7 +152,7 @@ class Stretches:
 
     @classmethod
     def of(cls, walls: Walls, chain: Ints, begin: Floats, length: Floats) -> "Stretches":
-        """Of chains (p,), from a place (p,) along each, so long (p,), all in metres."""
+        """Return parts of chains (p,), from a place (p,) along each, of a length (p,), all in metres."""
         before, total = walls.before, walls.total[chain]
         begin = begin % total
         over = np.flatnonzero(begin + length > total)
@@ -162,16 +163,16 @@ class Stretches:
         return cls(low, high, np.append(np.arange(len(chain)), over), before)
 
     def cover(self, chain: Ints, place: Floats) -> Bools:
-        """(k,) which places (k,), metres along chains (k,), lie in them; they must be disjoint."""
+        """(k,) mask of places (k,), metres along chains (k,), in the parts, which must be disjoint."""
         if not len(self.low):
             return np.zeros(len(place), dtype=bool)
         order = np.argsort(self.low)
-        x = self.before[chain] + np.maximum(place, 0.0)  # sums of lengths round below 0
+        x = self.before[chain] + np.maximum(place, 0.0)  # rounding may give less than 0
         at = np.searchsorted(self.low[order], x, side="right") - 1
         return np.asarray((at >= 0) & (x <= self.high[order][np.maximum(at, 0)]))
 
     def meet(self, other: "Stretches", count: int) -> Bools:
-        """(count,) which of the parts reach into disjoint other ones."""
+        """(count,) mask of the parts that overlap other stretches, which must be disjoint."""
         if not len(other.low):
             return np.zeros(count, dtype=bool)
         order = np.argsort(other.low)
@@ -180,7 +181,7 @@ class Stretches:
         return np.asarray(np.bincount(self.part, into, count) > 0)
 
     def disjoint(self, count: int) -> Bools:
-        """(count,) which of the parts may stay so that none reaches into another: the longer of two."""
+        """(count,) mask of parts that do not overlap; of two the longer stays."""
         length = np.bincount(self.part, self.high - self.low, count)
         stay, taken = np.ones(count, dtype=bool), list[tuple[float, float]]()
         for k in np.argsort(-length[self.part], kind="stable").tolist():

@@ -1,4 +1,4 @@
-"""`Chart`: a divided surface with one value of two phases per vertex, its families and their middle lines."""
+"""`Chart`: a divided surface with two phases at its vertices; its stripes and their middle lines."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,17 +17,17 @@ from dsfab.surface.fields import CornerField, hat_gradients
 from dsfab.surface.topology import EdgeTable, edge_table
 
 SLICING_SAME = 2.0**-30
-"""Phases that differ by less, in periods, are those of one vertex."""
+"""Phases that differ by less, in periods, are equal."""
 
 
 @dataclass(frozen=True, eq=False)
 class Chart:
-    """A surface cut open where phases do not fit together; stripes are where a phase is near a whole number.
+    """A surface cut open where phases do not fit together; stripes are near whole numbers of a phase.
 
-    surface : the same sheet on vertices of its own (n', m').    parent : (m',) face of the uncut surface (n, m).
+    surface : the same sheet on its own vertices (n', m').    parent : (m',) face of the uncut surface (n, m).
     weights : (n', n) barycentric weights on the uncut vertices.
     z       : (n', 2) phases of both families in periods of the lines that are drawn there.
-    scale   : (n', 2) periods of that in a period of the finest lines; 0 where there is no phase.
+    scale   : (n', 2) such periods in a period of the finest lines; 0 without a phase.
     """
 
     surface: Surface
@@ -41,15 +41,14 @@ class Chart:
         lock(self, "scale", np.float64, (self.surface.n, 2))
 
     def carry(self, x: Floats) -> Floats:
-        """Values (n, ...) at the uncut vertices, interpolated to this sheet's (n', ...)."""
+        """Interpolate values (n, ...) at the uncut vertices to this sheet's (n', ...)."""
         return np.asarray(self.weights @ x)
 
 
 def chart_of(halved: Halved, phases: tuple[CornerField, CornerField] | None = None) -> Chart:
-    """The chart of a surface that was divided where stripes are halved.
+    """Return the chart of a surface that was divided by `halve_lines`.
 
-    phases : the fields (n, 1) that were halved, as they were: lines are drawn where they are cut, not where they were
-             moved to so that openings end well; left out, they are drawn there.
+    phases : the fields (n, 1) before snapping; default: the snapped fields, which fit the openings.
     """
     mesh, phases = halved.mesh, phases or halved.phases
     surface, cell = filled_polygons(mesh.cells, mesh.X, mesh.parent)
@@ -66,13 +65,10 @@ def chart_of(halved: Halved, phases: tuple[CornerField, CornerField] | None = No
 
 
 def _alike(key: Ints, rows: Floats) -> tuple[Ints, Ints]:
-    """The first of all things (k,) that have the same key and row (k, r) of whole numbers, and the group of each.
-
-    Nearly all with one key are alike: only those that differ from the first of it are sorted by their rows.
-    """
+    """The first of all rows with equal key (k,) and equal whole numbers (k, r), and the group of each."""
     order, begins, of = grouped(key)
     lead = order[begins][of]
-    other = np.flatnonzero((rows != rows[lead]).any(axis=1))
+    other = np.flatnonzero((rows != rows[lead]).any(axis=1))  # few: only these are sorted by their rows
     lead = lead.copy()
     if len(other):
         table = np.column_stack([key[other], rows[other]])
@@ -85,7 +81,6 @@ def _alike(key: Ints, rows: Floats) -> tuple[Ints, Ints]:
 
 
 def _slots(mesh: PolygonMesh, F: Ints, cell: Ints) -> Ints:
-    """(3 m',) the slot of each corner of triangles F (m', 3) in their polygons (m',)."""
     n = len(mesh.X)
     key = mesh.cells.owner * n + mesh.cells.corner
     order = sorted_order(key)
@@ -95,21 +90,19 @@ def _slots(mesh: PolygonMesh, F: Ints, cell: Ints) -> Ints:
 
 ON = 1e-6
 """Phases this near to a whole number, in periods, are on the middle of a stripe."""
-FLAT = 1e-9
-"""Faces on which a phase grows by less than this over the size of the surface, in periods, have no spacing."""
 POINTS = np.array([[4, 1, 1], [1, 4, 1], [1, 1, 4], [2, 2, 2]]) / 6
-"""(4, 3) where faces are looked at: the centroids of four triangles that a face divides into, nearly."""
+"""(4, 3) sample points of a face: near the centroids of four equal triangles in it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Drawn:
-    """Stripes where |z - k| < d, k a whole number, and what is kept besides.
+    """Stripes |z - k| < d, k a whole number, and other material.
 
-    surface : n vertices, m faces; vertices at one place are one, where the surface is cut open.
+    surface : n vertices, m faces; a surface cut open has several vertices at the same place.
     z       : (n, 2) phases of both families, whole numbers at the middles of stripes.
     d       : (n, 2) half-widths, in periods.
-    known   : (m, 2) faces that have a phase; in the others no stripe is drawn.
-    kept    : (n,) positive in what is kept besides the stripes.
+    known   : (m, 2) faces with a phase; other faces have no stripes.
+    kept    : (n,) positive in other material, besides the stripes.
     """
 
     surface: Surface
@@ -127,7 +120,7 @@ class Drawn:
 
     @classmethod
     def of(cls, chart: Chart, d: Floats, kept: Floats) -> Self:
-        """On a chart; half-widths (n, 2) and what is kept (n,) are those of the uncut vertices."""
+        """Return the stripes of a chart; half-widths (n, 2) and other material (n,) are on the uncut vertices."""
         known = np.asarray((chart.scale[chart.surface.F] > 0).all(axis=1))
         whole = np.rint(chart.z)
         z = np.where(np.abs(chart.z - whole) < ON, whole, chart.z)
@@ -135,7 +128,7 @@ class Drawn:
 
     @cached_property
     def place(self) -> Ints:
-        """(n,) the place of each vertex: the same number for all that are at one place."""
+        """(n,) the place of each vertex: the same number for all vertices with equal coordinates."""
         order = np.lexsort(self.surface.V.T)
         apart = (np.diff(self.surface.V[order], axis=0) != 0).any(axis=1)
         place = np.empty(self.surface.n, dtype=np.int64)
@@ -152,8 +145,8 @@ class Drawn:
         return np.asarray(x[self._corner])
 
     def steep(self, k: int) -> Bools:
-        """(m,) faces on which the phase of family k grows."""
-        return self.known[:, k] & (self.slope[k] * self.surface.size > FLAT)
+        """(m,) faces on which the phase of family k grows, by at least 1e-9 periods over the size of the surface."""
+        return self.known[:, k] & (self.slope[k] * self.surface.size > 1e-9)
 
     @cached_property
     def _corner(self) -> Ints:
@@ -161,7 +154,7 @@ class Drawn:
 
     @cached_property
     def gradients(self) -> tuple[Floats, Floats]:
-        """(m, 3) each, of both phases on the faces, per metre."""
+        """(m, 3) each, gradients of both phases on the faces, per metre."""
         hats = np.ascontiguousarray(hat_gradients(self.surface).transpose(1, 0, 2))
         one, two = (sum(g * z[:, None] for g, z in zip(hats, self.corners(x), strict=True)) for x in self.z.T)
         return np.asarray(one), np.asarray(two)
@@ -173,18 +166,18 @@ class Drawn:
         return one, two
 
     def inside(self, k: int, face: Ints, at: Floats) -> Bools:
-        """(q,) whether points at barycentric coordinates (q, 3) of faces (q,) lie in stripes of family k."""
+        """(q,) mask of points at barycentric coordinates (q, 3) of faces (q,) in stripes of family k."""
         corner = self.surface.F[face]
         z, d = (np.einsum("qc,qc->q", x[corner, k], at) for x in (self.z, self.d))
         return np.asarray((np.abs(z - np.rint(z)) <= d + ON * (d > 0)) & self.known[face, k])
 
     def is_kept(self, face: Ints, at: Floats) -> Bools:
-        """(q,) whether points lie in what is kept besides the stripes."""
+        """(q,) mask of points in material besides the stripes."""
         return np.asarray(np.einsum("qc,qc->q", self.kept[self.surface.F[face]], at) > 0)
 
     @cached_property
     def void(self) -> Floats:
-        """(m,) share of each face that is not material, from four points."""
+        """(m,) share of each face that is void, from four points."""
         solid = self._kept_points.copy()
         for k in (0, 1):
             z, d = (POINTS @ self.corners(x[:, k]) for x in (self.z, self.d))
@@ -192,14 +185,14 @@ class Drawn:
         return np.asarray(1 - solid.mean(axis=0))
 
     def member(self, k: int) -> tuple[Floats, Floats]:
-        """(m,) widths of the members of family k on the faces, metres, and the area that they take there, m2."""
+        """(m,) widths of the members of family k on the faces, metres, and their area there, m2."""
         z, d = (POINTS @ self.corners(x[:, k]) for x in (self.z, self.d))
         share = ((np.abs(z - np.rint(z)) < d) & self.known[:, k]).mean(axis=0)
         return 2 * d.mean(axis=0) / self.slope[k], self.surface.areas * share
 
     @cached_property
     def free(self) -> Floats:
-        """(m,) share of each face outside of what is kept besides the stripes."""
+        """(m,) share of each face outside material besides the stripes."""
         return np.asarray(1 - self._kept_points.mean(axis=0))
 
     @cached_property
@@ -207,17 +200,12 @@ class Drawn:
         return np.asarray(POINTS @ self.corners(self.kept) > 0)
 
 
-MIDDLES_SAME = 1e-5
-"""Pieces that end at places of an edge that are this near, as a share of it, hang together."""
-
-
 @dataclass(frozen=True, eq=False)
 class Middles:
-    """The middles of family k.
+    """The middles of the members of family k, in pieces.
 
-    face : (s,) of each piece.    at : (s, 2, 3) barycentric coordinates of its ends.    node : (s, 2) where it ends.
-    copy : (s,) pieces along an edge of which an earlier one is the same.    edge : (j,) whether nodes are on the
-    boundary of the surface.
+    face : (s,) of each piece.    at : (s, 2, 3) barycentric coordinates of its ends.    node : (s, 2) its end nodes.
+    copy : (s,) pieces along an edge that repeat an earlier one.    edge : (j,) nodes on the boundary of the surface.
     """
 
     drawn: Drawn
@@ -244,33 +232,35 @@ class Middles:
 
     @cached_property
     def degree(self) -> Ints:
-        """(j,) how many pieces end at each node."""
+        """(j,) number of pieces that end at each node."""
         return np.bincount(self.node[~self.copy].ravel(), minlength=len(self.edge))
 
     def at_nodes(self, marked: Bools) -> Bools:
-        """(j,) nodes at which one of the ends (s, 2) is marked."""
+        """(j,) nodes with a marked end (s, 2)."""
         found = np.zeros(len(self.edge), dtype=bool)
         found[self.node[marked]] = True
         return found
 
     @cached_property
     def met(self) -> Bools:
-        """(s, 2) ends that lie in a member of the other family, or in what is kept besides the stripes."""
+        """(s, 2) ends in a member of the other family, or in material besides the stripes."""
         face, at = np.repeat(self.face, 2), self.at.reshape(-1, 3)
         inside = self.drawn.inside(1 - self.k, face, at) | self.drawn.is_kept(face, at)
         return np.asarray(inside.reshape(-1, 2))
 
     @cached_property
     def place(self) -> Floats:
-        """(j, 3) where the nodes are, metres."""
+        """(j, 3) places of the nodes, metres."""
         found = np.empty((len(self.edge), 3))
         found[self.node] = self.points
         return found
 
 
 class _Pieces(NamedTuple):
-    """Faces (s,), numbers of lines (s,), and the slots (s, 2) of faces at which pieces end: 0 to 2 a corner, 3 to 5 the
-    edge from corner slot - 3."""
+    """Faces (s,), numbers of lines (s,), and the slots (s, 2) of faces at which pieces end.
+
+    Slots 0 to 2 are corners, 3 to 5 the edges from corner slot - 3.
+    """
 
     face: Ints
     line: Ints
@@ -278,7 +268,7 @@ class _Pieces(NamedTuple):
 
 
 def middles(drawn: Drawn, k: int) -> Middles:
-    """The middles of the members of family k: none where half-widths are 0."""
+    """Return the middles of the members of family k; none for half-widths of 0."""
     F = drawn.surface.F
     pieces = _pieces(drawn, k)
     z = drawn.z[F[pieces.face], k] - pieces.line[:, None]
@@ -318,9 +308,9 @@ def _barycentric(z: Floats, slot: Ints) -> Floats:
 
 
 def _nodes(drawn: Drawn, pieces: _Pieces, at: Floats) -> tuple[Ints, Bools]:
-    """(s, 2) the node of each end, and (j,) whether nodes are on the boundary of the surface.
+    """(s, 2) the node of each end, and (j,) mask of nodes on the boundary of the surface.
 
-    Ends are compared by where they are on an edge; those at vertices come before all of them.
+    Ends on an edge are sorted by their place; ends at vertices come before them.
     """
     table, F = drawn.table, drawn.surface.F
     face, slot, weight = np.repeat(pieces.face, 2), pieces.slot.ravel(), at.reshape(-1, 3)
@@ -330,7 +320,7 @@ def _nodes(drawn: Drawn, pieces: _Pieces, at: Floats) -> tuple[Ints, Bools]:
     t = np.where(vertex == table.ends[edge, 0], t, 1 - t)
     key = np.where(on_edge, edge + len(F) * 3, vertex)
     order = np.lexsort((np.where(on_edge, t, 0.0), key))
-    apart = (np.diff(key[order]) != 0) | (np.diff(np.where(on_edge, t, 0.0)[order]) > MIDDLES_SAME)
+    apart = (np.diff(key[order]) != 0) | (np.diff(np.where(on_edge, t, 0.0)[order]) > 1e-5)
     node = np.empty(len(slot), dtype=np.int64)
     node[order] = np.concatenate([[0], np.cumsum(apart)]) if len(slot) else np.empty(0, dtype=np.int64)
     rim = np.zeros(drawn.surface.n, dtype=bool)

@@ -19,8 +19,10 @@ from dsfab.surface.topology import EdgeTable, edge_table, half_edges
 
 
 class Labels(NamedTuple):
-    """Boundary edges of a kept sheet: half-edge, first and last vertex, and family (k,) each; `VOID` (-1) for those on
-    the boundary of the uncut surface."""
+    """Boundary edges of a material sheet: half-edge, first and last vertex, and family (k,) each.
+
+    The family is `VOID` (-1) on the boundary of the uncut surface.
+    """
 
     half_edge: Ints
     start: Ints
@@ -29,10 +31,9 @@ class Labels(NamedTuple):
 
 
 def outline_labels(sheet: Sheet, uncut: Surface) -> Labels:
-    """The edges of the outline of a kept sheet, cut from the surface `uncut`.
+    """Label the edges of the outline of a material sheet, cut from the surface `uncut`.
 
-    The edge of a cell belongs to the family that made the cell material, or to the boundary of the uncut surface where
-    it lies on it.
+    An edge has the family of its cell, or `VOID` on the boundary of the uncut surface.
     """
     table = sheet.surface.edges
     h = table.order[table.start[:-1][table.boundary]]
@@ -41,9 +42,9 @@ def outline_labels(sheet: Sheet, uncut: Surface) -> Labels:
 
 
 def outline_corners(sheet: Sheet, uncut: Surface) -> Floats:
-    """Vertices (k, 3) of the boundary of a kept sheet where two curves meet, metres, at whatever angle.
+    """Vertices (k, 3) of the outline of a material sheet, metres, where two curves meet at any angle.
 
-    `uncut` is the surface that `sheet` was cut from.
+    uncut : the surface that `sheet` was cut from.
     """
     _, a, b, family = outline_labels(sheet, uncut)
     low, high = np.full(sheet.surface.n, np.iinfo(np.int64).max), np.full(sheet.surface.n, np.iinfo(np.int64).min)
@@ -54,7 +55,7 @@ def outline_corners(sheet: Sheet, uncut: Surface) -> Floats:
 
 
 def _on_boundary(sheet: Sheet, uncut: Surface, a: Ints, b: Ints) -> Bools:
-    """(k,) whether the edges a - b lie on the uncut boundary: together they stand on two vertices, a boundary edge."""
+    """(k,) mask of edges a - b on the uncut boundary: the weights of both ends use only the ends of a boundary edge."""
     stand = csr_array(sheet.weights[a] + sheet.weights[b])
     stand.eliminate_zeros()
     stand.sort_indices()
@@ -67,17 +68,14 @@ def _on_boundary(sheet: Sheet, uncut: Surface, a: Ints, b: Ints) -> Bools:
     return on
 
 
-INSIDE = 1e-9
-"""A point this far outside a cell is in it still, as a share of the uncut face: cells leave no gap between them."""
-
 LEAST = 1e-7
-"""Shorter parts of a segment, and shorter gaps in it, are those of rounding."""
+"""Shorter parts of a segment, and shorter gaps in it, are rounding."""
 
 
 class Spans(NamedTuple):
-    """What is left of segments.
+    """Remaining parts of segments.
 
-    segment : (p,) of which.    begin, end : (p,) from where to where, 0 to 1.
+    segment : (p,) segment of each part.    begin, end : (p,) positions on it, 0 to 1.
     of_pair : (q,) the part that a pair of segment and cell belongs to, and cell : (q,) that cell.
     """
 
@@ -89,11 +87,12 @@ class Spans(NamedTuple):
 
 
 def clipped(chart: Chart, face: Ints, at: Floats, of: Ints, sheet: Sheet, F: Ints) -> Spans:
-    """The parts of segments that lie on cells of a sheet.
+    """Return the parts of segments that lie on cells of a sheet.
 
-    face, at, of : (v,) faces of the chart, (v, 2, 3) both ends there, and the segment that this is a view of; two faces
-                   may see the same segment, along the edge between them.
-    F            : (m, 3) the uncut faces.
+    face        : (v,) faces of the chart.
+    view_ends   : (v, 2, 3) both ends of the segment in barycentric coordinates of the face.
+    segment     : (v,) the segment; two faces may see the same one, along their common edge.
+    F           : (m, 3) the uncut faces.
     """
     ends = at @ _in_parents(chart.weights, chart.surface.F[face], chart.parent[face], F)  # on the uncut faces
     order = sorted_order(sheet.parent)
@@ -117,14 +116,14 @@ def _in_parents(weights: csr_array, F: Ints, parent: Ints, uncut: Ints) -> Float
 
 
 def _inside(ends: Floats, corners: Floats) -> tuple[Floats, Floats]:
-    """(q,) from where to where segments (q, 2, 2) are inside triangles (q, 3, 2); nowhere if the second is less."""
+    """(q,) begin and end of segments (q, 2, 2) inside triangles (q, 3, 2); end < begin if outside."""
     low, high = np.zeros(len(ends)), np.ones(len(ends))
     side = np.roll(corners, -1, axis=1) - corners
     area = side[:, 0, 0] * side[:, 1, 1] - side[:, 0, 1] * side[:, 1, 0]
     for c in range(3):
         to = ends - corners[:, c, None]
         length = np.linalg.norm(side[:, c], axis=1) * np.sign(area)
-        depth = (side[:, c, None, 0] * to[..., 1] - side[:, c, None, 1] * to[..., 0]) / length[:, None] + INSIDE
+        depth = (side[:, c, None, 0] * to[..., 1] - side[:, c, None, 1] * to[..., 0]) / length[:, None] + 1e-9
         begin, end = depth.T
         t = begin / np.where(begin == end, 1.0, begin - end)
         low = np.where((begin < 0) & (end >= 0), np.maximum(low, t), low)
@@ -134,7 +133,6 @@ def _inside(ends: Floats, corners: Floats) -> tuple[Floats, Floats]:
 
 
 def _united(segment: Ints, begin: Floats, end: Floats, cell: Ints) -> Spans:
-    """Parts that touch or overlap, as one each."""
     order = np.lexsort([begin, segment])
     segment, begin, end, cell = segment[order], begin[order], end[order], cell[order]
     upto = np.maximum.accumulate(2.0 * segment + end)  # no part of one segment reaches the next
@@ -146,12 +144,8 @@ def _united(segment: Ints, begin: Floats, end: Floats, cell: Ints) -> Spans:
     return Spans(segment[first], start, np.where(last > 1 - LEAST, 1.0, last), np.cumsum(new) - 1, cell)
 
 
-NEAR = 1e-5
-"""Two faces cross an edge in the same place if that differs by less, as a share of the edge."""
-
-
 class Middle(NamedTuple):
-    """A line along the middle of a member: its number, as most of it is seen, and points (k, 3) in metres."""
+    """A line along the middle of a member: the number of most of it, and points (k, 3) in metres."""
 
     number: int
     points: Floats
@@ -159,7 +153,7 @@ class Middle(NamedTuple):
 
 @dataclass(frozen=True, eq=False)
 class Chords:
-    """Segments of middles, each between two nodes; one that runs along an edge may be seen by both faces there.
+    """Segments of middles, each between two nodes; both faces at an edge may see a segment along it.
 
     link   : (l, 2) nodes.                point  : (nodes, 3) metres.
     of     : (v,) the segment of a view.  face   : (v,) of the chart.    number : (v,) of the line, in the finest lines.
@@ -175,10 +169,10 @@ class Chords:
 
     @classmethod
     def on(cls, chart: Chart, family: int, half_width: Floats) -> "Chords":
-        """Those of a family in faces where it has a phase, and a half-width (n,) over 0 at every corner.
+        """Return the middles of a family in faces with a phase and a half-width (n,) over 0 at every corner.
 
              |                  A face has a chord for every whole number between two of its corners, from side to
-        ---o-+-o---  k          side or from a corner; and one along a side both of whose ends are on k.
+        ---o-+-o---  k          side or from a corner; and a chord along a side if both of its ends are on k.
              |
         """
         y, scale = (x[:, family][chart.surface.F] for x in (chart.z, chart.scale))
@@ -197,7 +191,6 @@ class Chords:
 
     @classmethod
     def _joined(cls, chart: Chart, face: Ints, number: Ints, d: Floats) -> "Chords":
-        """Chords where fields d (v, 3) at the corners of faces (v,) are 0."""
         ahead = np.roll(d, -1, axis=1)
         place = np.nonzero(np.concatenate([d == 0, d * ahead < 0], axis=1))[1].reshape(-1, 2)  # corners, then sides
         t = np.where(d * ahead < 0, d / np.where(d == ahead, 1.0, d - ahead), 0.0)
@@ -211,7 +204,7 @@ class Chords:
 
 
 def _nodes(chart: Chart, face: Ints, corner: Ints, whole: np.ndarray, share: Floats) -> tuple[Ints, Floats]:
-    """(v, 2) the nodes at corners (where `whole`) or on the sides after them, and (nodes, 3) their points, metres."""
+    """(v, 2) nodes at corners (where `at_corner`) or on the sides after them, and (nodes, 3) their points, metres."""
     V, vertex = np.unique(chart.surface.V, axis=0, return_inverse=True)  # cuts of the chart are no edges of the sheet
     F = vertex.ravel()[chart.surface.F]
     edges: EdgeTable = edge_table(F)
@@ -221,7 +214,7 @@ def _nodes(chart: Chart, face: Ints, corner: Ints, whole: np.ndarray, share: Flo
     side, t = side.ravel()[on_side], t.ravel()[on_side]
     order = np.lexsort([t, side])
     new = np.ones(len(order), dtype=bool)
-    new[1:] = (np.diff(side[order]) != 0) | (np.diff(t[order]) > NEAR)
+    new[1:] = (np.diff(side[order]) != 0) | (np.diff(t[order]) > 1e-5)
     node = start.ravel().copy()
     node[on_side[order]] = len(V) + np.cumsum(new) - 1
     first = order[new]
@@ -230,12 +223,12 @@ def _nodes(chart: Chart, face: Ints, corner: Ints, whole: np.ndarray, share: Flo
 
 
 def middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, F: Ints, passing: Ints) -> list[Middle]:
-    """The middles of one family's members on what is kept of the surface.
+    """Return the middle lines of one family's members on the remaining sheet.
 
-    half_width : (n,) in periods: material is |z - k| < d, and where d is 0 there is no member.
-    sheet      : what is kept.    F : (m, 3) the uncut faces.
-    passing    : values of `sheet.family`; lines that run through cells of these alone are left out: that is where a
-                 line of the chart, which no member was drawn along, passes below another member.
+    half_width : (n,) in periods: material is |z - k| < d; d = 0 means no member.
+    sheet      : the material.    F : (m, 3) the uncut faces.
+    passing    : values of `sheet.family`. Lines that run through such cells only are left out, because no member was
+                 drawn along them: they pass below another member.
     """
     chords = Chords.on(chart, family, half_width)
     spans = clipped(chart, chords.face, chords.at, chords.of, sheet, F)
@@ -256,9 +249,9 @@ def middles(chart: Chart, family: int, half_width: Floats, sheet: Sheet, F: Ints
 
 
 def _pieces(chords: Chords, spans: Spans) -> tuple[Ints, Floats]:
-    """(p, 2) the nodes of what is left of the segments, at most two at each, and the points of all nodes.
+    """(p, 2) the nodes of the parts of the segments, at most two parts at each, and the points of all nodes.
 
-    Where a segment is cut it gets a node of its own, and where more than two meet, each does: there all of them end.
+    A cut segment gets a node of its own. If more than two segments meet, all of them end there.
     """
     link = chords.link[spans.segment]
     a, b = (chords.point[link[:, k]] for k in (0, 1))
@@ -279,29 +272,29 @@ def mostly(number: Ints, weight: Floats) -> int:
 
 
 BOUNDARY = "boundary"
-"""The family of an edge that lies on the boundary of the uncut surface."""
+"""The family of an edge on the boundary of the uncut surface."""
 
 STRIPES = ("major", "minor")
 """The families of a chart, in its order."""
 
 
 class CornerLines(NamedTuple):
-    """A field of evenly spaced stripes and the values of their middles: each face sees it in a sign of its own."""
+    """A field of evenly spaced stripes, with a sign in each face, and the values of their middles."""
 
     field: CornerField
     levels: Floats
 
 
 Phase = Floats | CornerLines | None
-"""z (n,) on the uncut surface, integers at the middles of stripes; or that at corners; or None for no stripes."""
+"""z (n,) on the uncut surface, integers at the middles of stripes; the same at corners; or None without stripes."""
 
 
 def edge_lines(sheet: Sheet, uncut: Surface, names: Sequence[str], phases: Sequence[Phase]) -> list[StructureLine]:
-    """The outline of a kept sheet, cut into lines wherever it passes from one family or stripe to another.
+    """Divide the outline of a material sheet into lines, at each change of family or stripe.
 
-    names  : of the fields that the sheet was cut by; a cell's `family` is an index into them.
-    phases : for each field. An edge belongs to the stripe k that the cell beside it is a part of: z is next to k. Of
-             phases at corners k is what the face sees; a line is numbered as most of it is.
+    names  : of the fields of the cut; a cell's `family` is an index into them.
+    phases : for each field. An edge belongs to stripe k of its cell: z is next to k. For phases at corners the face
+             gives k, and a line has the number of most of it.
     Together the lines are the boundary of the sheet, each edge of it once, with the material on the left.
     """
     labels = outline_labels(sheet, uncut)
@@ -320,8 +313,6 @@ def edge_lines(sheet: Sheet, uncut: Surface, names: Sequence[str], phases: Seque
 
 
 class _Stripes:
-    """The stripes that the edges of an outline belong to."""
-
     def __init__(self, sheet: Sheet, uncut: Surface, phases: Sequence[Phase], labels: Labels) -> None:
         self.family, self.cell, self.phases = labels.family, labels.half_edge // 3, phases
         self.parent, self.weights, self.F = sheet.parent[self.cell], sheet.weights, uncut.F
@@ -331,7 +322,6 @@ class _Stripes:
                 self.number[mine] = self._numbers(sheet, phase, self.cell[mine])
 
     def _numbers(self, sheet: Sheet, phase: Floats | CornerLines, cell: Ints) -> Ints:
-        """(k,) of the stripes that cells (k,) are part of."""
         corners = sheet.surface.F[cell]
         if not isinstance(phase, CornerLines):
             return np.asarray(np.rint(sheet.carry(phase)[corners].mean(axis=1)), dtype=np.int64)
@@ -344,10 +334,7 @@ class _Stripes:
         return np.asarray(np.rint(nearest(z, phase.levels)), dtype=np.int64)
 
     def changes(self, at: Ints, loop: Ints) -> Bools:
-        """(k,) whether edges `at` (k,) around a loop of vertices belong to another stripe than the one before.
-
-        Where both see a stripe of the same field at corners, its number is carried from one face to the other.
-        """
+        """(k,) mask of edges (k,) around a loop of vertices that belong to another stripe than the edge before."""
         before = np.roll(at, 1)
         number = self.number[before].astype(np.float64)
         for k, phase in enumerate(self.phases):
@@ -355,7 +342,7 @@ class _Stripes:
                 both = np.flatnonzero((self.family[at] == k) & (self.family[before] == k))
                 f, g = self.parent[at[both]], self.parent[before[both]]
                 rows = self.weights[loop[both]]
-                base = rows.indices[rows.indptr[:-1]].astype(np.int64)  # a corner of both
+                base = rows.indices[rows.indptr[:-1]].astype(np.int64)  # a common corner
                 here, there = (f, places(self.F[f], base)), (g, places(self.F[g], base))
                 sign = phase.field.sign[here] * phase.field.sign[there]
                 shift = phase.field.shift[here] - sign * phase.field.shift[there]
@@ -364,11 +351,11 @@ class _Stripes:
 
 
 def centre_lines(sheet: Sheet, name: str, phase: Floats, half_width: Floats) -> list[StructureLine]:
-    """The middles z = k of one family's members, for all integers k, on what is kept of the surface.
+    """Return the middles z = k of one family's members, for all integers k, on the remaining surface.
 
-    phase, half_width : z and d (n,) on the uncut surface, in periods: material is |z - k| < d. Where d is 0 there is no
-    member, and no middle even if other material lies there. Both fields are linear in each cell of the sheet, so the
-    lines are exact; that they end with the sheet needs no clipping.
+    phase, half_width : z and d (n,) on the uncut surface, in periods: material is |z - k| < d; d = 0 means no member,
+    and no middle line even in other material. Both fields are linear in each cell of the sheet, so the lines are exact
+    and end with the sheet.
     """
     z = sheet.carry(phase)
     levels = np.arange(np.floor(z.min()), np.ceil(z.max()) + 1)
@@ -380,10 +367,10 @@ def centre_lines(sheet: Sheet, name: str, phase: Floats, half_width: Floats) -> 
 def chart_lines(
     sheet: Sheet, uncut: Surface, names: Sequence[str], name: str, chart: Chart, half_width: Floats
 ) -> list[StructureLine]:
-    """`centre_lines` of evenly spaced members: each as long as it is drawn, ended on the middle of the one it meets.
+    """Return `centre_lines` of evenly spaced members, each extended to the middle of the member that it meets.
 
-    names      : of the fields that the sheet was cut by.    name : "major" or "minor".
-    half_width : (n,) on the uncut surface, in periods of the lines that are drawn.
+    names      : of the fields of the cut.    name : "major" or "minor".
+    half_width : (n,) on the uncut surface, in periods of the drawn lines.
     """
     family = STRIPES.index(name)
     passing = np.array([k for k, other in enumerate(names) if other == STRIPES[1 - family]], dtype=np.int64)
@@ -392,7 +379,6 @@ def chart_lines(
 
 
 def _numbered(kind: Kind, chosen: list[tuple[str, int, Floats]]) -> list[StructureLine]:
-    """The lines with their parts numbered, the longest of each stripe first."""
     groups = defaultdict[tuple[str, int], list[tuple[float, Floats]]](list)
     for family, number, points in chosen:
         groups[family, number].append((polyline_length(points), points))
@@ -404,9 +390,8 @@ def _numbered(kind: Kind, chosen: list[tuple[str, int, Floats]]) -> list[Structu
 
 
 def _loops(surface: Surface) -> list[tuple[Ints, list[int]]]:
-    """The boundary as loops of vertices, and the half-edge from each to the next.
-
-    The surface is on the left of a loop, unless it has one side only: then half-edges may run against it.
+    """The boundary as loops of vertices, the surface on their left if it has two sides, and the half-edge after
+    each vertex.
     """
     table = surface.edges
     half_edge = table.order[table.start[:-1][table.boundary]]
@@ -420,7 +405,6 @@ def _loops(surface: Surface) -> list[tuple[Ints, list[int]]]:
 
 
 def _runs(change: Bools) -> list[Ints]:
-    """The positions of a loop in runs, each of which begins where something changes; all in one if nothing does."""
     begin = np.flatnonzero(change)
     if not len(begin):
         return [np.arange(len(change))]

@@ -1,16 +1,15 @@
-"""`overlaid`: a finished sheet with the stripes of all families on it, none of which hides another.
+"""Overlay of a finished sheet with the stripes of all families, so that no stripe hides another.
 
-A cell that one field made material is not cut by later ones, so under a crossing the second member is not to be seen.
-Here the cells of the kept sheet are divided along the edges of what other fields draw there too:
+Later fields do not cut a cell that one field made material. So the second member is missing under a crossing.
+Here the cells of the sheet are divided along the edges of the other fields too:
 
-         |     |              |     |
-    -----+     +-----    -----+-----+-----     A cell of the crossing then is a part of both members.
-         |     |     ->       |  *  |
-    -----+     +-----    -----+-----+-----
-         |     |              |     |
+     |     |              |     |
+-----+     +-----    -----+-----+-----     A cell of the crossing then is a part of both members.
+     |     |     ->       |  *  |
+-----+     +-----    -----+-----+-----
+     |     |              |     |
 
-What was added to the sheet when it was finished (fillets, bridges, filled openings) lies in no band: it belongs to none
-here.
+Material of the finishing (fillets, bridges, filled openings) lies in no band and belongs to no stripe.
 """
 
 from collections.abc import Sequence
@@ -29,23 +28,18 @@ from dsfab.slicing.cutting.sheet import VOID, Sheet
 from dsfab.surface import CornerField, Surface, connected
 
 ZERO = 2.0**-30
-"""Offsets from the middle of a band that are smaller, in its unit, are on the middle."""
-SNAP = 0.05
-"""Snap fraction of hidden edges (see `dsfab.slicing.cutting.cut`)."""
-SLACK = 0.1
-"""Cells that a field made material are in its band if they are farther out by less than this share of what the field
-grows by over their face of the uncut surface: the cut had moved values, by `slicing.snap`."""
+"""Smaller offsets from the middle of a band, in its unit, are on the middle."""
 
 
 @dataclass(frozen=True, eq=False)
 class DrawnBand:
-    """What one field of a cut draws: material where it has more levels below its first column than below its second.
+    """The stripes of one field of a cut: material has more levels below the first column than below the second.
 
-    family : what it belongs to. Fields of one family do not cross each other.
-    field  : at corners of the uncut surface; or (n', 2) at the vertices of the kept sheet.
+    family : fields of one family do not cross each other.
+    field  : at corners of the uncut surface; or (n', 2) at the vertices of the material sheet.
     levels : (k,) ascending.
     centre : the middle line is where the mean of both columns is a level + centre.
-    hides  : whether it is drawn on only where it made the material itself, or a field before it that hides too.
+    hides  : if True, the stripe appears only in its own material, or in that of an earlier field that hides too.
     """
 
     family: str
@@ -57,15 +51,15 @@ class DrawnBand:
 
 @dataclass(frozen=True, eq=False)
 class Overlay:
-    """A kept sheet divided along hidden edges too, and what each cell is a part of.
+    """A material sheet divided along hidden edges too, and the stripes of each cell.
 
-    sheet  : m cells, all of them material; `family` is the field that made them so.
+    sheet  : m cells, all of them material; `family` is the field that made each.
     source : (m,) the cell of the sheet before.
-    part   : (m, f) for each field the connected stripe that a cell is in, of `count`; -1 for none.
-    of     : (count,) the field of each stripe.    level : (count,) its level, as the most of it sees it.
-    own    : (m,) whether a cell is in the band of the field that made it material.
-    offset : (m, 3, f) at the corners, how far the field is from the middle line of the cell's stripe; never 0, so that
-             the line runs across two sides of a cell or of none. All cells at an edge of a stripe agree up to a sign.
+    part   : (m, f) for each field the connected stripe of a cell, of `count`; -1 for none.
+    of     : (count,) the field of each stripe.    level : (count,) its level in most of its cells.
+    own    : (m,) True for cells in the band of the field that made them material.
+    offset : (m, 3, f) distance of the field at the corners from the middle line of the cell's stripe; never 0, so that
+             the line crosses two sides of a cell or none. All cells at an edge of a stripe agree up to a sign.
     """
 
     sheet: Sheet
@@ -90,12 +84,14 @@ class Overlay:
         return np.asarray(self.sheet.surface.edges.pairs // 3)
 
 
-def overlaid(sheet: Sheet, uncut: Surface, bands: Sequence[DrawnBand], snap: float = SNAP) -> Overlay:
-    """The kept sheet, cut from the surface `uncut`, with every band on it.
+def overlaid(sheet: Sheet, uncut: Surface, bands: Sequence[DrawnBand], snap: float = 0.05) -> Overlay:
+    """Divide a material sheet, cut from the surface `uncut`, along the edges of every band.
 
-    bands : one for each field that the sheet was cut by, in its order.
+    bands : one for each field of the cut, in order.
+    snap  : snap fraction of hidden edges (see `cut`).
 
-    A stripe that made no cell of the sheet material is left out: it was taken off, and others only cover where it was.
+    A stripe that made no cell material is left out, because finishing removed it and other material only covers its
+    place.
     """
     base = sheet.surface
     fields = [_on_sheet(sheet, uncut, band.field) for band in bands]
@@ -117,7 +113,6 @@ def overlaid(sheet: Sheet, uncut: Surface, bands: Sequence[DrawnBand], snap: flo
 
 
 def _on_sheet(sheet: Sheet, uncut: Surface, field: CornerField | Floats) -> CornerField:
-    """The field as the cells of a sheet see it."""
     m = sheet.surface.m
     if not isinstance(field, CornerField):
         return CornerField(field, np.ones((m, 3)), np.zeros((m, 3)), np.zeros(m, dtype=bool))
@@ -128,7 +123,7 @@ def _on_sheet(sheet: Sheet, uncut: Surface, field: CornerField | Floats) -> Corn
 
 
 def _covered(family: Ints, bands: Sequence[DrawnBand], k: int) -> Bools:
-    """(m,) cells on which a band may go on below what another field made material there."""
+    """(m,) cells of other fields under which a band may continue."""
     other = np.array([one.family != bands[k].family and (one.hides or not bands[k].hides) for one in bands])
     other &= ~np.array([bands[k].hides]) | (np.arange(len(bands)) < k)
     return np.asarray(other[family])
@@ -138,9 +133,9 @@ def _covered(family: Ints, bands: Sequence[DrawnBand], k: int) -> Bools:
 class _Stripes:
     """A field on triangles.
 
-    z : (m, 3) mean of both columns at the corners, as the triangle sees it.    d : (m,) half of their difference.
-    number : (m,) the nearest level, and off : (m,) how far the centroid is from that.
-    sign, shift : (m, 3) how corners see the values at the vertices.    blank : (m,)
+    z : (m, 3) mean of both columns at the corners, in the triangle's sign.    d : (m,) half of their difference.
+    number : (m,) the nearest level, and off : (m,) the distance of the centroid from it.
+    sign, shift : (m, 3) from the values at the vertices to those at corners.    blank : (m,)
     """
 
     F: Ints
@@ -165,21 +160,24 @@ class _Stripes:
         return cls(F, z - band.centre, half, number, off, sign, shift, blank)
 
     def inside(self, slack: Floats) -> Bools:
-        """(m,) cells whose centroid is in the band, or farther out by less than a slack (m,)."""
+        """(m,) cells with a centroid in the band, or outside by less than a slack (m,)."""
         return np.asarray((self.off < self.d + slack) & ~self.blank & np.isfinite(self.number))
 
     def links(self, pairs: Ints) -> Bools:
-        """(p,) whether the cells on both sides of half-edges (p, 2) see the same level as their nearest."""
+        """(p,) mask of half-edge pairs (p, 2) whose cells have the same nearest level."""
         h, g = pairs.T
         flat = self.F.ravel()
-        g = np.where(flat[g] == flat[h], g, g - g % 3 + (g + 1) % 3)  # the same vertex, seen by the other cell
+        g = np.where(flat[g] == flat[h], g, g - g % 3 + (g + 1) % 3)  # the same vertex in the other cell
         sign = self.sign.ravel()[h] * self.sign.ravel()[g]
         shift = self.shift.ravel()[h] - sign * self.shift.ravel()[g]
         return np.asarray(np.abs(self.number[h // 3] - (sign * self.number[g // 3] + shift)) < ZERO)
 
     def offsets(self, here: Bools) -> Floats:
-        """(m, 3) z - number where a cell is `here` (m,), NaN elsewhere. Zeros are moved aside, all corners at a vertex
-        to the same side: the one where the stripe is less, so that a line along the edge of a sheet is met."""
+        """(m, 3) z - number in marked cells (m,), NaN elsewhere.
+
+        Zeros move at all corners of a vertex to the side with less of the stripe: then lines along a sheet's edge
+        cross cells.
+        """
         off = np.where(here[:, None], self.z - np.where(here, self.number, 0.0)[:, None], np.nan)
         zero = np.abs(off) < ZERO
         off[zero] = 0.0
@@ -194,14 +192,13 @@ class _Stripes:
 
 
 def _labelled(sheet: Sheet, source: Ints, stripes: list[_Stripes], bands: Sequence[DrawnBand]) -> Overlay:
-    """What each cell of a divided sheet is a part of."""
     m, count = sheet.surface.m, 0
     part, offset = np.full((m, len(bands)), -1), np.full((m, 3, len(bands)), np.nan)
     own, of, level = np.zeros(m, dtype=bool), list[int](), list[float]()
     reach = [_reaches(one.z, source) for one in stripes]
     for k, one in enumerate(stripes):
         mine = sheet.family == k
-        own |= mine & one.inside(SLACK * reach[k])
+        own |= mine & one.inside(0.1 * reach[k])  # the cut had moved values, by `slicing.snap`
     taken = {band.family: np.zeros(m, dtype=bool) for band in bands}
     for k, band in enumerate(bands):
         taken[band.family] |= own & (sheet.family == k)
@@ -226,7 +223,7 @@ def _labelled(sheet: Sheet, source: Ints, stripes: list[_Stripes], bands: Sequen
 
 
 def _reaches(z: Floats, source: Ints) -> Floats:
-    """(m,) the range of z (m, 3) over the cell that each was a part of."""
+    """(m,) the range of z (m, 3) over the former cell of each cell."""
     top, bottom = np.full(int(source.max()) + 1, -np.inf), np.full(int(source.max()) + 1, np.inf)
     np.maximum.at(top, source, z.max(axis=1))
     np.minimum.at(bottom, source, z.min(axis=1))
@@ -234,7 +231,6 @@ def _reaches(z: Floats, source: Ints) -> Floats:
 
 
 def _most(label: Ints, number: Floats, area: Floats) -> list[float]:
-    """Of each label (k,) the number that has most of its area."""
     values, which = np.unique(number, return_inverse=True)
     total = np.zeros((int(label.max(initial=-1)) + 1, len(values)))
     np.add.at(total, (label, which.ravel()), area)

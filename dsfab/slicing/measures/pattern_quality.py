@@ -16,11 +16,11 @@ from dsfab.surface.topology import connected
 
 @dataclass(frozen=True, eq=False)
 class Bays:
-    """The pieces of `Middles`, divided where they cross the middles of the other family.
+    """The pieces of `StripeMiddles`, divided at the middles of the other family.
 
     piece  : (b,) of each part.    at : (b, 3) barycentric coordinates of its middle.    length : (b,) metres.
     bay    : (b,) the bay that it is a part of, of `count`.
-    angle  : (c,) degrees between members where they cross, outside of what is kept besides the stripes.
+    angle  : (c,) degrees between members at crossings, outside material besides the stripes.
     """
 
     middles: Middles
@@ -33,14 +33,14 @@ class Bays:
 
     @cached_property
     def free(self) -> Floats:
-        """(b,) metres outside of the members of the other family and of what is kept besides the stripes."""
+        """(b,) metres outside the members of the other family and other material."""
         drawn, face = self.middles.drawn, self.middles.face[self.piece]
         met = drawn.inside(1 - self.middles.k, face, self.at) | drawn.is_kept(face, self.at)
         return np.where(met, 0.0, self.length)
 
     @cached_property
     def narrow(self) -> Bools:
-        """(b,) where the opening to the next member is narrower than the member, and there is one."""
+        """(b,) True if the opening to the next member is narrower than the member."""
         drawn = self.middles.drawn
         corner = drawn.surface.F[self.middles.face[self.piece]]
         d = np.einsum("bc,bc->b", drawn.d[corner, self.middles.k], self.at)
@@ -48,20 +48,20 @@ class Bays:
 
     @property
     def slits(self) -> int:
-        """Bays beside which the opening is narrower than the member along more than half of the free length."""
+        """Number of bays with an opening narrower than the member along more than half of the free length."""
         free = np.bincount(self.bay, self.free, self.count)
         slit = np.bincount(self.bay, self.free * self.narrow, self.count)
         return int((slit > free / 2).sum())
 
     @property
     def slit_share(self) -> float:
-        """Share of the free length along which the opening is narrower than the member."""
+        """Share of the free length along an opening that is narrower than the member."""
         total = float(self.free.sum())
         return float(self.free @ self.narrow) / total if total > 0 else 0.0
 
 
 def bays(middles: Middles) -> Bays:
-    """The bays of a family. Along a piece the phase of the other family is linear: it crosses at whole numbers."""
+    """Divide the middles of a family at whole numbers of the other family's phase, which is linear along a piece."""
     drawn, face = middles.drawn, middles.face
     other = 1 - middles.k
     corner = drawn.surface.F[face]
@@ -75,7 +75,7 @@ def bays(middles: Middles) -> Bays:
     inner = np.where(there, np.maximum(np.ceil(high).astype(np.int64) - first, 0), 0)
     piece = np.repeat(np.arange(len(face)), inner + 1)
     start = np.cumsum(inner + 1) - inner - 1
-    number = np.arange(len(piece)) - start[piece]  # of the part, upwards in z
+    number = np.arange(len(piece)) - start[piece]  # of the part in its piece, by ascending z
     z0 = np.where(number == 0, low[piece], first[piece] + number - 1)
     z1 = np.where(number == inner[piece], high[piece], first[piece] + number)
     span = (high - low)[piece]
@@ -92,7 +92,7 @@ def bays(middles: Middles) -> Bays:
 
 
 def _joined(middles: Middles, piece: Ints, end: Ints, number: Ints, inner: Ints, barrier: Bools) -> tuple[int, Ints]:
-    """Parts that hang together at nodes which are no `barrier` (j,): how many bays that makes, and the bay of each."""
+    """Number of bays, and the bay of each part; parts connect at nodes that are no `barrier` (j,)."""
     parts, links = len(piece), []
     for last, side in ((number == 0, end), (number == inner[piece], 1 - end)):
         node = middles.node[piece, side]
@@ -105,7 +105,6 @@ def _joined(middles: Middles, piece: Ints, end: Ints, number: Ints, inner: Ints,
 
 
 def _angles(middles: Middles, face: Ints, at: Floats) -> Floats:
-    """(c,) degrees, 0 to 90, between both families at points of faces (c,) that are not kept besides the stripes."""
     drawn = middles.drawn
     face = face[~drawn.is_kept(face, at)]
     one, two = (g[face] for g in drawn.gradients)
@@ -114,9 +113,7 @@ def _angles(middles: Middles, face: Ints, at: Floats) -> Floats:
 
 
 OFF = 30.0
-"""Degrees by which a member may be off the stress."""
-CLEAR = 0.25
-"""Confidence of the stress under which it says nothing: principal stresses differ by less than a tenth of their RMS."""
+"""Largest deviation of a member from the stress, degrees."""
 
 
 class DeadEnds(NamedTuple):
@@ -127,14 +124,14 @@ class DeadEnds(NamedTuple):
 
 
 def dead_ends(middles: Middles, along: Floats, deviation: Floats, confidence: Floats) -> DeadEnds:
-    """The dead ends of a family.
+    """Find the dead ends of a family.
 
-    along      : (m, 3) unit direction on the faces that members should run along; either sign.
-    deviation  : (m,) degrees by which they do not.    confidence : (m,) how clear that direction is, 0 to 1.
+    along      : (m, 3) unit direction of the stress on the faces; either sign.
+    deviation  : (m,) degrees between members and that direction.    confidence : (m,) clarity of the direction, 0 to 1.
     """
     met = middles.at_nodes(middles.met)
     loose = (middles.degree == 1) & ~middles.edge & ~met
-    clear = confidence[middles.face] > CLEAR
+    clear = confidence[middles.face] > 0.25  # else principal stresses differ by under a tenth of their RMS
     back = _turned(middles, along[middles.face], clear)
     off = clear & (deviation[middles.face] > OFF)
     count, label = connected(len(back), middles.node[off, 0], middles.node[off, 1])
@@ -145,12 +142,10 @@ def dead_ends(middles: Middles, along: Floats, deviation: Floats, confidence: Fl
 
 
 def _turned(middles: Middles, along: Floats, clear: Bools) -> Bools:
-    """(j,) nodes of two pieces that leave to the same side of the stress, which is clear in both."""
-    some = np.flatnonzero(~middles.copy)  # each piece along an edge once
+    """(j,) nodes of two pieces on the same side of a stress that is clear in both: the member turns back."""
+    some = np.flatnonzero(~middles.copy)
     step = middles.points[some, 1] - middles.points[some, 0]
-    ahead = np.where(
-        np.einsum("px,px->p", step, along[some]) < 0, -1, 1
-    )  # square to the stress is one way or the other
+    ahead = np.where(np.einsum("px,px->p", step, along[some]) < 0, -1, 1)  # zero counts as ahead
     node, piece = middles.node[some].T.ravel(), np.tile(some, 2)
     side = np.concatenate([ahead, -ahead])
     order = sorted_order(node)
@@ -164,17 +159,10 @@ def _turned(middles: Middles, along: Floats, clear: Bools) -> Bools:
     return found
 
 
-BROAD = 3.0
-"""An arm that is so many times wider than a member is more than the end of one: members join there."""
-
-FINE = 0.5
-"""Edges around a place are at most so many times the radius of the ball that is looked at."""
-
-
 class Arms(NamedTuple):
     """Strips of material in which a sheet leaves a ball.
 
-    direction : (a, 3) unit vectors towards where they do; two of size 0 where material surrounds the place.
+    direction : (a, 3) unit vectors towards them; two zero vectors for a ball that material surrounds.
     normal    : (a, 3) mean unit normals there.    width : (a,) metres across.
     """
 
@@ -183,20 +171,25 @@ class Arms(NamedTuple):
     width: Floats
 
     def tip(self, width: float) -> bool:
-        """Whether a member of a width in metres ends here."""
-        return len(self.width) == 0 or (len(self.width) == 1 and float(self.width[0]) < BROAD * width)
+        """True if a member of a width in metres ends here; an arm wider than 3 members is a junction."""
+        return len(self.width) == 0 or (len(self.width) == 1 and float(self.width[0]) < 3 * width)
 
     def hairpin(self, width: float) -> bool:
-        """Whether a member ends here or turns back. One around a sharp edge of the surface goes on straight: the second
-        arm is seen as if the surface were unfolded."""
+        """True if a member ends here or turns back.
+
+        The second arm is unfolded around the edge of the surface, so that a member around a sharp edge counts as
+        straight.
+        """
         if len(self.width) != 2 or not self.direction.any():
             return self.tip(width)
         return float(self.direction[0] @ unfolded(self.normal[:1], self.normal[1:], self.direction[1:])[0]) > 0
 
 
 def arms(sheet: Surface, place: Floats, radius: float) -> Arms:
-    """How material goes on from the ball of `radius` metres around a place (3,) on a sheet: nowhere if no vertex of the
-    sheet is in it. Faces that are large beside it are divided."""
+    """Return the arms of a sheet around the ball of `radius` metres at a place (3,); none without a vertex in the ball.
+
+    Faces that are large beside the ball are divided.
+    """
     sheet = _near(sheet, place, radius)
     far = np.linalg.norm(sheet.V - place, axis=1)
     inside = far < radius
@@ -208,7 +201,7 @@ def arms(sheet: Surface, place: Floats, radius: float) -> Arms:
     here = inside & (label == label[far.argmin()])
     faces = np.flatnonzero(here[sheet.F].any(axis=1) & ~here[sheet.F].all(axis=1))
     crossed = here[ends].sum(axis=1) == 1
-    rows, sides = np.nonzero(crossed[of[faces]])  # two of each face: the ball's limit enters and leaves it
+    rows, sides = np.nonzero(crossed[of[faces]])  # the sphere enters and leaves each face
     edge = of[faces][rows, sides]
     order = np.argsort(edge, kind="stable")
     same = np.flatnonzero(np.diff(edge[order]) == 0)
@@ -227,7 +220,7 @@ def arms(sheet: Surface, place: Floats, radius: float) -> Arms:
 
 
 def _near(sheet: Surface, place: Floats, radius: float) -> Surface:
-    """The faces that may meet the ball, none with an edge that is long beside it; the whole sheet where none does."""
+    """The faces that may meet the ball, with edges up to half its radius; the whole sheet if none does."""
     corners = sheet.V[sheet.F]
     away = np.linalg.norm(corners - place, axis=2).min(axis=1)
     longest = np.linalg.norm(corners - np.roll(corners, 1, axis=1), axis=2).max(axis=1)
@@ -235,35 +228,34 @@ def _near(sheet: Surface, place: Floats, radius: float) -> Surface:
     if not meet.any():
         return sheet
     used, F = np.unique(sheet.F[meet], return_inverse=True)
-    return refined(Surface(sheet.V[used], F.reshape(-1, 3)), FINE * radius)
+    return refined(Surface(sheet.V[used], F.reshape(-1, 3)), 0.5 * radius)
 
 
 def _limit(sheet: Surface, far: Floats, edge: Ints, radius: float) -> Floats:
-    """(k, 3) where edges (k,) leave the ball; far (n,) are the distances of the vertices from its middle."""
     a, b = sheet.edges.ends[edge].T
     share = np.clip((radius - far[a]) / np.where(far[a] == far[b], 1.0, far[b] - far[a]), 0, 1)[:, None]
     return np.asarray(sheet.V[a] + share * (sheet.V[b] - sheet.V[a]))
 
 
 SHARES = (0.05, 0.5, 0.95)
-"""Spacings and openings are told by the values that these shares of the area do not exceed."""
+"""Quantiles of spacings and openings, by area."""
 
 Quantiles = tuple[float, float, float]
 
 
 @dataclass(frozen=True, eq=False)
 class FamilyQuality:
-    """One family of members.
+    """Quality of one family of members.
 
-    spacing    : metres from middle to middle: P5, median and P95 over the area outside of what is kept besides stripes.
-    opening    : metres of clear opening between neighbours: the same over the area that is open.
+    spacing    : metres from middle to middle: P5, median and P95 over the area outside other material.
+    opening    : metres of clear opening between neighbours: the same over the open area.
     deviation  : degrees off the stress, mean over area x stress along the members x confidence of its direction.
     off        : share of that weight off by more than 30 degrees.
-    dead_ends  : see `dsfab.slicing.measures.pattern_quality`.
-    slits      : openings narrower than the members beside them: counted by bays, see `Bays`; of a sheet that is cut one
-                 by one, see `dsfab.slicing.finishing.openings`.
+    dead_ends  : see `dead_ends`.
+    slits      : openings narrower than the members beside them: counted by bays, see `Bays`; on a cut sheet one by one,
+                 see `dsfab.slicing.finishing.openings`.
     slit_share : share of the length of members beside such an opening.
-    drawn      : whether there are such members; without them the other numbers are 0.
+    drawn      : False without members; then the other numbers are 0.
     """
 
     spacing: Quantiles
@@ -277,25 +269,25 @@ class FamilyQuality:
 
     @property
     def evenness(self) -> float:
-        """P95 over P5 of the spacing: 1 where all are the same."""
+        """P95 over P5 of the spacing: 1 for equal spacings."""
         if not self.drawn:
             return 1.0
         return self.spacing[2] / self.spacing[0] if self.spacing[0] > 0 else float("inf")
 
     @property
     def dead(self) -> int:
-        """How many ends are dead."""
+        """Number of dead ends."""
         return len(self.dead_ends.loose) + len(self.dead_ends.turns)
 
 
 @dataclass(frozen=True, eq=False)
 class PatternQuality:
-    """Both families, and what they are together.
+    """Quality of both families together.
 
-    crossing_angle : degrees, the smallest between two members that cross; 90 where none do.
+    crossing_angle : degrees, the smallest between two members that cross; 90 without crossings.
     symmetry_error : share of the surface where material differs from its image under a symmetry of the design, the
-                     largest over all of them; None without any.
-    turned         : degrees that members were to be off the stress: deviations are those from there.
+                     largest over all symmetries; None without any.
+    turned         : intended degrees off the stress; deviations are measured from there.
     """
 
     major: FamilyQuality
@@ -316,17 +308,17 @@ class PatternQuality:
 
     @property
     def dead_ends(self) -> int:
-        """Of both families."""
+        """Dead ends of both families."""
         return self.major.dead + self.minor.dead
 
     @property
     def slits(self) -> int:
-        """Of both families."""
+        """Slits of both families."""
         return self.major.slits + self.minor.slits
 
     @property
     def deviation(self) -> float:
-        """Degrees off the stress, of the family that is further off."""
+        """Degrees off the stress, the larger of both families."""
         return max(self.major.deviation, self.minor.deviation)
 
     @property
@@ -347,11 +339,11 @@ def pattern_quality(
     symmetry_error: float | None = None,
     guided: Bools | None = None,
 ) -> PatternQuality:
-    """The measures of a pattern.
+    """Measure the quality of a pattern.
 
-    stress     : (m, 2) principal stresses of which the major and minor members run along the first and the second.
-    direction  : (m, 2, 3) their unit directions.    confidence : (m,) how clear these are, 0 to 1.
-    guided     : (m,) faces where members follow something else, and no turn counts; None where they nowhere do.
+    stress     : (m, 2) principal stresses along the major and the minor members.
+    direction  : (m, 2, 3) their unit directions.    confidence : (m,) clarity of these, 0 to 1.
+    guided     : (m,) faces where members follow a guide, and no turn counts; default none.
     """
     turning = confidence if guided is None else np.where(guided, 0.0, confidence)
     found = [_family(drawn, k, stress[:, k], direction, confidence, turning) for k in (0, 1)]
@@ -361,14 +353,9 @@ def pattern_quality(
 
 
 def _family(
-    drawn: Drawn,
-    k: int,
-    stress: Floats,
-    direction: Floats,
-    confidence: Floats,
-    turning: Floats,
+    drawn: Drawn, k: int, stress: Floats, direction: Floats, confidence: Floats, turning: Floats
 ) -> tuple[FamilyQuality, Bays]:
-    """Of family k: its members should run along direction k, and its phase grow along the other one."""
+    """Quality of family k: its members should run along direction k, and its phase grow along the other one."""
     shown = bool((drawn.d[:, k] > 0).any())
     area, known, slope = drawn.surface.areas, drawn.steep(k) & shown, drawn.slope[k]
     spacing = 1 / slope
@@ -393,7 +380,6 @@ def _family(
 
 
 def _quantiles(values: Floats, weight: Floats) -> Quantiles:
-    """The values that `SHARES` of the weight do not exceed; zeros where nothing weighs."""
     if not weight.sum() > 0:
         return 0.0, 0.0, 0.0
     low, middle, high = weighted_quantiles(values, weight, SHARES).tolist()

@@ -10,12 +10,9 @@ from dsfab.core.arrays import Bools, Floats, Ints, lock, sorted_order, weighted_
 from dsfab.slicing.cutting.sheet import VOID, Sheet, inner_walls, part_of, round_sizes
 from dsfab.surface import Surface, next_half_edge, pieces
 
-MOST_STEPS = 2000
-"""Lines that cross more triangles than this run along a member, not across it."""
-
 
 class FarEnds(NamedTuple):
-    """Where lines (k,) end.
+    """Ends of lines (k,).
 
     edge   : the half-edge on the boundary, -1 for lines without an end.    place : metres along it.
     slope  : cosine between line and half-edge.    length : metres of the line.
@@ -27,12 +24,11 @@ class FarEnds(NamedTuple):
     length: Floats
 
     def at(self, chosen: Ints) -> "FarEnds":
-        """Some of them."""
         return FarEnds(self.edge[chosen], self.place[chosen], self.slope[chosen], self.length[chosen])
 
 
 class _Lines(NamedTuple):
-    """Lines on their way: number, half-edge that each came in over, metres along it, direction, metres behind."""
+    """Lines in progress: number, half-edge of entry, metres along it, direction, and length so far."""
 
     number: Ints
     edge: Ints
@@ -46,7 +42,7 @@ class _Lines(NamedTuple):
 
 
 def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf) -> FarEnds:
-    """Where lines end that begin on half-edges (k,), so many metres (k,) along them, and run square to these.
+    """Trace lines that start on half-edges (k,), at places (k,) in metres, square to them, to the boundary.
 
     reach : metres; longer lines need no end.
     """
@@ -55,7 +51,7 @@ def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf
     count = len(start)
     found = FarEnds(np.full(count, -1), np.zeros(count), np.ones(count), np.full(count, np.inf))
     lines = _Lines(np.arange(count), start, place, np.zeros(count), np.ones(count), np.zeros(count))
-    for _ in range(MOST_STEPS):
+    for _ in range(2000):  # longer lines run along a member, not across it
         if not len(lines.number):
             break
         lines = _left(lines, frames[lines.edge])
@@ -73,7 +69,7 @@ def far_ends(surface: Surface, start: Ints, place: Floats, reach: float = np.inf
 
 
 def _left(lines: _Lines, frame: Floats) -> _Lines:
-    """The lines where they leave their triangles, seen from the half-edges over which they do, y outwards."""
+    """The lines at the exit from their triangles, relative to the half-edges of exit, y outwards."""
     length, ax, ay, bx, by, cx, cy = frame.T
     s, x, y = lines.s, lines.x, lines.y
     over_next, over_last = by * x - bx * y, cy * x - cx * y  # outward speeds over both
@@ -89,7 +85,7 @@ def _left(lines: _Lines, frame: Floats) -> _Lines:
 
 
 def _frames(surface: Surface) -> Floats:
-    """(3 m, 7) of half-edges the length, the apex, and the unit directions of the next half-edge and the one after."""
+    """(3 m, 7) of half-edges the length, the apex, and the unit directions of the next half-edge and the third."""
     V, F = surface.V, surface.F
     along, apex = (V[np.roll(F, -k, axis=1)].reshape(-1, 3) - V[F].reshape(-1, 3) for k in (1, 2))
     size = np.linalg.norm(along, axis=1)
@@ -100,25 +96,22 @@ def _frames(surface: Surface) -> Floats:
 
 MIDDLE = 0.5
 AT = (1e-3, MIDDLE, 1 - 1e-3)
-"""Where lines start on a wall edge: the shortest way between two polylines leaves from a corner of one of them, and the
-middle stands for the edge in distributions."""
+"""Starts of lines on a wall edge. The shortest line between two polylines starts at a corner of one of them; the middle
+represents the edge in distributions."""
 OPPOSED = float(np.sin(np.radians(20)))
-"""Walls count as opposite where they are parallel to 20 degrees. Walls that meet at a larger angle make a corner: the
-way across goes to zero there, and says nothing about a width."""
+"""Walls are opposite if they are parallel to 20 degrees. At a corner the distance goes to zero and is no width."""
 TAPER = float(np.radians(1.5))
 """Walls that converge by at least this angle may end in a tip."""
-TIP = (0.4, 1.7)
-"""And do when the way around the end, from one wall to the other, is this many times that of a wedge of their angle."""
 
 
 @dataclass(frozen=True, eq=False)
 class Crossings:
-    """Lines across a sheet that ended on an opposite wall, but for those in a tip: a taper ends in nothing anyway.
+    """Lines across a sheet to an opposite wall, except in tips, because a taper ends in nothing.
 
     width  : (k,) metres, the distance of a line's start from the edge that it meets.
-    place  : (k, 3) where it starts, metres.    face : (k,) the triangle there.
-    weight : (k,) metres of wall that it stands for: the edge for lines from the middle, 0 for the others.
-    walls  : (k, 2) the edges of the surface from which and to which it runs.
+    place  : (k, 3) the start, metres.    face : (k,) the triangle there.
+    weight : (k,) metres of wall that the line represents: the edge for lines from the middle, else 0.
+    walls  : (k, 2) the edges of the surface at both ends of the line.
     """
 
     width: Floats
@@ -147,12 +140,12 @@ def crossings(
     tips: bool = False,
     reach: float = np.inf,
 ) -> Crossings:
-    """The way across a sheet from all its walls.
+    """Measure the width of a sheet from all its walls.
 
-    surface : an edge-manifold sheet.    walls : (e,) which of its boundary edges are walls; lines that end on another
-    boundary edge are left out.
-    start   : (e,) the walls that lines start from; None for all.    at : where on them.    tips : with those in a tip.
-    reach   : metres; wider places may be left out.
+    surface : an edge-manifold sheet.    walls : (e,) the boundary edges that are walls; lines that end elsewhere are
+              left out.
+    start   : (e,) walls at which lines start; default all.    shares : starts on each wall.
+    tips    : include lines in tips.    reach : metres; wider places may be left out.
     """
     starting = walls if start is None else walls & start
     if not starting.any():
@@ -174,7 +167,7 @@ def crossings(
 
 
 def _feet(surface: Surface, ends: FarEnds) -> tuple[_Spot, Floats]:
-    """Where the half-edges that lines meet are nearest to their starts, and how far that is, metres.
+    """Points of the half-edges that lines meet nearest to their starts, and the distance, metres.
 
           o start
          /|           The foot of the start on the line of the edge, or the end of the edge nearest to it.
@@ -190,11 +183,12 @@ def _feet(surface: Surface, ends: FarEnds) -> tuple[_Spot, Floats]:
 
 
 def _tips(surface: Surface, one: _Spot, two: _Spot, width: Floats, slope: Floats) -> Bools:
-    """(k,) whether the two walls of each line close to a tip: they converge, and meet about where that leads.
+    """(k,) mask of lines between walls that close to a tip: they converge, and meet at about that distance.
 
-    slope : (k,) cosine between a line and the half-edge that it meets; negative where the walls converge along that.
+    slope : (k,) cosine between a line and the half-edge that it meets; negative if the walls converge along that.
 
-    A wedge of angle a that is w wide ends w / (2 tan(a / 2)) further on; the way along its walls is twice that.
+    A wedge of angle a and width w ends after w / (2 tan(a / 2)); the way along both walls is twice that. The real way
+    must be 0.4 to 1.7 times as long.
     """
     loop, middle, ahead, total = _around(surface)
 
@@ -208,14 +202,14 @@ def _tips(surface: Surface, one: _Spot, two: _Spot, width: Floats, slope: Floats
     wedge = width / np.tan(np.maximum(angle, TAPER) / 2)
     ends = one.edge, next_half_edge(one.edge), two.edge, next_half_edge(two.edge)
     corner = np.stack([surface.F.ravel()[h] for h in ends])
-    neighbours = (corner[:2, None] == corner[None, 2:]).any(axis=(0, 1))  # the way across is nothing where they meet
-    return np.asarray(neighbours | ((angle >= TAPER) & (way >= TIP[0] * wedge) & (way <= TIP[1] * wedge)))
+    neighbours = (corner[:2, None] == corner[None, 2:]).any(axis=(0, 1))  # zero width
+    return np.asarray(neighbours | ((angle >= TAPER) & (way >= 0.4 * wedge) & (way <= 1.7 * wedge)))
 
 
 def _around(surface: Surface) -> tuple[Ints, Floats, Bools, Floats]:
-    """(3 m,) of half-edges on the boundary: loop, metres along it to their middle, whether they run that way.
+    """(3 m,) of half-edges on the boundary: loop, metres along it to their middle, and True if they run along it.
 
-    And the length of each loop. Loops need no orientation of the faces.
+    Also the length of each loop. Loops need no orientation of the faces.
     """
     edge = np.flatnonzero(surface.edges.boundary)
     h = surface.edges.order[surface.edges.start[:-1][edge]]
@@ -236,9 +230,7 @@ def _chained(ends: Ints) -> tuple[Ints, Ints, int]:
     """The loop of each edge (e,) by its ends (e, 2), the edges loop by loop in their order, and the number of loops."""
     slot = sorted_order(ends.ravel())  # 2 i + s is end s of edge i; by vertex, an even number at each
     onward = np.empty_like(slot)
-    onward[slot] = (
-        slot.reshape(-1, 2)[:, ::-1].ravel() ^ 1
-    )  # who leaves by an end leaves the next edge by its other end
+    onward[slot] = slot.reshape(-1, 2)[:, ::-1].ravel() ^ 1  # a walk leaves the next edge by its other end
     after, leaving = onward.tolist(), (2 * np.arange(len(ends)) + (ends[:, 0] > ends[:, 1])).tolist()
     label, chain, loops = [-1] * len(ends), list[int](), 0
     for start, state in enumerate(leaving):
@@ -252,25 +244,19 @@ def _chained(ends: Ints) -> tuple[Ints, Ints, int]:
 
 
 def _along(surface: Surface, h: Ints) -> Floats:
-    """(k, 3) from the first to the last vertex of half-edges."""
     F = surface.F.ravel()
     return np.asarray(surface.V[F[next_half_edge(h)]] - surface.V[F[h]])
 
 
-BINS = 20
-"""Bins of the histogram of member widths."""
-MOST_BINS = 60
-"""As many at most, where a limit far under the usual widths asks for narrow ones."""
 ROUNDING = 1e-6
-"""Share of a limit by which what was widened to it may miss it, and counts as that wide."""
-LONG_TAIL, WIDE = 0.99, 3.0
-"""The histogram ends at the width that this share of the walls does not exceed, or at so many times their median, if
-that is less: plates at a crown or a foot would leave one bin to all members. What is wider is in the last bin."""
+"""Share of a limit by which widened members may miss it."""
 
 
 @dataclass(frozen=True, eq=False)
 class Feature:
-    """The smallest of something: metres, its place (3,), what it is, and the mesh width of the uncut surface there."""
+    """The smallest of something: metres, its place (3,), a word for it, and the mesh width of the uncut surface
+    there.
+    """
 
     size: float
     place: Floats
@@ -283,12 +269,12 @@ class Feature:
 
 @dataclass(frozen=True, eq=False)
 class Features:
-    """What a sheet's members and gaps measure, in metres; None where there is none.
+    """Least sizes of a sheet's members and gaps, in metres; None without any.
 
     member : the narrowest member, also between two openings that nearly meet.
     gap    : the narrowest opening.
     edge   : the shortest edge of a triangle.
-    widths : (k,) widths of members along their walls, and weight : (k,) the metres of wall that each stands for.
+    widths : (k,) widths of members along their walls, and weight : (k,) the metres of wall that each represents.
     """
 
     member: Feature | None
@@ -306,42 +292,45 @@ class Features:
     def histogram(self, limit: float = 0.0) -> tuple[Floats, Floats]:
         """(b + 1,) limits of the bins, metres, from 0, and (b,) the share of the walls in each; none without widths.
 
-        limit : a width, metres, at which a bin ends, so that none holds widths on both sides of it; 0 for none.
+        limit : a width, metres, at which a bin ends; 0 for none. The last bin holds all widths over P99 or 3 medians,
+                because plates at a crown or a foot would leave one bin to all members.
         """
         if not self.weight.sum():
             return np.empty(0), np.empty(0)
-        usual, widest = self.quantiles([0.5, LONG_TAIL]).tolist()
-        limits = _bins(min(widest, WIDE * usual) * (1 + 1e-9), limit * (1 - ROUNDING))
+        usual, widest = self.quantiles([0.5, 0.99]).tolist()
+        limits = _bins(min(widest, 3.0 * usual) * (1 + 1e-9), limit * (1 - ROUNDING))
         share, _ = np.histogram(np.minimum(self.widths, limits[-1]), limits, weights=self.weight)
         return limits, np.asarray(share / self.weight.sum())
 
 
 def under(sizes: float | Floats, limit: float) -> Bools:
-    """Whether widths are under a limit, metres: what was widened to it may miss it by `ROUNDING`."""
+    """Mask of widths under a limit, metres, apart from `ROUNDING`."""
     return np.asarray(np.asarray(sizes) < limit * (1 - ROUNDING))
 
 
-def _bins(end: float, limit: float) -> Floats:
-    """(b + 1,) limits of equal bins from 0 to about `end`, one of them at `limit`, where that is neither beyond the end
-    nor so little that this would take too many bins: then the first is narrower, and ends there."""
+def _bins(end: float, limit: float, count: int = 20, largest_count: int = 60) -> Floats:
+    """(b + 1,) limits of `count` equal bins from 0 to about `end`, one of them at `limit` if that is below the end.
+
+    If that would take more than `largest_count` bins, the first is narrower and ends at the limit.
+    """
     if not 0 < limit < end:
-        return np.linspace(0, end, BINS + 1)
-    step = limit / max(1, round(limit / end * BINS))
-    if end / step > MOST_BINS:
-        return np.concatenate([[0.0], np.linspace(limit, end, BINS + 1)])
+        return np.linspace(0, end, count + 1)
+    step = limit / max(1, round(limit / end * count))
+    if end / step > largest_count:
+        return np.concatenate([[0.0], np.linspace(limit, end, count + 1)])
     return step * np.arange(np.ceil(end / step) + 1)
 
 
 def features(cells: Sheet, kept: Bools, names: Sequence[str], tips: bool = False) -> Features:
     """Measure a cut sheet.
 
-    cells : all cells, material and void.    kept : (m',) those that are built.    names : of the fields, see `cut`.
+    cells : all cells, material and void.    built : (m',) cells of the structure.    names : of the fields, see `cut`.
 
-    Widths and gaps are those of the lines in `crossings`, on the sheet itself: exact between straight walls, and where
-    walls bend from edge to edge by an angle a, right to 1 - cos a. Members are also measured where they are short or
-    end in a tip, gaps if `tips` says so; corners between walls that meet at more than 20 degrees are not. Pieces and
-    openings too small or too round for lines across count with 4 area / perimeter, the diameter of the circle in a
-    triangle or a square.
+    Widths and gaps are those of the lines in `crossings`, on the sheet itself: exact between straight walls, and right
+    to 1 - cos a between walls that bend by an angle a from edge to edge. Members are also measured if they are short or
+    end in a tip, gaps in tips if `tips` is set; corners between walls at more than 20 degrees are not. Pieces and
+    openings too small or too round for lines count with 4 area / perimeter, the diameter of the circle in a triangle or
+    a square.
     """
     sheet, holes = cells.surface, ~kept
     material, from_material = part_of(sheet, kept)
@@ -361,7 +350,7 @@ def features(cells: Sheet, kept: Bools, names: Sequence[str], tips: bool = False
 
 
 def kept_cells(cells: Sheet, sheet: Sheet) -> Bools:
-    """(m',) which of all cells are in the sheet that was kept of them: whole pieces of the material."""
+    """(m',) mask of the cells that a sheet of whole material pieces contains."""
     kept = cells.material
     if kept.sum() == sheet.surface.m:
         return np.asarray(kept)
@@ -376,7 +365,7 @@ def kept_cells(cells: Sheet, sheet: Sheet) -> Bools:
 
 
 def _mesh_width(cells: Sheet) -> Floats:
-    """(m',) side of the equilateral triangle of the same area as the uncut face, metres."""
+    """(m',) side of an equilateral triangle as large as the uncut face, metres."""
     area = np.bincount(cells.parent, cells.surface.areas)
     return np.asarray(np.sqrt(4 / np.sqrt(3) * area[cells.parent]))
 
@@ -400,7 +389,6 @@ def _smaller(one: Feature | None, two: Feature | None) -> Feature | None:
 
 
 def _round(part: Surface, walls: Bools, across: Crossings, mesh: Floats, what: str) -> Feature | None:
-    """The smallest piece that no line crosses and that walls enclose wholly."""
     count, label = pieces(part.F, part.edges)
     sizes = round_sizes(part, walls, label, count)
     sizes[label[across.face]] = np.inf
@@ -412,7 +400,6 @@ def _round(part: Surface, walls: Bools, across: Crossings, mesh: Floats, what: s
 
 
 def _shortest(part: Surface, mesh: Floats) -> Feature:
-    """The shortest edge of the triangles."""
     length = part.edge_lengths
     k = int(length.argmin())
     face = int(part.edges.order[part.edges.start[k]] // 3)

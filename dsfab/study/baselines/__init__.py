@@ -1,4 +1,4 @@
-"""Other ways to spend the same material: the competitors of a design, by name, one function each."""
+"""Competitors of a design by name: other ways to spend the same material, one function each."""
 
 from collections.abc import Iterable, Mapping
 
@@ -27,15 +27,15 @@ BASELINES: Mapping[str, Baseline] = {
     "grid": grid,
     "simp": simp,
 }
-"""All of the same mass, and but for `thinner` of the same thickness, with the same loads, supports and kept regions;
-`simp` keeps what is drawn and discs of its own, see `dsfab.study.baselines.topology_optimisation.free_task`."""
+"""Competitors with the design's mass, loads, supports and kept regions, and (except `thinner`) its thickness. `simp`
+keeps painted regions and its own discs, see `dsfab.study.baselines.topology_optimisation.free_task`."""
 
 DEFAULT = ("isotropic", "thinner")
-"""Those that a comparison asks for unless it is told otherwise."""
+"""Competitors of a comparison by default."""
 
 
 def chosen(names: Iterable[str]) -> dict[str, Baseline]:
-    """Baselines by their names, each once; raises DsfabError for a name that is none."""
+    """Return baselines by their names, each once. Raises DsfabError for an unknown name."""
     for name in (names := list(dict.fromkeys(names))):
         if name not in BASELINES:
             raise DsfabError(

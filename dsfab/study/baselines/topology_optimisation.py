@@ -18,10 +18,10 @@ from dsfab.surface import LoadCase, Surface
 
 
 def face_filter(surface: Surface, radius: float) -> csr_array:
-    """(m, m) weights A_f (radius - distance) of faces f within `radius` metres of each face, rows summing to 1.
+    """Return (m, m) weights A_f (radius - distance) of faces f within `radius` metres of each face, rows summing to 1.
 
-    Distances are straight between centroids: of sheets that nearly touch, one hears the other. With the area of each
-    face a mesh with small faces in places weighs no more there [Sigmund 2007].
+    Distances are straight between centroids, so sheets that nearly touch influence each other. The area of each face
+    removes the effect of local refinement [Sigmund 2007].
     """
     pairs = cKDTree(surface.centroids).query_pairs(radius, output_type="ndarray")
     i, j = pairs.T
@@ -34,33 +34,27 @@ def face_filter(surface: Surface, radius: float) -> csr_array:
 
 
 def filtered_sensitivity(H: csr_array, density: Floats, sensitivity: Floats) -> Floats:
-    """(m,) sum_f H_ef x_f s_f / max(x_e, 0.001): Sigmund's filter [Sigmund 1997; Andreassen et al. 2011, eq. 11].
+    """Return (m,) sum_f H_ef x_f s_f / max(x_e, 0.001): Sigmund's filter [Sigmund 1997; Andreassen et al. 2011, eq.
+    11].
 
     density, sensitivity : (m,) x and s, the latter per area of the face.
     """
-    return np.asarray(H @ (density * sensitivity) / np.maximum(density, LEAST))
-
-
-LEAST = 1e-3
-"""Densities below this are taken for it where they divide."""
-
-
-GREY = 0.1
-"""Densities nearer than this to 0 or 1 count as void or material."""
+    return np.asarray(H @ (density * sensitivity) / np.maximum(density, 1e-3))
 
 
 @dataclass(frozen=True)
 class Simp:
-    """How it is done.
+    """Options of SIMP.
 
-    radius       : of the filter, metres: members get about this wide; 0: see `filter_radius`.
-    iterations   : at most with each penalisation; it goes on earlier when no density changes by more than `change`.
-    penalisation : p of the stiffness void + x^p (1 - void) of a face of density x [Bendsoe, Sigmund 1999], in the end.
-    steps        : in which p rises from 1, where the problem has one answer wherever it starts, to that: which of many
-                   answers is found then depends little on mesh and start [Petersson and Sigmund 1998]. 0: p stays.
-    void         : stiffness of an empty face over that of a full one.     move : largest change of a density in a step.
+    radius       : of the filter, metres, about the width of members; 0: see `filter_radius`.
+    iterations   : limit for each penalisation; a penalisation ends earlier if no density changes by more than `change`.
+    penalisation : final p of the stiffness void + x^p (1 - void) of a face of density x [Bendsoe, Sigmund 1999].
+    steps        : in which p rises from 1, where the problem has one solution whatever the start. So the result depends
+                   little on mesh and start [Petersson and Sigmund 1998]. 0: p is constant.
+    void         : stiffness of an empty face over that of a full face.     move : largest change of a density in a
+                   step.
 
-    Raises StaticsError for values that make no sense.
+    Raises StaticsError for values out of range.
     """
 
     radius: float = 0.0
@@ -81,30 +75,29 @@ class Simp:
             )
 
     def filter_radius(self, surface: Surface) -> float:
-        """Metres: as asked, or 3 % of the root of the area, but no less than 1.1 edges, which the filter needs."""
+        """Return `radius`, or 3 % of the root of the area (m), but at least 1.1 edges, which the filter needs."""
         return self.radius or max(0.03 * float(np.sqrt(surface.area)), 1.1 * surface.mean_edge)
 
     @property
     def penalisations(self) -> Floats:
-        """(steps + 1,) in their order."""
+        """(steps + 1,) penalisations in their order."""
         return np.linspace(1.0 if self.steps else self.penalisation, self.penalisation, self.steps + 1)
 
     def stiffness(self, density: Floats) -> Floats:
-        """(m,) of faces, over that of full ones."""
+        """Return the stiffness of faces (m,), relative to full faces."""
         return np.asarray(self.void + (1 - self.void) * density**self.penalisation)
 
     def slope(self, density: Floats) -> Floats:
-        """(m,) its derivative by the density."""
+        """Return the derivative (m,) of the stiffness by the density."""
         return np.asarray((1 - self.void) * self.penalisation * density ** (self.penalisation - 1))
 
 
 @dataclass(frozen=True, eq=False)
 class Densities:
-    """What was found.
+    """Result of SIMP.
 
-    density : (m,) 0 (void) to 1 (material).    history : (iterations,) compliance before each step, joules, of sheets
-              with densities in between: not that of a structure that can be built.
-    seconds, cpu : of the clock and of the processor.
+    density : (m,) 0 (void) to 1 (material).    seconds, cpu : wall time and processor time.
+    history : (iterations,) compliance before each step, joules, of sheets with densities that cannot be built.
     """
 
     density: Floats
@@ -118,16 +111,16 @@ class Densities:
 
     @property
     def compliance(self) -> float:
-        """Joules, of the last densities but one, as the method itself counts it."""
+        """Compliance (J) of the last densities but one."""
         return float(self.history[-1])
 
     def grey(self, surface: Surface) -> float:
-        """The share of the area whose density is in between, from 0.1 to 0.9: neither void nor material.
+        """Return the share of the area with a density from 0.1 to 0.9: neither void nor material.
 
-        Large where both principal stresses are as large and of opposite sign, as on a sphere pressed at its pole: there
-        an even grey is stable whatever the start, for what a rib gains along itself it loses across.
+        It is large where both principal stresses are equal and opposite, as on a sphere pressed at its pole. Even grey
+        is stable there from any start, because a rib loses across itself what it gains along itself.
         """
-        between = (self.density > GREY) & (self.density < 1 - GREY)
+        between = (self.density > 0.1) & (self.density < 0.9)
         return float(surface.areas @ between) / surface.area
 
 
@@ -139,15 +132,15 @@ def densities(
     weights: Mapping[str, float] | None = None,
     ask: Simp | None = None,
 ) -> Densities:
-    """Densities of the faces with the least compliance for sum (density x face area) = `area`, square metres.
+    """Return densities of the faces with the least compliance for sum (density x face area) = `area`, square metres.
 
-    Constant strain and mid-edge bending; a flat sheet loaded in its plane does not bend. A density scales the stiffness
-    of its face, in its plane and out of it alike. Sensitivities are filtered, densities follow optimality criteria as
-    in top88 [Andreassen et al. 2011], whose analysis of the matrix is done once here.
+    Elements have constant strain and mid-edge bending; a flat sheet loaded in its plane does not bend. A density scales
+    membrane and bending stiffness alike. Sensitivities are filtered, and densities follow optimality criteria as in
+    top88 [Andreassen et al. 2011]; the matrix is analysed once.
 
-    solid   : (m,) faces that stay material.     weights : of the loads' compliances in the sum; 1 each when left out.
+    solid   : (m,) faces that stay material.     weights : of the loads' compliances in the sum; default: 1 each.
 
-    Raises StaticsError when the sheet is not held, or when `area` is less than the solid faces have.
+    Raises StaticsError if the sheet is not supported, or if `area` is less than the solid faces have.
     """
     ask, surface = ask or Simp(), sheet.surface
     solid = np.zeros(surface.m, dtype=bool) if solid is None else solid
@@ -172,7 +165,6 @@ def densities(
 
 
 def _start(surface: Surface, area: float, solid: Bools) -> float:
-    """The density of all other faces to begin with."""
     given = float(surface.areas[solid].sum())
     if not given < area < surface.area:
         raise StaticsError(
@@ -183,23 +175,23 @@ def _start(surface: Surface, area: float, solid: Bools) -> float:
 
 
 def simp(task: ComparisonTask) -> list[Variant]:
-    """Densities of the same area by SIMP, cut where they exceed the value that gives that area; see `free_task`."""
+    """Return the sheet cut where SIMP densities exceed the value that gives the task's area; see `free_task`."""
     free = free_task(task)
     return [Variant("", lambda: _cut(free, optimised_densities(free)))]
 
 
 def free_task(task: ComparisonTask, ask: Simp | None = None) -> ComparisonTask:
-    """The task with nothing kept but what is drawn and discs around loads and supports as large as the filter reaches.
+    """Return the task with fewer kept regions: painted ones, and discs of the filter radius around loads and supports.
 
-    An optimiser that had to keep the rim of a preset would spend its material as the preset does, and be as good or bad
-    as that: on an L-bracket at 30 % of the material 3.2 or 5.0 times as soft as the whole plate.
+    With the preset's rim, the optimiser would spend its material like the preset: on an L-bracket at 30 % of the
+    material it was 3.2 or 5.0 times as soft as the whole plate.
     """
     radius = (ask or Simp()).filter_radius(task.surface)
     return replace(task, preset=task.preset.with_pattern(keep=radius, rim=0.0))
 
 
 def optimised_densities(task: ComparisonTask, ask: Simp | None = None) -> Densities:
-    """The densities of faces for the area, loads and kept regions of a task; they weigh what that area does."""
+    """Return the densities of faces for the area, loads and kept regions of a task, at the mass of that area."""
     statics, weights = task.preset.statics, task.preset.followed
     sheet = statics.sheet().on(task.surface)
     loads = {name: load.of_thickness(task.surface, task.share) for name, load in task.loads.items()}
@@ -207,12 +199,12 @@ def optimised_densities(task: ComparisonTask, ask: Simp | None = None) -> Densit
 
 
 def level_line(task: ComparisonTask, density: Floats) -> Structure:
-    """The structure where densities of faces (m,), averaged around the vertices, exceed one value."""
+    """Return the structure where densities of faces (m,), averaged around the vertices, exceed a level."""
     return matched_structure(task, partial(_drawing, vertex_means(task.surface, density)))
 
 
 def _cut(task: ComparisonTask, found: Densities) -> Structure:
-    """`level_line`; where it falls apart, the reason tells how much was left grey."""
+    """Return `level_set_structure`; if that falls apart, the error tells the remaining grey share."""
     try:
         return level_line(task, found.density)
     except PatternError as error:
@@ -222,7 +214,7 @@ def _cut(task: ComparisonTask, found: Densities) -> Structure:
 
 
 def _drawing(field: Floats, task: ComparisonTask, share: float, tolerance: float) -> Sequence[Layer]:
-    """What is kept, and where a field (n,) exceeds the value that makes `share` of the surface material."""
+    """Return kept layers, and the level of a field (n,) that makes `share` of the surface material."""
     high, low = float(field.max()), float(field.min())
     margin = 1e-3 * (high - low)
     every = np.full(task.surface.n, np.inf)

@@ -1,8 +1,5 @@
-"""Is the file that leaves the house the solid that was designed? Judged on the file, by readers that are not ours.
-
-`check_file` reads, judges and measures (`check_contents` what was read); with a design it also compares: where the
-surface runs, and what it carries.
-"""
+"""Check of an exported file against its design, with independent readers. `check_file` reads, judges and measures a
+file (`check_contents`: the contents). With a design it also compares the surface and the compliance."""
 
 import tempfile
 from collections.abc import Callable
@@ -50,17 +47,17 @@ __all__ = [
 Progress = Callable[[str, str], None]
 
 TOO_THIN, TOO_THICK = 1e-4, 10.0
-"""Metres. No workshop makes thinner walls; no building has thicker ones: the file's numbers are in another unit."""
+"""Metres. A file with thinner or thicker walls is in another unit."""
 
 AGREES, DIFFERS = 0.05, 0.15
-"""Solid and shell agree to the first; beyond the second something is wrong; between them nobody knows."""
+"""Relative differences of compliance: solid and shell agree below the first, and contradict beyond the second."""
 
 
 @dataclass(frozen=True)
 class Finding:
-    """One question and its answer: `solid`, `unit`, `cut`, `wall`, `gap`, `design` or `compliance`.
+    """A question and its answer: `solid`, `unit`, `cut`, `wall`, `gap`, `design` or `compliance`.
 
-    reason : why, a sentence; empty where the numbers say it.
+    reason : a sentence; empty if the numbers explain it.
     """
 
     name: str
@@ -70,10 +67,10 @@ class Finding:
 
 @dataclass(frozen=True, eq=False)
 class FileCheck:
-    """Everything that was found in a file.
+    """Result of the check of a file.
 
-    clearances : None for a file that is not closed.       distance, carrying : None where not measured, see `findings`.
-    density    : kg/m3, 0 where nobody gave it.
+    clearances : None for a file that is not closed.       distance, carrying : None if not measured, see `findings`.
+    density    : kg/m3, 0 if unknown.
     """
 
     path: Path
@@ -87,12 +84,12 @@ class FileCheck:
 
     @property
     def mass(self) -> float | None:
-        """Kilograms; None without a density, or without an inside."""
+        """Kilograms; None without a density or for an open mesh."""
         return self.density * self.soundness.volume if self.density and self.soundness.watertight else None
 
     @property
     def passed(self) -> bool:
-        """Whether nothing failed."""
+        """True if no finding fails."""
         return not any(finding.verdict == "fail" for finding in self.findings)
 
 
@@ -105,12 +102,12 @@ def check_file(
     progress: Progress | None = None,
     max_triangles: int = DEFAULT_TRIANGLES,
 ) -> FileCheck:
-    """Read a file again, and say what is in it.
+    """Read a file and check its contents.
 
-    design  : what it should be; without one the file is judged as it stands.
-    unit    : of an STL file's numbers, millimetres when left out.     density : kg/m3, else the design's.
-    solid   : whether compliance is compared by a solid model, which needs the extra `solid` and takes longest.
-    max_triangles : how many the file may have (see `read_shipped`).
+    design  : the expected design; None checks the file alone.
+    unit    : of an STL file's numbers, default millimetres.     density : kg/m3, default that of the design.
+    solid   : whether to compare compliance by a solid model, which needs the extra `solid` and takes longest.
+    max_triangles : limit for the file (see `read_shipped`).
 
     Raises SurfaceError or ExportError for a file that cannot be read (see `read_shipped`).
     """
@@ -128,9 +125,9 @@ def check_contents(
     solid: bool = True,
     progress: Progress | None = None,
 ) -> FileCheck:
-    """`check_file` of what was read; with a design, to the deflection that is `deflection_for` its preset.
+    """Check contents like `check_file`; with a design, read to the deflection `deflection_for` its preset.
 
-    unit_given : whether somebody named the unit of the file's numbers.
+    unit_given : whether the user named the unit of the file's numbers.
     """
     tell = progress or (lambda stage, doing: None)
     tell("judge", f"looking for holes and crossings in {len(found.F):,} triangles")
@@ -151,7 +148,6 @@ def check_contents(
 
 
 def _judged(found: FileContents, tell: Progress) -> Soundness:
-    """Whether it is a solid, as a build asks it of STEP files of its own."""
     finer = "drawing triangles of curved faces finer, since some cross"
     drawn = StepTriangles(found.V, found.F, found.face, found.collapsed)
     return curved_soundness(drawn, found.deflection, found.shape, lambda: tell("judge", finer))
@@ -160,8 +156,7 @@ def _judged(found: FileContents, tell: Progress) -> Soundness:
 def _cut_and_measured(
     found: FileContents, sound: Soundness, design: Design | None, tell: Progress
 ) -> tuple[list[Finding], Clearances | None, Distance | None]:
-    """What OCCT's cut of a STEP file says, if it is sound; walls and gaps, and the distance from a design, measured
-    meanwhile."""
+    """Return OCCT's cut of a sound STEP file, walls and gaps, and the distance from a design; both run at once."""
     near, apart = list[Clearances](), list[Distance]()
 
     def measure() -> None:
@@ -181,7 +176,6 @@ def _cut_and_measured(
 
 
 def _unit(found: FileContents, near: Clearances | None, apart: Distance | None, asked: bool) -> Finding:
-    """Whether the numbers of the file can be in the unit that it was read in."""
     if apart is not None:
         return Finding("unit", "fail" if apart.meant_unit else "pass")
     if near is None or near.wall is None or found.declared or asked:
@@ -190,9 +184,9 @@ def _unit(found: FileContents, near: Clearances | None, apart: Distance | None, 
 
 
 def _cut(found: FileContents) -> Finding:
-    """Whether OCCT cuts a STEP file in half; where it does not, the solid itself is none the worse."""
+    """Check whether OCCT cuts a STEP file in half; a failure does not make the solid unsound."""
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
-        path = Path(folder) / "shape.bin"  # not the file: to read that takes OCCT a third of the time again
+        path = Path(folder) / "shape.bin"  # not the STEP file, which OCCT would take a third of the time to read again
         path.write_bytes(found.shape)
         fault, _ = cut_fault(path, found.path.read_bytes().count(b"ADVANCED_FACE("))
     why = f"{fault}: to cut it in CAD, write step = 'members' or 'faceted'"
@@ -200,10 +194,8 @@ def _cut(found: FileContents) -> Finding:
 
 
 def _limits(near: Clearances | None, design: Design, same: bool) -> list[Finding]:
-    """The limits of [fabrication]: as the build measured them where the file is the design, else on the file.
-
-    One thing has one gap: between the triangles of a file rays find other places than the sheet has, in wedges.
-    """
+    """Check the limits of [fabrication]: by the build's measures if the file equals the design, else on the file. Rays
+    between the file's triangles hit other places than the sheet's measure does, for instance in wedges."""
     ask, findings = design.preset.fabrication, []
     built = {check.name: check for check in fabrication(design).checks} if same else {}
     for name, limit in (("wall", ask.min_wall), ("gap", ask.min_gap)):
@@ -221,7 +213,6 @@ def _limits(near: Clearances | None, design: Design, same: bool) -> list[Finding
 
 
 def _as_built(check: Check) -> str:
-    """What the build measured, and where."""
     if not check.value:
         return "none in the design"
     place = ", ".join(f"{x:.4g}" for x in check.place)
@@ -231,7 +222,6 @@ def _as_built(check: Check) -> str:
 def _carrying(
     found: FileContents, design: Design, asked: bool, usable: bool, tell: Progress
 ) -> tuple[SolidCompliance | None, str]:
-    """The comparison by a solid model, or why there is none."""
     if not asked:
         return None, "not asked for"
     if not usable:

@@ -20,32 +20,32 @@ from dsfab.thickening.offset_vectors import SHIFT
 from dsfab.thickening.wall_thickness import INSIDE, OPPOSED, Facets, Rays
 
 SUFFIXES = (".stl", ".3mf", ".step", ".stp")
-"""What can be checked."""
+"""Suffixes of files that can be checked."""
 
 STEP_BEGINS = b"ISO-10303-21"
-"""The first words of every STEP file."""
+"""First words of every STEP file."""
 
 BY_CONVENTION = "mm"
-"""STL files name no unit; dsfab writes millimetres, and workshops read them so."""
+"""Unit of STL files, which name none; dsfab writes millimetres, and workshops read them so."""
 
 CURVED = (
     *(f"{word}_SURFACE".encode() for word in ("B_SPLINE", "UNIFORM", "BEZIER")),
     *(f"{word}_SURFACE".encode() for word in ("CYLINDRICAL", "CONICAL", "SPHERICAL", "TOROIDAL")),
     b"SURFACE_OF_",
 )
-"""What a STEP file calls faces that are not planes."""
+"""STEP entities of curved faces."""
 
 
 @dataclass(frozen=True, eq=False)
 class FileContents:
-    """What a reader found in a file.
+    """Contents of a file.
 
     V       : (n, 3) metres, no two at the same place.      F : (m, 3) triangles with three different corners.
     unit    : of the file's numbers.                        declared : whether the file names it.
     metres  : in one of these units.                        collapsed : triangles without three different corners.
-    reader  : whose reader it was.       path : of the file.
-    deflection : metres that the triangles may be off the faces of the file, which are curved in STEP; else 0.
-    shape   : of STEP, what OCCT read, as it keeps it; else empty.      face : (m,) of it that each triangle is of.
+    reader  : name of the reader.        path : of the file.
+    deflection : tolerance (m) of the triangles of curved STEP faces; else 0.
+    shape   : of STEP, the shape in OCCT's binary form; else empty.      face : (m,) its face of each triangle.
     """
 
     path: Path
@@ -74,14 +74,14 @@ class FileContents:
 def read_shipped(
     path: str | Path, unit: str | None = None, max_triangles: int = DEFAULT_TRIANGLES, deflection: float = 0.0
 ) -> FileContents:
-    """The solid in an STL, 3MF or STEP file, read by trimesh, lib3mf or OCCT: none of them wrote it.
+    """Read the solid in an STL, 3MF or STEP file with trimesh, lib3mf or OCCT.
 
-    unit : of the numbers of an STL file, millimetres when left out; 3MF and STEP files name theirs.
-    max_triangles : how many an STL or a 3MF file may have; what reading may cost follows from it.
-    deflection : metres that triangles may be off curved faces of STEP; 0 leaves it to the reader.
+    unit : of the numbers of an STL file, default millimetres; 3MF and STEP files name theirs.
+    max_triangles : limit for an STL or a 3MF file; it limits the cost of reading.
+    deflection : tolerance (m) of the triangles of curved STEP faces; 0 is the reader's default.
 
     Raises SurfaceError or ExportError, one sentence, for a missing, empty, unreadable or foreign file, for coordinates
-    that are not finite, and for a unit given to a file that names its own.
+    that are not finite, and for a unit with a file that names its own.
     """
     path = Path(path)
     suffix = path.suffix.lower()
@@ -128,35 +128,32 @@ def _step(path: Path, deflection: float) -> FileContents:
 
 
 def _curved(path: Path) -> bool:
-    """Whether a STEP file has faces that are not planes."""
     text = path.read_bytes()
     return any(word in text for word in CURVED)
 
 
 def _joined(V: Floats, F: Ints) -> tuple[Floats, Ints, int]:
-    """Vertices at exactly the same place made one."""
     points, of = np.unique(V + 0.0, axis=0, return_inverse=True)
     F, lost = _whole(of.reshape(-1)[F])
     return points, F, lost
 
 
 def _whole(F: Ints) -> tuple[Ints, int]:
-    """The triangles that have three different corners, and how many have not."""
     whole = (np.roll(F, -1, axis=1) != F).all(axis=1)
     return F[whole], int((~whole).sum())
 
 
 FLAT = 64 * float(np.finfo(np.float32).eps)
-"""Triangles lower than this share of the size of the mesh say nothing of a direction: single precision moved them."""
+"""Triangles lower than this share of the mesh's size have no reliable normal, because of single precision."""
 
 
 PARALLEL = float(np.cos(np.radians(3)))
-"""Neighbouring faces that look at each other and are less parallel than this meet in a tip or a notch."""
+"""Opposite neighbouring faces that are less parallel than this meet in a tip or a notch."""
 
 
 @dataclass(frozen=True, eq=False)
 class Clearance:
-    """A shortest distance between faces that look at each other: metres, and where it is (3,)."""
+    """Shortest distance between opposite faces, metres, and its place (3,)."""
 
     size: float
     place: Floats
@@ -167,20 +164,19 @@ class Clearance:
 
 @dataclass(frozen=True, eq=False)
 class Clearances:
-    """The thinnest wall and the smallest gap; None where no two faces look at each other."""
+    """The thinnest wall and the smallest gap; None without opposite faces."""
 
     wall: Clearance | None
     gap: Clearance | None
 
 
 def clearances(V: Floats, F: Ints) -> Clearances:
-    """Of a closed mesh V (n, 3) metres, F (m, 3) seen from outside.
+    """Return the thinnest wall and the smallest gap of a closed mesh V (n, 3) metres, F (m, 3) oriented outwards.
 
-    Four lines a face, from its centre and near its corners, square to it: into the material for walls, away from it for
-    gaps. What they meet counts where it is parallel to 20 degrees, at the distance of its plane: exact between flat
-    faces. Neighbours that are not parallel to 3 degrees are the two sides of a tip or a notch, which tapers to nothing;
-    they do not count, and neither do flat facets that meet in a point. Widths of members are walls too. Triangles too
-    low for single precision to hold their direction are left out.
+    Four rays start on each face, at its centre and near its corners: inwards for walls, outwards for gaps. A hit counts
+    if its face is parallel to 20 degrees, with the distance of its plane, which is exact between flat faces. Neighbours
+    that are not parallel to 3 degrees are the sides of a tip or a notch, and do not count. Flat facets that meet in a
+    point do not count, nor do triangles too low for a normal in single precision. Widths of members are walls too.
     """
     N, plain = _normals(V, F)
     face = np.flatnonzero(plain)
@@ -206,7 +202,7 @@ def clearances(V: Floats, F: Ints) -> Clearances:
 
 
 def _normals(V: Floats, F: Ints) -> tuple[Floats, Bools]:
-    """(m, 3) unit normals, and which faces are high enough to have one."""
+    """Return (m, 3) unit normals, and (m,) faces that are high enough for one."""
     P = V[F]
     cross = np.cross(P[:, 1] - P[:, 0], P[:, 2] - P[:, 0])
     twice = np.linalg.norm(cross, axis=1)
@@ -216,7 +212,7 @@ def _normals(V: Floats, F: Ints) -> tuple[Floats, Bools]:
 
 
 def _neighbours(F: Ints, one: Ints, other: Ints) -> Bools:
-    """(k,) whether faces of pairs share a corner, or an edge leads from one to the other: the edge of a tip is one."""
+    """Return (k,) pairs of faces that share a corner, or are connected by an edge, as in a tip."""
     n = int(F.max()) + 1
     ends = edge_table(F).ends
     keys = np.sort(ends[:, 0] * n + ends[:, 1])
@@ -229,26 +225,20 @@ def _neighbours(F: Ints, one: Ints, other: Ints) -> Bools:
     return found
 
 
-SKIN = 0.9
-"""A face is one of the skins where its normal and the sheet's are parallel to this cosine; others are walls."""
-
-UNITS_APART = 0.02
-"""Boxes whose sizes differ by a unit's factor to this share are the same thing in another unit."""
-
 MIXED_UP = {1e-3: "m", 1e-2: "dm", 1e-1: "cm", 25.4: "mm", 1e3: "mm", 1 / 25.4: "in", 1 / 304.8: "ft"}
-"""What the numbers of a file were meant to be, by how many times too large the file, read in millimetres, is."""
+"""Intended unit of a file by its apparent scale, if it was read in millimetres."""
 
 
 @dataclass(frozen=True, eq=False)
 class Distance:
     """Metres between a file's solid and a design; each with its place (3,).
 
-    skin      : how far the skins are from lying half a thickness off the sheet, at most and on average (`skin_mean`).
-                Thickness that the design itself took back in tight bends counts; feet and other extras have no part.
-    to_design : from the file's surface to the design's solid, at most: what is too much or displaced.
-    from_design : from the design's solid to the file's surface, at most: what is missing or displaced.
-    beyond    : the largest of both beyond what is allowed there, below 0 where all is within.
-    allowed   : at the place of `beyond`.
+    skin      : deviation of the skins from half a thickness off the sheet: largest, and mean (`skin_mean`). It includes
+                thickness that the design itself removed in tight bends, but not feet and other extras.
+    to_design : largest distance from the file's surface to the design's solid: excess or shift.
+    from_design : largest distance from the design's solid to the file's surface: missing parts or shift.
+    beyond    : the largest excess of both over the allowance, below 0 if all is within.
+    allowed   : allowance at the place of `beyond`.
     scale     : diagonal of the file's box over that of the design.
     """
 
@@ -269,21 +259,21 @@ class Distance:
 
     @property
     def largest(self) -> float:
-        """Of both ways to the design's solid, metres."""
+        """Larger of both distances to the design's solid, metres."""
         return max(self.to_design, self.from_design)
 
     @property
     def meant_unit(self) -> str | None:
-        """The unit that the file's numbers seem to be in, when the whole file is another unit's factor off."""
-        close = (unit for factor, unit in MIXED_UP.items() if abs(self.scale / factor - 1) < UNITS_APART)
+        """Likely unit of the file's numbers, if the scale is off by a unit's factor within 2 %."""
+        close = (unit for factor, unit in MIXED_UP.items() if abs(self.scale / factor - 1) < 0.02)
         return next(close, None)
 
 
 @dataclass(frozen=True, eq=False)
 class Allowance:
-    """How far a file's solid may be off a design's, as a build has it.
+    """Allowed distance of a file's solid from a design's, as in a build.
 
-    flat   : metres, everywhere.     limits : of the smooth solid; None where the file has no curved faces.
+    flat   : metres, everywhere.     limits : of the smooth solid; None for a file without curved faces.
     """
 
     flat: float
@@ -291,22 +281,22 @@ class Allowance:
 
     @classmethod
     def of(cls, found: FileContents, design: Design) -> "Allowance":
-        """For a file: triangles of STL and 3MF are exact; planar faces of STEP may be simplified, curved ones may be
-        off by the mesh's own chord error, and their triangles, here, by their deflection."""
+        """Return the allowance of a file. Triangles of STL and 3MF are exact. Planar faces of STEP may be simplified.
+        Curved faces may be off by the mesh's own chord error, and their triangles by their deflection."""
         flat, asked = off_surface(design.preset), design.preset.export.step_tolerance
         if found.reader != "OCCT":
             return cls(OFF_SURFACE * design.preset.statics.thickness)
         if not found.deflection:
             return cls(asked or FURTHER * flat)
         try:
-            curved = curved_design(design)  # of a surface that may have been cut open
+            curved = curved_design(design)  # its surface may have been cut open
             limits = smooth_limits(Surface(curved.V, curved.F), curved, MM_PER_M * asked)
-        except ExportError:  # nothing but planes is made of it
+        except ExportError:  # the design has planar faces only
             limits = None
         return cls(flat + found.deflection, limits)
 
     def at(self, points: Floats) -> Floats:
-        """(k,) metres, at points (k, 3)."""
+        """Return the allowance (k,) in metres at points (k, 3)."""
         flat = np.full(len(points), self.flat)
         if self.limits is None:
             return flat
@@ -315,17 +305,17 @@ class Allowance:
 
 
 def off_surface(preset: Preset) -> float:
-    """Metres that curves of a file may be off a design, beside the mesh's own chord error."""
+    """Return the tolerance (m) of a file's curves, beside the mesh's own chord error."""
     return preset.export.step_tolerance or OFF_SURFACE * preset.statics.thickness
 
 
 def deflection_for(preset: Preset) -> float:
-    """Metres that triangles of a file's curved faces may be off them, to compare it with a design."""
+    """Return the deflection (m) of the triangles of a file's curved faces, for comparison with a design."""
     return DEFLECTION * off_surface(preset)
 
 
 def distance(found: FileContents, design: Design) -> Distance:
-    """Measured at vertices and centres of faces, on both sides."""
+    """Measure the distance at vertices and centres of faces, in both directions."""
     V, F, allowed = found.V, found.F, Allowance.of(found, design)
     to, to_place, to_excess = _farthest(V, F, design.solid.V, design.solid.F, allowed)
     back, back_place, back_excess = _farthest(design.solid.V, design.solid.F, V, F, allowed)
@@ -337,12 +327,11 @@ def distance(found: FileContents, design: Design) -> Distance:
 def _farthest(
     V: Floats, F: Ints, onto_V: Floats, onto_F: Ints, allowed: Allowance
 ) -> tuple[float, Floats, tuple[float, float]]:
-    """The largest distance of vertices and centres of faces from another mesh, and where; the largest excess over what
-    is allowed, and what that is there."""
+    """Return the largest distance from another mesh and its place; the largest excess and the allowance there."""
     P = np.concatenate([V, V[F].mean(axis=1)])
     far = nearest(P, onto_V, onto_F).distance
     k = int(far.argmax())
-    some = np.flatnonzero(far > allowed.flat)  # chord errors of the others need not be asked for
+    some = np.flatnonzero(far > allowed.flat)  # nearer points need no chord errors
     some = some if len(some) else np.array([k])
     most = allowed.at(P[some])
     worst = int((far[some] - most).argmax())
@@ -350,7 +339,7 @@ def _farthest(
 
 
 def _off_the_sheet(V: Floats, F: Ints, design: Design) -> tuple[float, Floats, float]:
-    """Largest and, by area, mean difference of the skins from where they should run; 0 where there is no skin."""
+    """Return the largest deviation of the skins, its place, and their mean by area; 0 without skins."""
     sheet: Surface = design.sheet.surface
     cross = np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]])
     twice = np.linalg.norm(cross, axis=1)
@@ -358,7 +347,7 @@ def _off_the_sheet(V: Floats, F: Ints, design: Design) -> tuple[float, Floats, f
     close = nearest(P, sheet.V, sheet.F)
     far, face = close.distance, close.simplex
     along = np.abs(np.einsum("mi,mi->m", cross, sheet.normals[face]))
-    skin = (twice > 0) & (along > SKIN * twice)
+    skin = (twice > 0) & (along > 0.9 * twice)  # other faces are walls
     half = design.preset.statics.thickness / 2
     shift = abs(SHIFT[design.preset.thickening.side])
     meant = np.array([half * (1 - shift), half * (1 + shift)])

@@ -1,9 +1,9 @@
-"""Tetrahedra inside a closed triangle mesh, made by gmsh: a program of its own, because a mesher may stall or crash.
+"""Tetrahedra inside a closed triangle mesh, made by gmsh: a separate program, because a mesher may stall or crash.
 
     python -P gmsh_program.py IN.npz OUT.npz
 
-IN holds V (n, 3) and F (m, 3), or `step`, a path, and `edge`, the longest edge wanted; OUT gets X (p, 3) and T (k, 4).
-It imports nothing from dsfab. gmsh is GPL-2 or later; dsfab talks to it through these files only.
+IN holds V (n, 3) and F (m, 3), or `step`, a path; and `edge`, the longest edge. OUT gets X (p, 3) and T (k, 4). It
+imports nothing from dsfab. gmsh is GPL-2 or later; dsfab exchanges only these files with it.
 """
 
 import sys
@@ -15,12 +15,9 @@ import numpy as np
 TRIANGLE, TETRAHEDRON = 2, 4
 """gmsh's numbers of element types."""
 
-DELAUNAY = 1
-"""Its 3D algorithm that keeps the given surface triangles."""
-
 
 def tetrahedra(given: Any) -> tuple[Any, Any]:
-    """Nodes (p, 3) and tetrahedra (k, 4) that fill the solid; given triangles stay."""
+    """Return nodes (p, 3) and tetrahedra (k, 4) that fill the solid; triangles of the input stay."""
     import gmsh
 
     gmsh.initialize()
@@ -31,7 +28,7 @@ def tetrahedra(given: Any) -> tuple[Any, Any]:
         gmsh.model.occ.synchronize()
     else:
         _add_mesh(gmsh.model, given["V"], given["F"])
-    gmsh.option.setNumber("Mesh.Algorithm3D", DELAUNAY)
+    gmsh.option.setNumber("Mesh.Algorithm3D", 1)  # Delaunay, which keeps the surface triangles
     gmsh.option.setNumber("Mesh.MeshSizeMax", float(given["edge"]))
     gmsh.model.mesh.generate(3)
     tags, points, _ = gmsh.model.mesh.getNodes()
@@ -44,7 +41,6 @@ def tetrahedra(given: Any) -> tuple[Any, Any]:
 
 
 def _add_mesh(model: Any, V: Any, F: Any) -> None:
-    """A volume within given triangles."""
     model.addDiscreteEntity(2, 1)
     model.mesh.addNodes(2, 1, np.arange(1, len(V) + 1), V.ravel())
     model.mesh.addElementsByType(1, TRIANGLE, [], (F + 1).ravel())

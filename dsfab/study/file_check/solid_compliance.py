@@ -28,25 +28,15 @@ from dsfab.surface.edge_changes import refined
 from dsfab.thickening.offset_vectors import SHIFT
 
 NEEDED = ("gmsh", "skfem")
-"""What the extra `solid` installs: a mesher (GPL) and assembly of solid elements (BSD-3)."""
-
-SECONDS = 300.0
-"""How long meshing may take."""
-
-SAME_VOLUME = 1e-6
-"""The tetrahedra fill the solid to this share of its volume, or are not of it; on curved faces they have chords, which
-count as everywhere (`CHANGED_VOLUME`)."""
+"""Packages of the extra `solid`: a mesher (GPL) and assembly of solid elements (BSD-3)."""
 
 STEP = (".step", ".stp")
 """Suffixes of files that gmsh reads itself."""
 
-FLAT = 1e-12
-"""A tetrahedron whose volume is a smaller share of its longest edge cubed has none."""
-
 
 @dataclass(frozen=True, eq=False)
 class Tetrahedra:
-    """X (p, 3) metres and T (k, 4), all of positive volume."""
+    """Nodes X (p, 3) in metres and tetrahedra T (k, 4), all of positive volume."""
 
     X: Floats
     T: Ints
@@ -57,7 +47,7 @@ class Tetrahedra:
 
 
 def missing() -> str:
-    """Why no solid model can be made here, and how to change that; empty when it can."""
+    """Return why no solid model can be made, and the remedy; '' if it can."""
     absent = [name for name in NEEDED if importlib.util.find_spec(name) is None]
     return f'{" and ".join(absent)} not installed; pip install "dsfab[solid]"' if absent else ""
 
@@ -65,9 +55,9 @@ def missing() -> str:
 def tetrahedra(found: FileContents, edge: float) -> Tetrahedra:
     """Fill the sound solid of a file, with edges of at most `edge` metres on its surface.
 
-    A STEP file is read by gmsh itself and gets new triangles; of other files the triangles stay and are halved.
-
-    Raises StaticsError when gmsh fails, takes too long, or fills something else.
+    gmsh reads STEP files itself and meshes them again; triangles of other files stay and are halved. Raises
+    StaticsError if gmsh fails, takes too long, or fills another volume. Chords of curved faces may change the volume by
+    `CHANGED_VOLUME`.
     """
     volume = Surface(found.V, found.F).volume
     if found.path.suffix.lower() in STEP:
@@ -76,31 +66,30 @@ def tetrahedra(found: FileContents, edge: float) -> Tetrahedra:
     fine = refined(Surface(found.V, found.F), edge)
     middle = found.V.mean(axis=0)
     X, T = _filled({"V": (fine.V - middle) / found.size, "F": fine.F, "edge": edge / found.size})
-    return _sound(X * found.size + middle, T, volume, SAME_VOLUME)
+    return _sound(X * found.size + middle, T, volume, 1e-6)
 
 
-def _filled(given: Mapping[str, Any]) -> tuple[Floats, Ints]:
-    """What the program makes of it; raises StaticsError when it makes nothing."""
+def _filled(given: Mapping[str, Any], seconds: float = 300.0) -> tuple[Floats, Ints]:
     with tempfile.TemporaryDirectory() as folder:
         source, made = Path(folder) / "surface.npz", Path(folder) / "tets.npz"
         np.savez(source, **given)
         try:
-            run_program(gmsh_program.__file__, str(source), str(made), seconds=SECONDS)
+            run_program(gmsh_program.__file__, str(source), str(made), seconds=seconds)
             with np.load(made) as mesh:
                 return np.asarray(mesh["X"], dtype=np.float64), np.asarray(mesh["T"], dtype=np.int64)
         except subprocess.TimeoutExpired:
-            raise StaticsError(f"gmsh did not fill the solid with tetrahedra within {SECONDS:.0f} s") from None
+            raise StaticsError(f"gmsh did not fill the solid with tetrahedra within {seconds:.0f} s") from None
         except (ProgramError, FileNotFoundError) as error:
             raise StaticsError(f"gmsh could not fill the solid with tetrahedra ({str(error)[:160]})") from None
 
 
 def _sound(X: Floats, T: Ints, volume: float, tolerance: float) -> Tetrahedra:
-    """The tetrahedra turned to positive volume; raises StaticsError when they do not fill the solid."""
+    """Orient the tetrahedra to positive volume. Raises StaticsError if they do not fill the solid."""
     P = X[T]
     six = np.einsum("ki,ki->k", P[:, 1] - P[:, 0], np.cross(P[:, 2] - P[:, 0], P[:, 3] - P[:, 0]))
     T = np.where((six < 0)[:, None], T[:, [0, 2, 1, 3]], T)
     long = np.linalg.norm(P[:, [1, 2, 3, 2, 3, 3]] - P[:, [0, 0, 0, 1, 1, 2]], axis=2).max(axis=1)
-    if flat := int((np.abs(six) <= FLAT * long**3).sum()):
+    if flat := int((np.abs(six) <= 1e-12 * long**3).sum()):
         raise StaticsError(f"gmsh left {flat} of {len(T)} tetrahedra without volume; the surface has needles")
     filled = float(np.abs(six).sum() / 6)
     if abs(filled - volume) > tolerance * volume:
@@ -108,24 +97,19 @@ def _sound(X: Floats, T: Ints, volume: float, tolerance: float) -> Tetrahedra:
     return Tetrahedra(X, T)
 
 
-AT_ONCE = 20_000
-"""Tetrahedra assembled together: 30 x 30 entries each, which is 150 MB."""
-
-NEAR = 40
-"""Tetrahedra that are tried for a point, those with the nearest centres first."""
-
 OUTSIDE = 0.25
-"""A point may be this far outside its tetrahedron, in barycentric coordinates: skins are chords of curved sheets."""
+"""Allowed distance of a point from its tetrahedron, in barycentric coordinates, because skins are chords of curved
+sheets."""
 
 LARGEST = 1_200_000
-"""More unknowns than this are not solved."""
+"""Limit on the number of unknowns."""
 
 
 @dataclass(frozen=True, eq=False)
 class SolidModel:
-    """Stiffness K (N, N), N/m, of a solid, and where its unknowns are.
+    """Stiffness K (N, N), N/m, of a solid, and the places of its unknowns.
 
-    points : (N / 3, 3) nodes.     node : (N,) the node that each unknown sits on.
+    points : (N / 3, 3) nodes.     node : (N,) the node of each unknown.
     """
 
     mesh: Tetrahedra
@@ -136,7 +120,7 @@ class SolidModel:
 
     @classmethod
     def of(cls, mesh: Tetrahedra, material: Material) -> "SolidModel":
-        """Assemble. Raises StaticsError for more than `LARGEST` unknowns."""
+        """Assemble the stiffness. Raises StaticsError for more than `LARGEST` unknowns."""
         from skfem import ElementTetP2, ElementVector, MeshTet
 
         tets = MeshTet(np.ascontiguousarray(mesh.X.T), np.ascontiguousarray(mesh.T.T), sort_t=True)
@@ -157,9 +141,11 @@ class SolidModel:
         return cKDTree(self.mesh.X[self.mesh.T].mean(axis=1))
 
     def at(self, points: Floats, reach: float) -> csr_array:
-        """(3 k, N) from the unknowns to the displacements of points (k, 3): x, y, z of the first, then of the second.
+        """Return (3 k, N) from the unknowns to the displacements of points (k, 3): x, y, z of the first, then of the
+        second.
 
-        reach : metres that a point may lie outside the solid.   Raises StaticsError for one that lies farther out.
+        reach : allowed distance of a point from the solid, metres.   Raises StaticsError for a point that lies farther
+                out.
         """
         tet, local = self._inside(points, reach)
         phi = _shapes(local)  # (10, k)
@@ -171,8 +157,8 @@ class SolidModel:
         return csr_array(coo_array(entries, shape=(3 * k, self.K.shape[0])))
 
     def _inside(self, points: Floats, reach: float) -> tuple[Ints, Floats]:
-        """The tetrahedron (k,) that holds each point best, and the point's place in it (3, k)."""
-        near = np.asarray(self._tree.query(points, k=min(NEAR, len(self.mesh.T)))[1]).reshape(len(points), -1)
+        """Return the best tetrahedron (k,) of each point, among the 40 nearest, and the local coordinates (3, k)."""
+        near = np.asarray(self._tree.query(points, k=min(40, len(self.mesh.T)))[1]).reshape(len(points), -1)
         P = self.mesh.X[self.mesh.T[near]]
         edges = np.swapaxes(P[:, :, 1:] - P[:, :, :1], 2, 3)
         local = np.linalg.solve(edges, (points[:, None] - P[:, :, 0])[..., None])[..., 0]
@@ -190,15 +176,15 @@ class SolidModel:
         return near[own, best], local[own, best].T
 
 
-def _assembled(tets: Any, element: Any, material: Material) -> tuple[csr_array, Ints]:
-    """The stiffness, and the unknowns of each tetrahedron (30, k)."""
+def _assembled(tets: Any, element: Any, material: Material, at_once: int = 20_000) -> tuple[csr_array, Ints]:
+    """Return the stiffness, and the unknowns of each tetrahedron (30, k); 20 000 tetrahedra at once take 150 MB."""
     from skfem import Basis
     from skfem.models.elasticity import lame_parameters, linear_elasticity
 
     form = linear_elasticity(*lame_parameters(material.young, material.poisson))
     K: csr_array | None = None
-    for start in range(0, tets.t.shape[1], AT_ONCE):
-        part = np.arange(start, min(start + AT_ONCE, tets.t.shape[1]))
+    for start in range(0, tets.t.shape[1], at_once):
+        part = np.arange(start, min(start + at_once, tets.t.shape[1]))
         basis = Basis(tets, element, elements=part, intorder=2)  # strains are linear: exact
         added = csr_array(form.assemble(basis))
         K = added if K is None else csr_array(K + added)
@@ -209,7 +195,7 @@ def _assembled(tets: Any, element: Any, material: Material) -> tuple[csr_array, 
 
 
 def _shapes(local: Floats) -> Floats:
-    """(10, k) the quadratic shape functions at local places (3, k), in scikit-fem's order."""
+    """Return (10, k) quadratic shape functions at local coordinates (3, k), in scikit-fem's order."""
     from skfem import ElementTetP2
 
     return np.stack([ElementTetP2().lbasis(local, a)[0] for a in range(10)])
@@ -217,7 +203,7 @@ def _shapes(local: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Holding:
-    """What keeps a model in place: springs, N/m, along combinations of its unknowns.
+    """Springs that support a model, along combinations of its unknowns.
 
     rows : (r, N) one combination each.     stiffness : (r,) N/m; a rigid support is a very stiff spring.
     """
@@ -227,7 +213,7 @@ class Holding:
 
 
 def compliances(model: SolidModel, holding: Holding, forces: Sequence[Floats]) -> Floats:
-    """(c,) f . u, joules, of each force (N,). Raises StaticsError when the solid is not held."""
+    """Return (c,) f . u, joules, of each force (N,). Raises StaticsError if the solid is not supported."""
     weighted = diags_array(holding.stiffness) @ holding.rows
     K = csr_array(model.K + holding.rows.T @ weighted)
     scale = 1 / np.sqrt(K.diagonal())
@@ -244,22 +230,22 @@ def compliances(model: SolidModel, holding: Holding, forces: Sequence[Floats]) -
 
 
 EDGE = 1.0
-"""Longest edge on the solid's surface, in thicknesses; but not finer than `COARSE` of the solid's size. On members two
+"""Longest edge on the solid's surface, in thicknesses, but at least `COARSE` of the solid's size. On members two
 thicknesses wide, edges of two thicknesses gave 2.5 to 5 % less compliance."""
 
 COARSE = 1 / 100
-"""See `EDGE`: very thin sheets would take millions of tetrahedra, and quadratic ones bend well at 1 : 5."""
+"""See `EDGE`: very thin sheets would take millions of tetrahedra, and quadratic elements bend well at 1 : 5."""
 
 RIGID = 1e3
-"""A rigid support is a spring of this many times Young's modulus times the thickness."""
+"""Stiffness of a rigid support's spring, over Young's modulus times the thickness."""
 
 GAUSS = ((np.sqrt(0.6), 5 / 18), (0.0, 8 / 18), (-np.sqrt(0.6), 5 / 18))
-"""Heights over the middle, in half thicknesses, and their weights."""
+"""Heights of Gauss points over the middle, in half thicknesses, and their weights."""
 
 
 @dataclass(frozen=True)
 class SolidCompliance:
-    """Compliances, joules, of the cut sheet as a shell and of the file as a solid, under what the pattern follows.
+    """Compliances (J) of the cut sheet as a shell and of the file as a solid, under the loads that the pattern follows.
 
     tetrahedra, unknowns : of the solid model.    edge : longest edge on its surface, metres.
     elements : of the shell.
@@ -274,18 +260,18 @@ class SolidCompliance:
 
     @property
     def ratio(self) -> float:
-        """Solid over shell: above 1 the file is softer than the verdict on the sheet."""
+        """Solid over shell: above 1 the file is softer than the sheet."""
         return self.solid / self.shell
 
 
 def carrying(found: FileContents, design: Design, edge: float | None = None) -> SolidCompliance:
     """Compare the sound solid in a file with the sheet of its design.
 
-    edge : longest edge on the surface of the solid model, metres; else one thickness, or a hundredth of the size.
+    edge : longest edge on the surface of the solid model, metres; default: one thickness, or a hundredth of the size.
 
-    Loads and supports are those of the cut sheet. Its vertices, and points along its held edges, lie in the solid (see
-    `elastic`), and what acts on one acts on the mean through the thickness there, as it does on a shell.
-    Sheets that are loaded in their plane do not leave it. Raises StaticsError when gmsh or the solver cannot do it.
+    Loads and supports are those of the cut sheet. They act at its vertices and at points along its held edges, on the
+    mean displacement through the thickness, as on a shell. Sheets that are loaded in their plane stay in it. Raises
+    StaticsError if gmsh or the solver fails.
     """
     sheet, statics = design.sheet.surface, design.preset.statics
     loads, t = design.cut_loads, statics.thickness
@@ -315,15 +301,14 @@ class SupportPoints:
     shift: int
 
     def mean(self, places: Floats, normals: Floats) -> csr_array:
-        """(3 k, N) displacements of places (k, 3) of the sheet, averaged through the thickness by three Gauss points.
-
-        The points lie evenly about the middle: a force so divided has no moment about it.
-        """
+        """Return (3 k, N) displacements of places (k, 3) of the sheet, averaged through the thickness by three Gauss
+        points. The points are symmetric about the middle, so a force on them has no moment."""
         parts = (weight * self._level(places, normals, height) for height, weight in GAUSS)
         return csr_array(sum(parts, start=csr_array((3 * len(places), self.model.K.shape[0]))))
 
     def turn(self, edges: Bools) -> csr_array:
-        """(r, N) how far the outer Gauss points move apart, square to each of the marked edges and along the sheet."""
+        """Return (r, N) relative displacement of the outer Gauss points, square to each marked edge and along the
+        sheet."""
         places, normals, along = self.samples(edges)
         across = np.cross(along, normals)
         across /= np.linalg.norm(across, axis=1, keepdims=True)
@@ -334,10 +319,8 @@ class SupportPoints:
         return csr_array(csr_array(entries, shape=(k, 3 * k)) @ apart)
 
     def samples(self, edges: Bools) -> tuple[Floats, Floats, Floats]:
-        """Places (k, 3) on marked edges, half a thickness apart at most, with the normal of a face and the edge there.
-
-        A line that is held in fewer points gives way between them, which a held shell does not.
-        """
+        """Return places (k, 3) on marked edges, at most half a thickness apart, with the face normal and the edge
+        there. A line with fewer fixed points would give way between them, unlike a fixed shell."""
         table = self.sheet.edges
         start, end = np.moveaxis(self.sheet.V[table.ends[edges]], 1, 0)
         count = np.ceil(2 * np.linalg.norm(end - start, axis=1) / self.thickness).astype(np.int64)
@@ -354,7 +337,6 @@ class SupportPoints:
 
 
 def _holding(points: SupportPoints, at: csr_array, loads: Mapping[str, LoadCase], rigid: float) -> Holding:
-    """Supports of the sheet: held directions of vertices and along edges, springs, and edges that stay."""
     sheet, load = points.sheet, next(iter(loads.values()))
     fixed, middles = load.fixed.copy(), held_middles(sheet, load.fixed)
     if (axis := flat_axis(sheet, *loads.values())) is not None:
@@ -362,7 +344,7 @@ def _holding(points: SupportPoints, at: csr_array, loads: Mapping[str, LoadCase]
     stiffness = np.where(fixed, rigid, load.spring).ravel()
     held = np.flatnonzero(stiffness)
     rows, strength = [at[held]], [stiffness[held]]
-    for axes in np.unique(middles[middles.any(axis=1)], axis=0):  # edges that are held alike
+    for axes in np.unique(middles[middles.any(axis=1)], axis=0):  # edges with equal held directions
         places, normals, _ = points.samples(np.asarray((middles == axes).all(axis=1)))
         rows.append(points.mean(places, normals)[np.flatnonzero(np.tile(axes, len(places)))])
     if load.clamped.any() and axis is None:

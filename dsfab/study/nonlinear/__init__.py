@@ -11,34 +11,22 @@ from dsfab.design import Design, Progress, loads_on, silent
 from dsfab.preset.file import overridden
 from dsfab.study.calculix import LoadPath, WedgeModel, load_path, lowest_buckling, require_ccx, solid_model
 
-OF_SPAN = 1 / 300
-"""Imperfection over the span, where none is given."""
-BEYOND = 1.2
-"""The path goes so far, in times of the linear factor."""
-SOFT = 100.0
-"""A structure has given way when a step of the load moves it so many times as far as the first one did."""
 CANDIDATE, JUMP = 10.0, 5.0
-"""What is looked at in finer steps, and how much farther than the step before a snap moves."""
-NEAR = 0.02
-"""Factors that differ by less than this share need no finer steps between them."""
-SOFTENED, NARROW = 2.0, 0.025
-"""No equilibrium is to be had any more where a step of the load moves it so many times as far as the first one did, and
-no larger share of the load than this can be added."""
-WATCHED = 1000
-"""Vertices of the sheet whose displacements are read, at most."""
+"""A snap moves the structure this many times as far as the first step of equal load, and as the step before."""
 
 
 @dataclass(frozen=True, eq=False)
 class NonlinearCheck:
-    """What CalculiX finds of a design under one case.
+    """Result of CalculiX for a design under one case.
 
     linear    : factor on the loads at which the perfect solid buckles by linear theory.
-    limit     : factor at which the imperfect one gives way, or the largest that was reached.    given_way : whether.
+    limit     : factor at which the imperfect solid gives way, or the largest that was reached.    given_way : which of
+                them.
     imperfection : metres, the largest; in the shape of that buckling.
-    moved     : metres, the largest displacement under the loads as they are, or at the limit if that is less.
+    moved     : metres, the largest displacement under the loads, or at the limit if that is less.
     load, u   : the path: factors (k,), and the largest displacement (k,), metres.    triangles : of the sheet.
-    edge      : metres, of the triangles of the surface that was cut anew for it; 0 for the sheet of the design itself.
-    minutes   : of each run of CalculiX, where they were over before the end of the path; else 0.
+    edge      : metres, of the triangles of the surface that was cut again for this check; 0 for the design's own sheet.
+    minutes   : time limit of each run of CalculiX if it ended the path early; else 0.
     """
 
     case: str
@@ -55,7 +43,7 @@ class NonlinearCheck:
 
     @property
     def told(self) -> str:
-        """A sentence."""
+        """Sentence about the result."""
         how, stop = f"gives way at {self.limit:.3g} times its load", ""
         if self.minutes:
             how = f"followed to {self.limit:.3g} times its load"
@@ -78,14 +66,12 @@ def nonlinear_check(
     progress: Progress = silent,
     edge: float | None = None,
 ) -> NonlinearCheck:
-    """How much of its load the cut sheet of a design bears, as a solid, with large displacements.
+    """Return the share of its load that the cut sheet of a design bears, as a solid, with large displacements.
 
-    case : or combination; left out: the first combination, or the first case where there is none.    imperfection :
-    metres; left out: a 300th of its longest side.    minutes : that each run of CalculiX may take.    edge : metres, of
-    the surface that is cut for it, or 0: see `without_fillets`.
-
-    Raises StaticsError where CalculiX is missing or finds no answer, where nothing carries its loads, for springs, and
-    for a time that is none.
+    case         : or combination; default: the first combination, or else the first case.
+    imperfection : metres; default: a 300th of the longest side.    minutes : time limit of each run of CalculiX.
+    edge         : metres, of the surface that is cut for the check, or 0: see `without_fillets`. Raises StaticsError
+                 for springs, a time of 0, loads that are not carried, and a missing or failing CalculiX.
     """
     if not minutes > 0:
         raise StaticsError(f"{minutes:g} minutes are no time for CalculiX; give it --minutes 60, or more")
@@ -95,7 +81,7 @@ def nonlinear_check(
     name = case or next((one for one in cases if cases[one].factors is not None), next(iter(cases)))
     if name not in cases:
         raise StaticsError(f"{name!r} is no load case of this design; use one of {', '.join(cases)}")
-    amount = OF_SPAN * float(np.ptp(surface.V, axis=0).max()) if imperfection is None else imperfection
+    amount = float(np.ptp(surface.V, axis=0).max()) * (1 / 300) if imperfection is None else imperfection
     if not 0 <= amount < surface.size:
         raise StaticsError(f"an imperfection of {amount:g} m is none of this design; give metres, for instance 0.02")
     sheet, statics = design.sheet, design.preset.statics
@@ -108,13 +94,11 @@ def nonlinear_check(
 
 
 def without_fillets(design: Design, edge: float | None, progress: Progress) -> Design:
-    """The design with sharp corners of openings: the arcs of a dome's fillets are half of its triangles, and change its
-    linear buckling by .4 %.
+    """Return the design with sharp corners of openings, whose fillets are half of a dome's triangles.
 
-    edge : metres, of the triangles of the surface that it is cut out of then, where the design's are shorter; 0 leaves
-    everything as it is. A mesh that is taken as its file has it stays.
-
-    Raises StaticsError for a length that is none.
+    edge : metres, of the triangles of the cut surface if the design's are shorter; 0 leaves the design unchanged. A
+           mesh that the design takes unchanged from its file stays. Fillets change linear buckling by .4 % only. Raises
+           StaticsError for an edge that is negative or longer than the surface.
     """
     if edge is not None and not 0 <= edge < design.surface.size:
         raise StaticsError(f"edges of {edge:g} m are none of this design; give metres, for instance 0.5, or 0")
@@ -127,7 +111,6 @@ def without_fillets(design: Design, edge: float | None, progress: Progress) -> D
 
 
 def _vertex_normals(V: Floats, F: Ints, normal: Floats) -> Floats:
-    """(n, 3) sums of the normals of faces, in proportion to their areas."""
     found = np.zeros_like(V)
     for corner in F.T:
         np.add.at(found, corner, normal)
@@ -137,15 +120,16 @@ def _vertex_normals(V: Floats, F: Ints, normal: Floats) -> Floats:
 def solid_check(
     model: WedgeModel, case: str, imperfection: float, seconds: float, progress: Progress
 ) -> NonlinearCheck:
-    """The same of a solid; imperfection in metres, seconds that each run of CalculiX may take."""
+    """Check a solid. imperfection : metres.    seconds : time limit of each run of CalculiX."""
     progress("nonlinear", f"linear buckling of {len(model.solid.elements):,} wedges by CalculiX")
     linear, mode = lowest_buckling(model, seconds)
     shape = mode / np.linalg.norm(mode, axis=1).max()
-    shape *= np.sign((shape * model.force).sum()) or 1.0  # towards where the loads push it
+    shape *= np.sign((shape * model.force).sum()) or 1.0  # in the direction of the loads
     middle = model.solid.columns[:, 2]
-    watched = middle[:: -(-len(middle) // WATCHED)]
-    progress("nonlinear", f"loads up to {BEYOND * linear:.3g} times theirs, with large displacements")
-    start, most = model.solid.nodes + imperfection * shape, BEYOND * linear
+    watched = middle[:: -(-len(middle) // 1000)]  # at most 1000 vertices
+    most = 1.2 * linear  # end of the path
+    progress("nonlinear", f"loads up to {most:.3g} times theirs, with large displacements")
+    start = model.solid.nodes + imperfection * shape
     path = load_path(model, start, (most,), watched, seconds, last_of)
     if not _stuck(path) and (fine := softest(path)) is not None:
         progress("nonlinear", f"loads from {fine[0]:.3g} to {fine[1]:.3g} times theirs in finer steps")
@@ -161,48 +145,53 @@ def solid_check(
 
 
 def _stuck(path: LoadPath) -> bool:
-    """Whether there is no equilibrium under a little more: finer steps find no more of it."""
+    """Return True if a slightly larger load has no equilibrium, so that finer steps are useless."""
     at, given_way = limit_of(path)
     return given_way and at == len(path.load) - 1
 
 
 def softest(path: LoadPath) -> tuple[float, float] | None:
-    """The factors between which a path moves the structure most for its load; None where no step moves it much farther
-    than the first, or where they are near each other already."""
+    """Return the factors around the step that moves the structure most for its load.
+
+    None: no step moves it much farther than the first, or the factors differ by less than 2 %.
+    """
     moves = _moves(path)
     step = int(moves.argmax())
     below, above = float(path.load[max(step - 1, 1)]), float(path.load[min(step + 2, len(path.load) - 1)])
-    return (below, above) if moves[step] > CANDIDATE and above - below > NEAR * above else None
+    return (below, above) if moves[step] > CANDIDATE and above - below > 0.02 * above else None
 
 
 def limit_of(path: LoadPath) -> tuple[int, bool]:
-    """The step of a path up to which the structure bears its load, and whether it gives way after it.
+    """Return the last step of a path that the structure bears, and whether it gives way after it.
 
-    It does where the next step moves it `SOFT` times as far for its load as the first one did, or `JUMP` times as far
-    as the step before and over `CANDIDATE` times as far as the first: it has snapped into another shape. And where the
-    path ends early, but not for want of time.
+    It gives way if the next step moves it 100 times as far for its load as the first step. It snaps if that step moves
+    it over `JUMP` times as far as the step before and over `CANDIDATE` times as far as the first step. A path that ends
+    early also gives way, unless the time ran out.
     """
     moves = _moves(path)
     jump = (moves[1:] > JUMP * moves[:-1]) & (moves[1:] > CANDIDATE)
-    soft = np.flatnonzero((moves > SOFT) | np.concatenate([[False], jump]))
+    soft = np.flatnonzero((moves > 100) | np.concatenate([[False], jump]))
     if len(soft):
         return int(soft[0]), True
     return len(path.load) - 1, not (path.whole or path.late)
 
 
 def last_of(path: LoadPath) -> int | None:
-    """The point after which a path has no more to tell, if it has come so far: the end of a snap, or where it is soft
-    and a small step more has no equilibrium. CalculiX would halve that step many times, in vain."""
+    """Return the last point of interest of a path, or None: the end of a snap, or a soft point without equilibrium.
+
+    At a soft point, CalculiX would halve the next step many times in vain. A point is soft if its step moved the
+    structure over twice as far as the first step, and a load increment under 2.5 % failed.
+    """
     at, snaps = limit_of(replace(path, whole=True))
     moves = _moves(path)
     for start, by in path.failed:
-        if start <= at and start > 1 and moves[start - 1] > SOFTENED and by <= NARROW * path.load[start]:
+        if start <= at and start > 1 and moves[start - 1] > 2 and by <= 0.025 * path.load[start]:
             return start
     return at + 1 if snaps else None
 
 
 def _moves(path: LoadPath) -> Floats:
-    """(k - 1,) how far each step moves the structure for its load, over what the first one does."""
+    """Return (k - 1,) movement of each step for its load, over that of the first step."""
     load = np.maximum(np.diff(path.load), 1e-12 * path.load[-1])
     moves = np.linalg.norm(np.diff(path.u, axis=0), axis=(1, 2)) / load
     return np.asarray(moves / moves[0])

@@ -1,12 +1,11 @@
-"""Parametric sweeps: many designs of one preset, in memory (`sweep`) or in a folder that survives being stopped.
+"""Parametric sweeps: many designs of one preset, in memory (`sweep`) or in a folder that survives interruptions.
 
-values, constraints, plan, plan_file   what a sweep is: a file, checked as strictly as a preset
-sampling                               its points: a full grid, Sobol, Latin hypercube, a list from CSV
-order                                  which run after which, so that stages are made once for all that share them
-cut_sheet, metrics                     how the cut sheet of a design carries, and what can be asked of a design
-store, results                         one database per folder; tables, the best, the Pareto front
-worker, local, cluster                 who makes the runs: processes of this machine, or a Dask cluster
-scheduler, folder                      the only one who writes, and what it writes
+plan        sweep files: values, constraints, and their strict checks
+metrics     quantities that a sweep can measure
+runs        points, one database per folder, and the optimiser
+in_memory   order of runs that shares stages; `sweep`
+workers     processes of this machine, or a Dask cluster
+scheduler, folder   hand runs to workers; write all results
 """
 
 from dsfab.study.sweeps.in_memory import Run, sweep

@@ -29,10 +29,10 @@ NAME = "coordinator.lock"
 
 @contextmanager
 def only_coordinator(folder: Path) -> Iterator[None]:
-    """Hold a sweep folder; raises DsfabError while another process holds it.
+    """Lock a sweep folder. Raises DsfabError while another process holds it.
 
-    The lock is SQLite's own on a file of its own: it works wherever the database does, and the system lets go of it
-    when the process ends, however it ends. Who holds it stands beside it, for the message only.
+    SQLite locks a file of its own, so the lock works wherever the database does. The system releases it when the
+    process ends in any way. A text file beside it names the holder for the message.
     """
     holder = folder / f"{NAME}.txt"
     connection = sqlite3.connect(folder / NAME, timeout=0, isolation_level=None)
@@ -68,23 +68,23 @@ PICTURES = "pictures"
 
 
 def feasible(row: RunRow, limits: Iterable[Constraint]) -> bool:
-    """Whether a run worked and meets every constraint."""
+    """Return True if a run is done and meets every constraint."""
     return row.state == "done" and all(limit.holds(row.metrics) for limit in limits)
 
 
 def best(rows: Iterable[RunRow], metric: str, limits: Sequence[Constraint] = ()) -> list[RunRow]:
-    """Runs that work and meet the constraints, the best of a metric first; `ABOUT` says which direction is better."""
+    """Return feasible runs, the best of a metric first; `ABOUT` defines which direction is better."""
     sign = -1 if ABOUT[metric].better == "more" else 1
     usable = [row for row in rows if feasible(row, limits) and isfinite(row.metrics.get(metric, float("nan")))]
     return sorted(usable, key=lambda row: (sign * row.metrics[metric], row.number))
 
 
 def pareto(rows: Iterable[RunRow], one: str, other: str, limits: Sequence[Constraint] = ()) -> list[RunRow]:
-    """Runs that no other beats in both metrics, the best of `one` first."""
+    """Return runs that no other run beats in both metrics, the best of `first_metric` first."""
     front: list[RunRow] = []
     sign = -1 if ABOUT[other].better == "more" else 1
     usable = [row for row in best(rows, one, limits) if isfinite(row.metrics.get(other, float("nan")))]
-    # of those that are equal in `one`, the better in `other` comes first
+    # ties in the first metric are sorted by the second
     first = -1 if ABOUT[one].better == "more" else 1
     for row in sorted(usable, key=lambda row: (first * row.metrics[one], sign * row.metrics[other], row.number)):
         if not front or sign * row.metrics[other] < sign * front[-1].metrics[other]:
@@ -93,12 +93,12 @@ def pareto(rows: Iterable[RunRow], one: str, other: str, limits: Sequence[Constr
 
 
 def picture_of(row: RunRow) -> str:
-    """The picture of a run, relative to the sweep's folder; '' if it has none."""
+    """Return the picture of a run, relative to the sweep's folder; '' without one."""
     return next((name for name in row.files if name.startswith(f"{PICTURES}/")), "")
 
 
 def records(rows: Sequence[RunRow], metrics: Sequence[str], limits: Sequence[Constraint]) -> list[dict[str, Any]]:
-    """One record for each run: `in:KEY`, `out:METRIC` and `img` are what Design Explorer reads."""
+    """Return one record for each run; Design Explorer reads `in:KEY`, `out:METRIC` and `img`."""
     keys = list(dict.fromkeys(key for row in rows for key in row.changes))
     return [
         {
@@ -116,7 +116,7 @@ def records(rows: Sequence[RunRow], metrics: Sequence[str], limits: Sequence[Con
 
 
 def write_tables(folder: Path, table: Sequence[Mapping[str, Any]]) -> list[Path]:
-    """Write results.csv, and results.parquet where pyarrow is installed; raises ExportError."""
+    """Write results.csv, and results.parquet if pyarrow is installed. Raises ExportError."""
     if not table:
         return []
     text = StringIO()
@@ -143,7 +143,6 @@ def _plain(value: Any) -> Any:
 
 
 def _column(values: list[Any]) -> list[Any]:
-    """One type in a column: numbers as floats where there is a fraction among them, text where there is text."""
     kinds = {type(value) for value in values if value is not None}
     if len(kinds) <= 1:
         return values
@@ -155,19 +154,19 @@ SWEEP, PRESET = "sweep.toml", "preset.toml"
 DESIGNS, LOGS = "designs", "logs"
 
 HARMLESS = {"constraints"}
-"""Keys that change nothing about what is made: they may differ when a sweep goes on."""
+"""Keys that do not change the runs; they may differ if a sweep continues."""
 
 RENEWING = {"metrics", "keep", "formats", "size", "view"}
-"""Keys that ask more of every run: with --extend, all are made again."""
+"""Keys that need more of every run: with --extend, all runs are repeated."""
 
 
 TRIED_AGAIN: tuple[State, ...] = ("killed",)
-"""Ends of runs that a new session makes again if nothing else is asked."""
+"""States of runs that a new session repeats by default."""
 
 
 @dataclass(frozen=True)
 class SweepFolder:
-    """An existing sweep: its folder, its plan (paths settled) and the preset that all runs start from."""
+    """An existing sweep: its folder, its plan with resolved paths, and the preset that all runs start from."""
 
     path: Path
     plan: Plan
@@ -175,14 +174,14 @@ class SweepFolder:
 
     @classmethod
     def at(cls, path: Path) -> "SweepFolder":
-        """The sweep in a folder; raises DsfabError where there is none."""
+        """Return the sweep in a folder. Raises DsfabError if the folder holds none."""
         if not (path / SWEEP).is_file():
             raise DsfabError(f"{path} holds no sweep ({SWEEP} is missing); give a sweep's folder or a sweep file")
         plan = load_plan(path / SWEEP)
         return cls(path, plan, base_preset(plan))
 
     def job(self, draw: Drawer | None = None, ship_mesh: bool = False) -> Job:
-        """What workers need to know. ship_mesh : they cannot read the preset's mesh file."""
+        """Return the input of workers. ship_mesh : True if they cannot read the preset's mesh file."""
         values = self.preset.model_dump(mode="json", exclude_none=True)
         mesh = mesh_of(self.preset) if ship_mesh else None
         plan = self.plan
@@ -190,7 +189,7 @@ class SweepFolder:
         return Job(token, values, plan.measured, plan.keep, plan.formats, draw, mesh)
 
     def rows(self) -> list[RunRow]:
-        """All runs."""
+        """Return all runs."""
         with Store.open(self.path) as store:
             return store.rows()
 
@@ -200,10 +199,8 @@ class SweepFolder:
         told: Callable[[Progress], None] = lambda progress: None,
         retry: Collection[State] = TRIED_AGAIN,
     ) -> None:
-        """Make every run that waits, those in progress when it was last stopped, and those that ended as in `retry`.
-
-        Runs whose worker was killed `TRIES` times in all come last, one after the other, alone.
-        """
+        """Make every waiting run, interrupted runs, and runs that ended as in `retry`. Runs whose worker was killed
+        `TRIES` times in all come last, one after another."""
         with Store.open(self.path) as store:
             store.again(("running", *retry))
             try:
@@ -218,7 +215,7 @@ class SweepFolder:
                     self.write_tables()
 
     def _make(self, store: Store, crew: Workers, told: Callable[[Progress], None], progress: Progress) -> None:
-        """Make all runs that wait: together, then alone those that may be the reason why their workers were killed."""
+        """Make all waiting runs together, then those whose workers were often killed, alone."""
         waiting = store.rows("waiting")
         together = {row.number: row.changes for row in waiting if row.lost < TRIES}
         conduct(store, crew, together, self.deliver, told, progress)
@@ -226,7 +223,7 @@ class SweepFolder:
             conduct(store, OneWorker(crew), careful, self.deliver, told, progress)
 
     def _search(self, store: Store, crew: Workers, told: Callable[[Progress], None], total: int) -> None:
-        """Let the search propose runs; those that are recorded are not made again."""
+        """Make the runs that the search proposes, unless they are recorded."""
         progress = standing(store, max(total, sum(store.counts().values())))
 
         def make(proposed: Sequence[Changes]) -> dict[str, RunRow]:
@@ -238,11 +235,11 @@ class SweepFolder:
         search(self.plan, make)
 
     def write_tables(self) -> list[Path]:
-        """Write the results as they stand."""
+        """Write the current results."""
         return write_tables(self.path, records(self.rows(), self.plan.measured, self.plan.limits))
 
     def deliver(self, outcome: Outcome, changes: Changes) -> list[str]:
-        """Write the files of a run, and its log if it failed; raises ExportError."""
+        """Write the files of a run, and its log if it failed. Raises ExportError."""
         names = []
         for name, content in outcome.files.items():
             place = f"{PICTURES}/{outcome.number:05}.png" if name == "picture.png" else None
@@ -264,7 +261,7 @@ class SweepFolder:
 
 
 def checked_plan(plan: Plan) -> tuple[Preset, list[dict[str, Any]]]:
-    """The preset that all runs of a plan start from, and what each changes; raises PresetError for what cannot be."""
+    """Return the preset of a plan and the changes of each run. Raises PresetError for invalid plans."""
     preset, found = base_preset(plan), points(plan) if plan.search is None else []
     check_points(preset, found or trials(plan))
     return preset, found
@@ -273,11 +270,11 @@ def checked_plan(plan: Plan) -> tuple[Preset, list[dict[str, Any]]]:
 def prepare(
     plan: Plan, folder: Path, extend: bool = False, known: tuple[Preset, list[dict[str, Any]]] | None = None
 ) -> SweepFolder:
-    """The folder of a plan, made or found again, its runs recorded; call it inside `only_coordinator`.
+    """Create or update the folder of a plan and record its runs; call it inside `only_coordinator`.
 
-    Raises DsfabError for a plan that is not that of the folder, unless `extend` allows it: then runs are added, and
-    none is lost; metrics or files that are new are made for all. PresetError for keys and values that cannot be.
-    known : what `checked_plan` said, if it was asked before the folder was made.
+    checked : result of `checked_plan`, if the caller has it. `extend` adds runs to another plan and loses none; new
+              metrics or files repeat all runs. Without it, another plan in the folder raises DsfabError. Invalid keys
+              and values raise PresetError.
     """
     preset, found = checked_plan(plan) if known is None else known
     settled = _settled(plan, found)
@@ -302,7 +299,7 @@ def prepare(
 
 
 def sweep_folder(folder: Path) -> Path:
-    """A folder to hold a sweep; raises ExportError."""
+    """Create a folder for a sweep. Raises ExportError."""
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -311,7 +308,6 @@ def sweep_folder(folder: Path) -> Path:
 
 
 def _settled(plan: Plan, found: list[dict[str, Any]]) -> Plan:
-    """The plan as its folder keeps it: nothing outside of the folder is needed to read it again."""
     update: dict[str, Any] = {"preset": PRESET, "set": {}, "mesh": None}
     if plan.sampling.startswith("csv:"):
         columns = {key: tuple(changes[key] for changes in found) for key in found[0]}
@@ -320,13 +316,12 @@ def _settled(plan: Plan, found: list[dict[str, Any]]) -> Plan:
 
 
 def _changed(old: str, new: Plan) -> set[str]:
-    """Keys in which a recorded plan differs from another; the order of what is varied counts."""
+    """Return the keys in which two plans differ; the order of varied keys counts."""
     was, now = tomllib.loads(old), tomllib.loads(plan_toml(new))
     return {key for key in {*was, *now} if json.dumps(was.get(key)) != json.dumps(now.get(key))}
 
 
 def _write(path: Path, content: bytes) -> None:
-    """A file, down to the disk, whole or not at all."""
     sweep_folder(path.parent)
     with replacing(path) as temporary:
         write_chunks(temporary, [content])

@@ -1,4 +1,4 @@
-"""Sweeps in memory: all combinations of some values, in an order in which designs share their stages."""
+"""Sweeps in memory: all combinations of values, in an order in which designs share their stages."""
 
 import json
 from collections.abc import Callable, Iterator, Mapping, Sequence
@@ -14,11 +14,11 @@ from dsfab.preset.model import STAGES, Preset
 from dsfab.study.sweeps.metrics import BASIC, METRICS, Metric
 
 Signature = tuple[str, ...]
-"""What a run asks of each stage, in their order."""
+"""Values of a run for each stage, as text, in the order of the stages."""
 
 
 def signature(changes: Mapping[str, Any]) -> Signature:
-    """One text per stage, from the values of its keys; runs with a common beginning share these stages."""
+    """Return a text for each stage from the values of its keys; runs with a common beginning share these stages."""
     by_stage: dict[str, dict[str, Any]] = {stage: {} for stage in STAGES}
     for key, value in changes.items():
         section = key.split(".")[0]
@@ -28,7 +28,7 @@ def signature(changes: Mapping[str, Any]) -> Signature:
 
 
 def stage_order(runs: Sequence[Mapping[str, Any]]) -> list[int]:
-    """Indices of the runs, early stages varying slowest; values of a stage in the order in which they first come."""
+    """Return indices of the runs, early stages varying slowest, values of a stage in their first order."""
     signatures = [signature(changes) for changes in runs]
     places: list[dict[str, int]] = [{} for _ in STAGES]
     for texts in signatures:
@@ -40,7 +40,7 @@ def stage_order(runs: Sequence[Mapping[str, Any]]) -> list[int]:
 
 
 class Rows:
-    """Runs that wait, in rows: one for each worker, and one for those that nobody has taken yet."""
+    """Waiting runs, in rows: one row for each worker, and a row of unassigned runs."""
 
     def __init__(self, numbers: Sequence[int], changes: Sequence[Mapping[str, Any]]) -> None:
         self._free: list[int] = [numbers[i] for i in stage_order(changes)]
@@ -50,23 +50,22 @@ class Rows:
         return len(self._free) + sum(len(row) for row in self._rows.values())
 
     def take(self, worker: str) -> int | None:
-        """The next run of a worker; when its row is empty, it gets part of the longest one."""
+        """Return the next run of a worker; an empty row takes part of the longest row."""
         row = self._rows.setdefault(worker, [])
         if not row:
             self._rows[worker] = row = self._share()
         return row.pop(0) if row else None
 
     def give_back(self, worker: str, number: int) -> None:
-        """A run that must be tried again, by whoever comes next."""
+        """Return a run that the next free worker must try again."""
         self._free.insert(0, number)
         self.leave(worker)
 
     def leave(self, worker: str) -> None:
-        """A worker is gone: others may take its row."""
+        """Release the row of a worker that left."""
         self._free.extend(self._rows.pop(worker, []))
 
     def _share(self) -> list[int]:
-        """The back half of the longest row, all of it when nobody holds it."""
         if self._free:
             row, self._free = self._free, []
             return row
@@ -79,7 +78,7 @@ class Rows:
 
 @dataclass(frozen=True)
 class Run:
-    """One design of a sweep: what was changed, what was measured, or why it could not be built."""
+    """One design of a sweep: its changes and metrics, or the error that stopped it."""
 
     changes: Mapping[str, Any]
     metrics: Mapping[str, float]
@@ -92,18 +91,17 @@ def sweep(
     metrics: Mapping[str, Metric] | Sequence[str] = BASIC,
     keep: Callable[[Mapping[str, Any], Design], None] | None = None,
 ) -> list[Run]:
-    """Every combination of the values in `vary`, in the order of the last key running fastest.
+    """Run every combination of the values in `vary`, with the last key running fastest.
 
     vary    : dotted preset keys and their values, e.g. {"pattern.major.phase": [0, 0.5], "diffusion.r": [10, 100]}.
-    metrics : names out of `METRICS`, or functions of a Design by name.
-    keep    : called with the changes and the Design of each run that worked, e.g. to write files.
+    metrics : names from `METRICS`, or functions of a Design by name.
+    keep    : receives the changes and the Design of each successful run, e.g. to write files.
 
-    Runs are made in the order that lets most be reused: a sweep over pattern keys solves statics and modes once. With
-    metrics by name no stage is made that none of them needs: areas and compliances thicken nothing.
-    A design that cannot be built is a Run with its error; it stops nothing.
-    For sweeps in a folder, in many processes, that can be stopped and continued: `dsfab sweep`.
+    The order of runs reuses stages: a sweep over pattern keys solves statics and modes once. Metrics by name skip
+                 stages that they do not need. A design that cannot be built is a Run with its error. For sweeps in a
+                 folder, in many processes, that can be continued: `dsfab sweep`.
 
-    Raises PresetError, before anything is built, for keys, metrics or values that presets do not allow.
+    Raises PresetError for invalid keys, metrics or values, before anything is built.
     """
     measured = _metrics(metrics)
     combinations = [dict(zip(vary, values, strict=True)) for values in product(*vary.values())]
@@ -137,7 +135,7 @@ def _of_design(metric: Metric) -> Callable[[Design], float]:
 
 
 def _designs(presets: list[Preset], order: list[int]) -> Iterator[tuple[int, Design | None, str]]:
-    """Each design, made from the one before it; a failure starts again from the last that worked."""
+    """Yield each design, revised from the one before; after a failure, from the last success."""
     last: Design | None = None
     for index in order:
         try:

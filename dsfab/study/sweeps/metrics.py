@@ -1,4 +1,4 @@
-"""Metrics of a sweep: the numbers that can be measured of a design, each from the stages that it needs."""
+"""Metrics of a sweep: the quantities that can be measured on a design, and the stages that they need."""
 
 from collections.abc import Callable, Mapping
 from typing import Literal, NamedTuple
@@ -31,11 +31,8 @@ from dsfab.surface import hat_gradients
 
 
 def cut_equilibria(design: Design, use: Quantity | Aid) -> dict[str, Equilibrium]:
-    """By name, equilibria of a design's cut sheet under the loads that its pattern follows; worked out once for
-    all uses of the same elements.
-
-    Raises StaticsError when it does not carry them.
-    """
+    """Return equilibria of a design's cut sheet under the loads that its pattern follows, by name; solved once. Raises
+    StaticsError if the sheet does not carry them."""
 
     def solved() -> dict[str, Equilibrium]:
         return solve_for(design.preset.statics.sheet().on(design.sheet.surface), design.cut_loads, use)
@@ -44,7 +41,7 @@ def cut_equilibria(design: Design, use: Quantity | Aid) -> dict[str, Equilibrium
 
 
 def verdict(design: Design) -> Verdict:
-    """The full verdict on a design's cut sheet under the loads that its pattern follows; worked out once."""
+    """Return the full verdict on a design's cut sheet under the loads that its pattern follows; solved once."""
 
     def checked() -> Verdict:
         loads = design.statics.loads(design.preset.followed)
@@ -55,11 +52,11 @@ def verdict(design: Design) -> Verdict:
 
 
 Metric = Callable[[Design], float]
-"""A function of a design."""
+"""Function of a design that returns a number."""
 
 NARROWEST = 0.1
-"""`min_width` leaves out this share of the area of the stripes: around singular points, where modes have no one slope,
-the width of single faces does not settle as the mesh gets finer (stripes of 0.25 m on a dome: 0.23 m at a tenth)."""
+"""`min_width` leaves out this share of the stripes' area. Around singular points modes have no unique slope, so the
+width of single faces does not converge."""
 
 
 def _kept_share(made: Design) -> float:
@@ -72,7 +69,6 @@ def _sheet_mass(made: Design) -> float:
 
 
 def _loose(made: Design) -> float:
-    """Area that reaches no support, over that of all material."""
     cells = made.slicing.cells
     material = float(cells.surface.areas @ cells.material)
     held = sum(piece.area for piece in made.slicing.pieces if piece.held)
@@ -80,7 +76,7 @@ def _loose(made: Design) -> float:
 
 
 def _min_width(made: Design) -> float:
-    """Across the stripes, 2 d / |grad z| on every face where a family is material; the lesser of both families."""
+    """Return the width across the stripes, 2 d / |grad z| on faces of material; the lesser of both families."""
     pattern = made.pattern
     if pattern.even is not None:
         return _even_min_width(made)
@@ -100,20 +96,19 @@ def _min_width(made: Design) -> float:
 
 
 def _even_min_width(draft: Design) -> float:
-    """The same of evenly spaced stripes, whose phases are on a chart; before anything is cut."""
+    """Return the least width of evenly spaced stripes from their chart, before the cut."""
     drawn = drawn_on_chart(draft)
     width, area = zip(*(drawn.member(k) for k in (0, 1)), strict=True)
     return _lower_share(np.concatenate(width), np.concatenate(area), NARROWEST)
 
 
 def _slopes(made: Design, z: Floats) -> Floats:
-    """(m,) |grad z| on the faces, per metre."""
     gradient = np.einsum("mcx,mc->mx", hat_gradients(made.surface), z[made.surface.F])
     return np.asarray(np.linalg.norm(gradient, axis=1))
 
 
 def _lower_share(values: Floats, weights: Floats, share: float) -> float:
-    """The value that `share` of the weights lies below; infinite where there are none (no stripe is left)."""
+    """Return the value below which `share` of the weights lies; infinite without weights (no stripe is left)."""
     if not weights.sum() > 0:
         return float("inf")
     order = np.argsort(values)
@@ -122,12 +117,11 @@ def _lower_share(values: Floats, weights: Floats, share: float) -> float:
 
 
 def _quality(made: Design) -> PatternQuality:
-    """The measures of a pattern, once for all metrics."""
     return made.once("pattern", "quality", lambda: measured_pattern(made, symmetry=False))
 
 
 def _symmetry_error(made: Design) -> float:
-    """Of the symmetry that the pattern was made with; without one of that which is found; 0 where there is none."""
+    """Return the error of the pattern's symmetry, or else of the detected symmetry; 0 without one."""
     group = used_symmetry(made)
     if group is None:
         loads = list(made.statics.loads(made.preset.followed).values())
@@ -140,12 +134,10 @@ def _answers(made: Design) -> Mapping[str, Equilibrium]:
 
 
 def _compliance(made: Design, answers: Mapping[str, Equilibrium]) -> float:
-    """The weighted sum over what the pattern follows, as `dsfab.compare` has it."""
     return sum(weight * answers[name].compliance for name, weight in made.preset.followed.items())
 
 
 def _buckling(made: Design) -> float:
-    """The lowest factor of all loads that the pattern follows."""
     sheet, loads, lowest = made.preset.statics.sheet().on(made.sheet.surface), made.cut_loads, float("inf")
     for name, answer in _answers(made).items():
         found = buckling(sheet, mode_supports(sheet.surface, loads[name]).load, answer, 1)
@@ -154,29 +146,25 @@ def _buckling(made: Design) -> float:
 
 
 def _stress(made: Design) -> float:
-    """The largest over all loads that the pattern follows."""
     surface = made.sheet.surface
     sheet = made.preset.statics.sheet().on(surface)
     found = [sheet_stress(sheet, one.elements, one).largest for one in cut_equilibria(made, "stress").values()]
     return max(quantile(value, surface.areas) for value in found)
 
 
-ERSATZ = 1e-6
-"""Stiffness of nothing over that of material, for `ersatz`."""
-
-
 def _ersatz(made: Design) -> float:
-    """Compliance of the uncut surface, every face as stiff as the share of it that is kept."""
+    """Return the compliance of the uncut surface, with each face's stiffness scaled by its share of material."""
     surface = made.surface
     kept = np.bincount(made.sheet.parent, made.sheet.surface.areas, surface.m) / surface.areas
     loads = [load.on_share(surface, kept) for load in made.statics.loads(made.preset.followed).values()]
     sheet = FaceStiffness.of(made.preset.statics.sheet().on(surface), loads)
-    u = sheet.factor(ERSATZ + (1 - ERSATZ) * np.clip(kept, 0, 1))(sheet.force)
+    void = 1e-6  # stiffness of a face without material
+    u = sheet.factor(void + (1 - void) * np.clip(kept, 0, 1))(sheet.force)
     return float(np.einsum("nk,nk->k", sheet.force, u) @ list(made.preset.followed.values()))
 
 
 def _verdict(made: Design) -> float:
-    """The weighted sum over what the pattern follows; raises StaticsError for a verdict of failure."""
+    """Return the weighted sum over the followed loads. Raises StaticsError if the verdict is fail."""
     found = verdict(made)
     if found.status == "fail":
         raise StaticsError(found.reason)
@@ -184,56 +172,55 @@ def _verdict(made: Design) -> float:
 
 
 def _verdict_bound(made: Design) -> float:
-    """The largest over what the pattern follows; infinite for a verdict of failure."""
     found = verdict(made)
     return max(found.case(name).bound for name in made.preset.followed)
 
 
 def _over(made: Design, name: str) -> float:
-    """Compliance over that of an alternative of the same mass; nothing is known where that carries no loads."""
+    """Return the compliance over that of an alternative of the same mass; nan if the alternative carries no loads."""
     found = next(one for one in design_alternatives(made) if one.name == name)
     return float("nan") if found.error else found.over
 
 
 METRICS: dict[str, Metric] = {
-    "area": lambda made: made.sheet.surface.area,
+    "area": lambda design: design.sheet.surface.area,
     "kept_share": _kept_share,
-    "volume": lambda made: made.solid.volume,
-    "mass": lambda made: made.mass,
-    "pieces": lambda made: float(len(made.slicing.pieces)),
-    "genus": lambda made: float(made.solid.genus),
-    "compliance_uncut": lambda made: made.statics.equilibrium.compliance,
+    "volume": lambda design: design.solid.volume,
+    "mass": lambda design: design.mass,
+    "pieces": lambda design: float(len(design.slicing.pieces)),
+    "genus": lambda design: float(design.solid.genus),
+    "compliance_uncut": lambda design: design.statics.equilibrium.compliance,
     "sheet_mass": _sheet_mass,
     "loose": _loose,
-    "pinches": lambda made: float(made.slicing.pinches),
+    "pinches": lambda design: float(design.slicing.pinches),
     "min_width": _min_width,
-    "evenness": lambda made: _quality(made).evenness,
-    "dead_ends": lambda made: float(_quality(made).dead_ends),
-    "slits": lambda made: float(_quality(made).slits),
-    "deviation": lambda made: _quality(made).deviation,
-    "crossing_angle": lambda made: _quality(made).crossing_angle,
+    "evenness": lambda design: _quality(design).evenness,
+    "dead_ends": lambda design: float(_quality(design).dead_ends),
+    "slits": lambda design: float(_quality(design).slits),
+    "deviation": lambda design: _quality(design).deviation,
+    "crossing_angle": lambda design: _quality(design).crossing_angle,
     "symmetry_error": _symmetry_error,
-    "compliance": lambda made: _compliance(made, cut_equilibria(made, "compliance_once")),
-    "compliance_quick": lambda made: _compliance(made, cut_equilibria(made, "ranking")),
-    "displacement": lambda made: max(answer.largest_displacement for answer in _answers(made).values()),
+    "compliance": lambda design: _compliance(design, cut_equilibria(design, "compliance_once")),
+    "compliance_quick": lambda design: _compliance(design, cut_equilibria(design, "ranking")),
+    "displacement": lambda design: max(answer.largest_displacement for answer in _answers(design).values()),
     "stress": _stress,
     "buckling": _buckling,
     "verdict": _verdict,
     "verdict_bound": _verdict_bound,
     "ersatz": _ersatz,
-    "over_thinner": lambda made: _over(made, "thinner"),
-    "over_isotropic": lambda made: _over(made, "isotropic"),
+    "over_thinner": lambda design: _over(design, "thinner"),
+    "over_isotropic": lambda design: _over(design, "isotropic"),
 }
-"""What a sweep can measure, in SI units: functions of a Design; see `ABOUT` for what each is worth."""
+"""Metrics of a sweep in SI units: functions of a Design; `ABOUT` describes their accuracy."""
 
 BASIC = ("area", "kept_share", "volume", "mass", "pieces", "genus", "compliance_uncut")
-"""What `dsfab.sweep` measures when nothing is asked: no solve beyond those of the design itself."""
+"""Default metrics of `dsfab.sweep`, which need no solve beyond those of the design itself."""
 
 Better = Literal["less", "more", ""]
 
 
 class MetricFacts(NamedTuple):
-    """Unit, which direction is better, the stage it needs, and what it is."""
+    """Unit, better direction, required stage, and description of a metric."""
 
     unit: str
     better: Better
@@ -304,9 +291,9 @@ ABOUT: Mapping[str, MetricFacts] = {
         "J", "less", "slicing", "a hint: the uncut mesh with thinned faces, blind to gaps under four elements wide"
     ),
 }
-"""What each metric is."""
+"""Description of each metric."""
 
 
 def metric_value(name: str, made: Design) -> float:
-    """A named metric of a design; raises the DsfabError of the stage that cannot be made."""
+    """Return a metric of a design by name. Raises the DsfabError of a stage that fails."""
     return float(METRICS[name](made))

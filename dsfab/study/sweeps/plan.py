@@ -21,20 +21,20 @@ from dsfab.preset.model import Preset
 from dsfab.study.sweeps.metrics import METRICS
 
 DIGITS = 6
-"""Significant digits of the values in a range: what is typed is what is built."""
+"""Significant digits of the values in a range."""
 
 
 class Range(BaseModel):
-    """Values from `from` to `to`, both included; whole numbers where both ends are, evenly apart or by factors."""
+    """Values from `from` to `to`, both included, evenly apart or by factors; whole numbers if both ends are."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, populate_by_name=True, allow_inf_nan=False)
 
     start: int | float = Field(alias="from")
     to: int | float
     count: Annotated[int, Ge(1)] | None = None
-    """How many values a full grid takes."""
+    """Number of values in a full grid."""
     log: bool = False
-    """Apart by equal factors instead of equal steps."""
+    """Whether values differ by equal factors instead of equal steps."""
 
     @model_validator(mode="after")
     def _possible(self) -> Self:
@@ -45,14 +45,14 @@ class Range(BaseModel):
         return self
 
     def at(self, u: float) -> int | float:
-        """The value at u in 0..1 of the way; of whole numbers, each gets an equal share of the way."""
+        """Return the value at u in 0..1 of the range; whole numbers get equal shares."""
         if self._whole and not self.log:
             return self.start + min(int(u * (self.to - self.start + 1)), int(self.to - self.start))
         value = self._between(u)
         return round(value) if self._whole else float(f"{value:.{DIGITS}g}")
 
     def listed(self) -> list[int | float]:
-        """`count` values with both ends."""
+        """Return `count` values with both ends."""
         steps = self.count or 1
         values = [self._between(i / max(steps - 1, 1)) for i in range(steps)]
         if self._whole and all(abs(value - round(value)) < 1e-9 * max(1, abs(value)) for value in values):
@@ -71,19 +71,19 @@ class Range(BaseModel):
 
 @dataclass(frozen=True)
 class Axis:
-    """One direction of the space of designs: keys that move together, over a range or rows of values."""
+    """A direction of the space of designs: keys that move together, over a range or rows of values."""
 
     keys: tuple[str, ...]
     rows: tuple[tuple[Any, ...], ...] = ()
     span: Range | None = None
 
     def listed(self) -> list[dict[str, Any]]:
-        """All changes along it."""
+        """Return all changes along the axis."""
         rows = self.rows if self.span is None else [(value,) for value in self.span.listed()]
         return [dict(zip(self.keys, row, strict=True)) for row in rows]
 
     def at(self, u: float) -> dict[str, Any]:
-        """The change at u in 0..1; rows get equal shares."""
+        """Return the change at u in 0..1; rows get equal shares."""
         if self.span is not None:
             return {self.keys[0]: self.span.at(u)}
         row = self.rows[min(int(u * len(self.rows)), len(self.rows) - 1)]
@@ -91,7 +91,7 @@ class Axis:
 
 
 def axes(vary: Mapping[str, Sequence[Any] | Range], linked: Sequence[Mapping[str, Sequence[Any]]]) -> list[Axis]:
-    """The axes of a sweep: one for each key, then one for each table of linked keys."""
+    """Return the axes of a sweep: one for each key, then one for each table of linked keys."""
     found = [
         Axis((key,), span=values) if isinstance(values, Range) else Axis((key,), tuple((value,) for value in values))
         for key, values in vary.items()
@@ -100,8 +100,8 @@ def axes(vary: Mapping[str, Sequence[Any] | Range], linked: Sequence[Mapping[str
 
 
 def flat(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
-    """Nested tables as dotted keys. A table with `from` is a range, and stays; so do those of quoted dotted keys, which
-    are values as after --set, and empty ones."""
+    """Return nested tables as dotted keys. A table with `from` is a range and stays. Tables of quoted dotted keys stay
+    because they are values as after --set; empty tables stay too."""
     found: dict[str, Any] = {}
     for key, value in table.items():
         if isinstance(value, Mapping) and value and "from" not in value and "." not in key:
@@ -112,21 +112,18 @@ def flat(table: Mapping[str, Any], prefix: str = "") -> dict[str, Any]:
 
 
 def number(text: str) -> int | float:
-    """'5' -> 5, '5.0' -> 5.0; raises ValueError for what is no finite number."""
+    """Return '5' as 5 and '5.0' as 5.0. Raises ValueError for text that is not a finite number."""
     value: int | float = int(text) if text.strip().lstrip("+-").isdigit() else float(text)
     if not isfinite(value):
         raise ValueError(text)
     return value
 
 
-EQUAL = 1e-3
-"""Numbers that differ by less than this share count as equal: a share of 40 % is met by 0.4003."""
-
 _FORM = re.compile(r"^\s*([a-z_]+)\s*(<=|>=|==|!=|=|<|>)\s*([-+0-9.eE]+)\s*([a-z]*)\s*$")
 
 
 def _equal(one: float, other: float) -> bool:
-    return abs(one - other) <= EQUAL * abs(other)
+    return abs(one - other) <= 1e-3 * abs(other)  # 0.4003 meets a share of 40 %
 
 
 _HOLDS: dict[str, Callable[[float, float], bool]] = {
@@ -150,7 +147,7 @@ class Constraint:
 
     @classmethod
     def parsed(cls, text: str) -> "Constraint":
-        """Of 'pieces == 1' or 'min_width >= 8 mm'; raises PresetError."""
+        """Return the constraint of a text such as 'pieces == 1' or 'min_width >= 8 mm'. Raises PresetError."""
         found = _FORM.match(text)
         try:
             name, sign, value, unit = found.groups() if found else ("", "", "", "")
@@ -167,12 +164,12 @@ class Constraint:
         return cls(name, sign, limit)
 
     def holds(self, values: Mapping[str, float]) -> bool:
-        """Whether measured values meet it; what was not measured does not."""
+        """Return True if measured values meet it; a missing metric does not."""
         value = values.get(self.metric, float("nan"))
         return not isnan(value) and _HOLDS[self.sign](value, self.limit)
 
     def missed_by(self, values: Mapping[str, float]) -> float:
-        """By which share of its limit it is missed: 0 where it holds, infinite where nothing was measured."""
+        """Return the miss as a share of the limit: 0 if met, infinite if the metric is missing."""
         value = values.get(self.metric, float("nan"))
         if isnan(value):
             return float("inf")
@@ -194,11 +191,11 @@ Values = Annotated[
 ]
 
 USUAL = ("kept_share", "sheet_mass", "pieces", "compliance")
-"""What `dsfab sweep` measures when nothing is asked."""
+"""Default metrics of `dsfab sweep`."""
 
 
 class Search(BaseModel):
-    """[search]: instead of sampling, look for the least (or most) of a metric."""
+    """[search]: minimise (or maximise) a metric instead of sampling."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
@@ -212,30 +209,30 @@ class Search(BaseModel):
 
 
 class Plan(BaseModel):
-    """A sweep file. Paths in it start at its folder."""
+    """A sweep file. Its paths are relative to its folder."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
     preset: str
     """Name of a shipped preset, or a TOML file."""
     mesh: str | None = None
-    """Mesh file that takes the place of the preset's surface."""
+    """Mesh file that replaces the preset's surface."""
     set: dict[str, Any] = {}
-    """Dotted keys and values that hold for all runs."""
+    """Dotted keys and values of all runs."""
     vary: dict[str, Values] = {}
     """Dotted keys, each with a list of values or a range {from, to, count, log}."""
     linked: tuple[dict[str, Listed], ...] = ()
-    """Tables of keys that move together: equally long lists."""
+    """Tables of keys that move together: lists of equal length."""
     sampling: Annotated[str, Field(pattern=r"^(grid|sobol:[1-9]\d*|lhs:[1-9]\d*|csv:.+)$")] = "grid"
     """grid: all combinations; sobol:N or lhs:N: N points; csv:FILE: one run for each row."""
     seed: Annotated[int, Ge(0), Le(2**31)] = 0
-    """Of sobol, lhs and search: the same seed gives the same points."""
+    """Seed of sobol, lhs and search: the same seed gives the same points."""
     metrics: Annotated[tuple[str, ...], MinLen(1)] = USUAL
-    """What is measured, in SI units."""
+    """Metrics, in SI units."""
     constraints: tuple[str, ...] = ()
-    """Such as "pieces == 1": runs that miss one are shown, but are not among the best."""
+    """Conditions such as "pieces == 1"; runs that miss a condition are shown, but are not among the best."""
     keep: tuple[Kept, ...] = ("picture",)
-    """What is kept of each run besides its numbers."""
+    """Files that are kept of each run."""
     formats: tuple[Format, ...] = ("stl",)
     """Formats of kept solids."""
     size: Annotated[str, Field(pattern=r"^[1-9]\d{1,3}x[1-9]\d{1,3}$")] = "480x360"
@@ -301,7 +298,7 @@ class Plan(BaseModel):
 
     @property
     def axes(self) -> list[Axis]:
-        """What is varied."""
+        """Axes of the varied keys."""
         return axes(self.vary, self.linked)
 
     @property
@@ -311,7 +308,7 @@ class Plan(BaseModel):
 
     @property
     def measured(self) -> tuple[str, ...]:
-        """Metrics, with those that constraints and the search need."""
+        """Metrics, with those of constraints and search."""
         wanted = [*self.metrics, *(limit.metric for limit in self.limits)]
         return tuple(dict.fromkeys(wanted + ([self.search.metric] if self.search else [])))
 
@@ -330,17 +327,18 @@ def _told(check: Any, text: str) -> None:
 
 
 def load_plan(path: Path) -> Plan:
-    """The plan of a sweep file, its paths starting at its folder; raises PresetError that lists every mistake."""
+    """Return the plan of a sweep file, with paths relative to its folder. Raises PresetError that lists every
+    mistake."""
     return plan_from(read_plan(path), f"sweep {path.name}")
 
 
 def read_plan(path: Path) -> dict[str, Any]:
-    """The tables of a sweep file, its paths starting at its folder, not checked yet; raises PresetError."""
+    """Return the unchecked tables of a sweep file, with paths relative to its folder. Raises PresetError."""
     return _from_folder(read_toml(path, "sweep"), path.absolute().parent)
 
 
 def plan_from(values: Mapping[str, Any], source: str = "sweep") -> Plan:
-    """A plan of nested tables; raises PresetError that lists every mistake with its key."""
+    """Return a plan of nested tables. Raises PresetError that lists every mistake with its key."""
     try:
         return Plan.model_validate(dict(values))
     except ValidationError as error:
@@ -349,11 +347,8 @@ def plan_from(values: Mapping[str, Any], source: str = "sweep") -> Plan:
 
 
 def plan_toml(plan: Plan) -> str:
-    """The complete plan, defaults included, as TOML.
-
-    What is varied stays in its order, on which samples and numbers depend. The writer of TOML puts tables behind lists,
-    so ranges are written in one line each.
-    """
+    """Return the complete plan, defaults included, as TOML. Varied keys keep their order, because samples and numbers
+    depend on it. tomli_w puts tables behind lists, so each range is one line."""
     values = plan.model_dump(mode="json", exclude_none=True, by_alias=True)
     vary = values.pop("vary")
     lines = [_line(key, value) for key, value in vary.items()]
@@ -368,7 +363,7 @@ def _line(key: str, value: Any) -> str:
 
 
 def base_preset(plan: Plan) -> Preset:
-    """What all runs of a plan start from; raises PresetError."""
+    """Return the preset that all runs of a plan start from. Raises PresetError."""
     given = load_preset(plan.preset, plan.set, plan.mesh)
     if plan.mesh is None:
         require_mesh(given)
@@ -376,7 +371,6 @@ def base_preset(plan: Plan) -> Preset:
 
 
 def _from_folder(values: dict[str, Any], folder: Path) -> dict[str, Any]:
-    """Relative files beside the sweep file, as paths that hold from anywhere."""
     for key in ("preset", "mesh"):
         given = values.get(key)
         if isinstance(given, str) and (folder / given).is_file():
@@ -388,7 +382,7 @@ def _from_folder(values: dict[str, Any], folder: Path) -> dict[str, Any]:
 
 
 def _sentence(detail: ErrorDetails) -> str:
-    """One mistake as 'key = value: what is allowed'."""
+    """Return one mistake as 'key = value: rule'."""
     words = [str(part) for part in detail["loc"] if part not in ("range", "list")]
     key, kind = ".".join(words) or "sweep", detail["type"]
     if kind == "extra_forbidden":

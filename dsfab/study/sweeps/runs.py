@@ -27,16 +27,15 @@ from dsfab.study.sweeps.plan import Axis, Constraint, Plan
 Changes = dict[str, Any]
 
 MOST = 1_000_000
-"""More runs than this are a mistake in the grid."""
-
-TRIED = 5000
-"""As many runs are checked before anything is built: a mistake in a key shows in the first."""
+"""Limit on the number of runs; a grid with more is a mistake."""
 
 
 def points(plan: Plan) -> list[Changes]:
-    """What each run changes, each once. Raises PresetError for grids beyond `MOST` and CSV files that cannot be read.
+    """Return the changes of each run, without repeats.
 
-    sobol : Sobol points, scrambled by the seed; the first N of more are the same N, so a sweep can be extended.
+    Raises PresetError for grids beyond `MOST` and for CSV files that cannot be read.
+
+    sobol : scrambled Sobol points. The first N of more points are the same, so a sweep can be extended.
     lhs   : a Latin hypercube [McKay, Beckman, Conover 1979]; another N gives other points.
     """
     kind, _, rest = plan.sampling.partition(":")
@@ -50,12 +49,12 @@ def points(plan: Plan) -> list[Changes]:
 
 
 def digest(changes: Mapping[str, Any]) -> str:
-    """A text that tells runs apart by what they change."""
+    """Return a text that identifies a run by its changes."""
     return hashlib.sha256(json.dumps(changes, sort_keys=True, default=str).encode()).hexdigest()[:20]
 
 
 def point_on_axes(axes: list[Axis], u: Floats) -> Changes:
-    """The point at u (k,) in 0..1 along each axis."""
+    """Return the changes at u (k,) in 0..1 along each axis."""
     changes: Changes = {}
     for axis, place in zip(axes, u, strict=True):
         changes.update(axis.at(float(place)))
@@ -63,7 +62,7 @@ def point_on_axes(axes: list[Axis], u: Floats) -> Changes:
 
 
 def trials(plan: Plan) -> list[Changes]:
-    """Points that show what is wrong with the keys and values of a search: each axis from end to end."""
+    """Return points that reveal mistakes in the keys and values of a search: each axis from end to end."""
     middle = np.full(len(plan.axes), 0.5)
     found = []
     for i, axis in enumerate(plan.axes):
@@ -75,9 +74,10 @@ def trials(plan: Plan) -> list[Changes]:
 
 
 def check_points(preset: Preset, found: list[Changes]) -> None:
-    """Raise PresetError, before anything is built, for keys and values that presets do not allow: each mistake once."""
+    """Raise PresetError for invalid keys and values of the first 5000 runs, before anything is built: each mistake
+    once."""
     wrong: dict[str, None] = {}
-    for changes in found[:TRIED]:
+    for changes in found[:5000]:
         try:
             overridden(preset, changes)
         except PresetError as error:
@@ -98,7 +98,6 @@ def _grid(axes: list[Axis]) -> Iterator[Changes]:
 
 
 def _unit(kind: str, count: int, dimensions: int, seed: int) -> Floats:
-    """(count, dimensions) in 0..1."""
     if count > MOST:
         raise PresetError(f"{kind}:{count} asks for too many runs; take up to {MOST:,}")
     if kind == "lhs":
@@ -108,8 +107,8 @@ def _unit(kind: str, count: int, dimensions: int, seed: int) -> Floats:
 
 
 def from_csv(path: Path) -> Iterator[Changes]:
-    """One run for each row; columns are dotted keys, with or without 'in:', and others are passed over when there are
-    columns with 'in:'. Values as after --set."""
+    """Yield one run for each row of a CSV file with values as after --set. Columns are dotted keys. If columns begin
+    with 'in:', the other columns are ignored. Raises PresetError."""
     try:
         with path.open(encoding="utf-8-sig", newline="") as file:
             rows = list(csv.DictReader(file))
@@ -127,10 +126,10 @@ def from_csv(path: Path) -> Iterator[Changes]:
 NAME, FORMAT = "runs.db", 1
 
 State = Literal["waiting", "running", "done", "failed", "killed"]
-"""Failed: the design refuses to be made. Killed: its worker was, from outside: nothing is known of the design."""
+"""Failed: the design cannot be built. Killed: the worker was killed from outside, whatever the design."""
 
 _KILLED_ONCE = "state = 'failed' AND error LIKE 'the worker was killed % times while it made this run%'"
-"""Runs that an earlier dsfab, which knew no `killed`, took for failed."""
+"""Runs that an older dsfab without the state `killed` recorded as failed."""
 
 _SCHEMA = """
 CREATE TABLE meta (key TEXT PRIMARY KEY, value TEXT NOT NULL);
@@ -144,7 +143,7 @@ CREATE INDEX by_state ON runs (state);
 
 @dataclass(frozen=True)
 class RunRow:
-    """One run as it is recorded: tries counts how often it was begun, lost how often its worker died, ever."""
+    """A recorded run. tries : number of starts.    lost : number of dead workers, over all sessions."""
 
     number: int
     changes: Mapping[str, Any]
@@ -158,22 +157,20 @@ class RunRow:
 
 
 class Store:
-    """The database of a sweep folder; use as `with Store.open(folder) as store`.
-
-    Every method raises DsfabError, in one sentence, when the disk is full or the file cannot be used.
-    """
+    """The database of a sweep folder; use as `with Store.open(folder) as store`. Every method raises DsfabError, in one
+    sentence, if the disk is full or the file cannot be used."""
 
     def __init__(self, path: Path, connection: sqlite3.Connection) -> None:
         self._path, self._db = path, connection
 
     @classmethod
     def create(cls, folder: Path) -> "Store":
-        """The database of a new sweep, or the one that is there."""
+        """Open the database of a new or existing sweep."""
         return cls._opened(folder / NAME)
 
     @classmethod
     def open(cls, folder: Path) -> "Store":
-        """The database of a sweep; raises DsfabError where there is none."""
+        """Open the database of a sweep. Raises DsfabError if it is missing."""
         if not (folder / NAME).is_file():
             raise DsfabError(f"{folder} holds no sweep ({NAME} is missing); give a sweep's folder or a sweep file")
         return cls._opened(folder / NAME)
@@ -193,7 +190,6 @@ class Store:
         return store
 
     def _begin(self) -> None:
-        """Make the tables where there are none, and look whether they are ours."""
         path, connection = self._path, self._db
         try:
             connection.execute("PRAGMA journal_mode = WAL")
@@ -216,7 +212,6 @@ class Store:
 
     @contextmanager
     def _change(self) -> Iterator[sqlite3.Connection]:
-        """All of what is written inside, or nothing."""
         try:
             self._db.execute("BEGIN IMMEDIATE")
             yield self._db
@@ -233,17 +228,17 @@ class Store:
             raise _refusal(self._path, error) from error
 
     def meta(self, key: str) -> str | None:
-        """A text about the sweep."""
+        """Return a text about the sweep."""
         found = self._read("SELECT value FROM meta WHERE key = ?", (key,))
         return str(found[0][0]) if found else None
 
     def describe(self, texts: Mapping[str, str]) -> None:
-        """Keep texts about the sweep."""
+        """Record texts about the sweep."""
         with self._change() as db:
             db.executemany("INSERT OR REPLACE INTO meta VALUES (?, ?)", list(texts.items()))
 
     def add(self, runs: Sequence[Mapping[str, Any]], texts: Mapping[str, str]) -> int:
-        """Record runs that are not there yet, waiting, and texts with them; returns how many were new."""
+        """Record new runs as waiting, and texts; return the number of new runs."""
         with self._change() as db:
             before = db.total_changes
             number = db.execute("SELECT coalesce(max(number), 0) FROM runs").fetchone()[0]
@@ -258,7 +253,8 @@ class Store:
         return count
 
     def again(self, states: Sequence[State] = ("running",)) -> int:
-        """Let runs in these states wait again: those in progress when a coordinator died, or all of them."""
+        """Reset runs in these states to waiting, by default those in progress when a coordinator died; return their
+        number."""
         marks = ", ".join("?" * len(states))
         with self._change() as db:
             db.execute(f"UPDATE runs SET state = 'killed' WHERE {_KILLED_ONCE}")
@@ -272,12 +268,12 @@ class Store:
             )
 
     def lose(self, number: int) -> None:
-        """Record that the worker of a run died: it waits again."""
+        """Record that the worker of a run died; the run waits again."""
         with self._change() as db:
             db.execute("UPDATE runs SET state = 'waiting', lost = lost + 1 WHERE number = ?", (number,))
 
     def give_up(self, number: int, why: str, files: Sequence[str] = ()) -> None:
-        """Record that a run is not tried again in this session, for its worker was killed each time."""
+        """Record that a run is not tried again in this session, because its worker was killed each time."""
         with self._change() as db:
             db.execute(
                 "UPDATE runs SET state = 'killed', error = ?, files = ?, ended = ? WHERE number = ?",
@@ -293,7 +289,7 @@ class Store:
         seconds: float = 0.0,
         peak: int = 0,
     ) -> None:
-        """Record how a run ended: failed if there is an error, whatever was measured."""
+        """Record how a run ended: failed if `error` is not empty."""
         with self._change() as db:
             db.execute(
                 "UPDATE runs SET state = ?, metrics = ?, error = ?, files = ?, seconds = ?, peak = ?, ended = ? "
@@ -311,11 +307,11 @@ class Store:
             )
 
     def counts(self) -> dict[str, int]:
-        """How many runs are in which state."""
+        """Return the number of runs by state."""
         return dict(self._read("SELECT state, count(*) FROM runs GROUP BY state"))
 
     def rows(self, state: State | None = None) -> list[RunRow]:
-        """All runs by number, or those in one state."""
+        """Return all runs by number, or those in one state."""
         where, values = ("WHERE state = ?", (state,)) if state else ("", ())
         found = self._read(
             "SELECT number, changes, state, metrics, error, files, seconds, tries, lost FROM runs "
@@ -342,27 +338,26 @@ def _refusal(path: Path, error: sqlite3.Error) -> DsfabError:
 
 
 FEWEST, PER_AXIS = 12, 4
-"""Points of a generation: four for each axis, at least twelve. They do not depend on how long it runs, so that a search
-can be extended."""
+"""Points of a generation: four for each axis, at least twelve. They do not depend on the length of the search, so that
+             it can be extended.
+"""
 
 MISSED, FAILED, NOT_MADE = 1e3, 1e6, 1e9
-"""Costs from which on runs miss constraints, have failed, or were not made: each is worse than all before it, and among
-those that miss, the nearer is the better [Deb 2000]."""
+"""Costs from which runs miss constraints, failed, or were not made: each class is worse than all before it. Among runs
+that miss, the nearer is the better [Deb 2000]."""
 
-SHRUNK = 1e-9
-"""A population whose costs differ by less than this share has nothing more to find."""
 
 Make = Callable[[Sequence[Mapping[str, Any]]], Mapping[str, RunRow]]
-"""Makes runs that are not there yet, and returns all runs there are by their digest."""
+"""Function that makes missing runs, and returns all runs by their digest."""
 
 
 def search(plan: Plan, make: Make) -> None:
-    """Look for the best of `plan.search.metric` under the constraints, in as many runs as it allows."""
+    """Search the best of `plan.search.metric` under the constraints, within the allowed number of runs."""
     _Search(plan, make).run()
 
 
 def cost(row: RunRow | None, metric: str, limits: Sequence[Constraint]) -> float:
-    """What is minimised: the logarithm of the metric (its negative where more is better), or a cost above `MISSED`."""
+    """Return the cost to minimise: the logarithm of the metric (negative if more is better), or at least `MISSED`."""
     if row is None:
         return NOT_MADE
     value = row.metrics.get(metric, float("nan"))
@@ -384,15 +379,15 @@ class _Search:
 
     def run(self) -> None:
         count = max(FEWEST, PER_AXIS * len(self.axes))
-        evolve: Any = differential_evolution  # its stubs know neither vectorized functions nor callbacks that end it
+        evolve: Any = differential_evolution  # its stubs lack vectorized functions and callbacks that end it
         evolve(
             self._costs,
             [(0.0, 1.0)] * len(self.axes),
             strategy="best1bin",
             maxiter=100 * self.ask.evaluations,
-            init=_spread(count, len(self.axes), self.seed),
+            init=_unit("sobol", count, len(self.axes), self.seed),
             tol=0,
-            atol=SHRUNK,
+            atol=1e-9,
             mutation=(0.4, 0.9),
             recombination=0.8,
             callback=self._enough,
@@ -403,7 +398,7 @@ class _Search:
         )
 
     def _costs(self, u: Floats) -> Floats:
-        """(S,) costs of a generation u (k, S); beyond the number of runs that is allowed, none is made."""
+        """Return (S,) costs of a generation u (k, S); runs beyond the limit are not made."""
         asked = [point_on_axes(self.axes, np.clip(column, 0.0, 1.0)) for column in u.T]
         names = [digest(changes) for changes in asked]
         fresh = list(dict.fromkeys(name for name in names if name not in self.made))
@@ -416,11 +411,3 @@ class _Search:
 
     def _enough(self, *_: Any, **__: Any) -> bool:
         return len(self.made) >= self.ask.evaluations
-
-
-def _spread(count: int, dimensions: int, seed: int) -> Floats:
-    """(count, dimensions) Sobol points."""
-    from scipy.stats import qmc
-
-    sampler = qmc.Sobol(dimensions, rng=np.random.default_rng(seed))
-    return np.asarray(sampler.random_base2((count - 1).bit_length())[:count])

@@ -1,4 +1,4 @@
-"""`conduct`: hands runs to workers and records each before it begins and when it ends. The only one who writes."""
+"""Scheduler of a sweep: it hands runs to workers, and alone records their beginning and end."""
 
 import time
 from collections import Counter
@@ -12,22 +12,19 @@ from dsfab.study.sweeps.runs import Store
 from dsfab.study.sweeps.workers import Changes, Outcome, Workers
 
 TRIES = 2
-"""A run whose worker was killed as often as this in one session is left for the next one: it may be the reason. Whose
-worker was killed as often as this in all is then made alone."""
-
-TICK = 0.5
-"""Seconds between looks at who has joined or left."""
+"""A run whose worker was killed this often in a session waits for the next session; this often in all, it runs
+alone."""
 
 PATIENCE = 600.0
-"""Seconds without any worker after which it is given up."""
+"""Seconds without any worker before the scheduler gives up."""
 
 Deliver = Callable[[Outcome, Changes], list[str]]
-"""Writes the files of a run, and returns their names."""
+"""Function that writes the files of a run and returns their names."""
 
 
 @dataclass
 class Progress:
-    """Where a sweep stands: runs by what became of them, and seconds since this session began."""
+    """Progress of a sweep: counts of runs by state, and the start time of this session."""
 
     total: int
     done: int
@@ -40,7 +37,7 @@ class Progress:
 
     @property
     def left(self) -> int:
-        """How many runs are still to come."""
+        """Number of remaining runs."""
         return self.total - self.done - self.failed - self.killed
 
     @property
@@ -50,7 +47,7 @@ class Progress:
 
     @property
     def seconds_left(self) -> float:
-        """Seconds until all have ended, at the rate so far."""
+        """Seconds until the end, at the rate so far."""
         return 60 * self.left / self.rate if self.ended_now else float("inf")
 
 
@@ -62,19 +59,19 @@ def conduct(
     told: Callable[[Progress], None] = lambda progress: None,
     progress: Progress | None = None,
 ) -> None:
-    """Make `runs` (number -> changes), which wait in the store; returns when each of them is done, failed or killed.
+    """Make `runs` (number -> changes), which wait in the store, until each is done, failed or killed.
 
-    told     : called before the first run and after each.
-    progress : where the sweep stands, when these runs are not all that it will have.
+    report   : receives the progress before the first run and after each run.
+    progress : progress of the whole sweep, if it has more runs.
 
-    Raises DsfabError when nothing can be written, or when there are no workers. Whatever it ends with, runs in
-    progress are then still recorded as running: `Store.again` lets them wait again.
+    Raises DsfabError if nothing can be written, or if no worker appears. After an error, unfinished runs are still
+    recorded as running; `Store.reset_to_waiting` resets them.
     """
     _Scheduler(store, crew, runs, deliver, told, progress or standing(store)).run()
 
 
 def standing(store: Store, total: int | None = None) -> Progress:
-    """Where a sweep stands as a session begins; `total` runs are expected, or those that are recorded."""
+    """Return the progress at the start of a session; `total` expected runs, or else the recorded ones."""
     counts = store.counts()
     done, failed, killed = (counts.get(state, 0) for state in ("done", "failed", "killed"))
     return Progress(total or sum(counts.values()), done, failed, killed=killed)
@@ -99,22 +96,21 @@ class _Scheduler:
 
     def run(self) -> None:
         self.told(self.progress)
-        alone_since = time.monotonic()
+        tick, alone_since = 0.5, time.monotonic()  # tick: seconds between checks of who has joined or left
         while self.rows or self.busy:
             self._hand_out()
             if self.busy:
                 alone_since = time.monotonic()
-                for future in wait(self.busy, TICK, FIRST_COMPLETED).done:
+                for future in wait(self.busy, tick, FIRST_COMPLETED).done:
                     self._receive(future)
             elif time.monotonic() - alone_since > PATIENCE:
                 raise DsfabError(
                     f"no worker has been there for {PATIENCE:.0f} s; start some and give the command again"
                 )
             else:
-                time.sleep(TICK)
+                time.sleep(tick)
 
     def _hand_out(self) -> None:
-        """A run for each worker that has none."""
         there = list(self.crew.workers())
         for gone in self.known.difference(there):
             self.rows.leave(gone)
@@ -126,7 +122,7 @@ class _Scheduler:
             self.store.start(number, worker)
             try:
                 future = self.crew.submit(worker, number, self.runs[number])
-            except Exception as error:  # it was killed as it began, or no process can begin now
+            except Exception as error:  # the worker was killed at its start, or no process can start now
                 self._worker_died(worker, number, error)
                 continue
             self.busy[future] = (worker, number)
@@ -135,7 +131,7 @@ class _Scheduler:
         worker, number = self.busy.pop(future)
         try:
             outcome = future.result()
-        except Exception as error:  # not of the run, which returns its refusals: of what carries it
+        except Exception as error:  # an error of the worker, because runs return their own errors
             self._worker_died(worker, number, error)
             return
         self.crew.learn(outcome)

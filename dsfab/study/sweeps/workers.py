@@ -25,15 +25,15 @@ from dsfab.preset.surface_section import FileSurface
 from dsfab.study.sweeps.metrics import metric_value
 
 Drawer = Callable[[Design], bytes]
-"""Draws a design as the bytes of a PNG file; it is handed from `dsfab.app`, which alone can draw."""
+"""Function that draws a design as the bytes of a PNG file. `dsfab.app` passes it, because only the app can draw."""
 
 
 @dataclass(frozen=True)
 class Job:
-    """What all runs of a sweep have in common, as plain data: it travels to every worker.
+    """Input that all runs of a sweep share, as plain data for all workers.
 
-    token   : tells jobs apart. preset : the base preset as nested tables. metrics, keep, formats : see `Plan`.
-    draw    : draws a picture, or None. mesh : content of the preset's mesh file where workers cannot read it.
+    token   : unique name. preset : the base preset as nested tables. metrics, keep, formats : see `Plan`.
+    draw    : draws a picture, or None. mesh : content of the preset's mesh file if workers cannot read it.
     """
 
     token: str
@@ -47,10 +47,10 @@ class Job:
 
 @dataclass(frozen=True)
 class Outcome:
-    """How a run ended: what was measured, why it failed ('' if it did not) and the log of that, files by name.
+    """Result of a run: its metrics, its error ('' for success) and log, and files by name.
 
-    seconds : of the worker. peak : largest memory of its process so far, bytes (0 where the system does not say).
-    killed  : whether its worker was, each time: then the error says nothing of the design.
+    seconds : of the worker. peak : peak memory of its process, bytes (0 if unknown).
+    killed  : True if its worker was killed in each try: then the error does not concern the design.
     """
 
     number: int
@@ -64,14 +64,14 @@ class Outcome:
 
 
 _alone = threading.Lock()
-"""One run at a time in a process: neither the sparse solver nor the graphics may be used by two threads at once."""
+"""One run at a time in a process, because neither the sparse solver nor the graphics are safe for threads."""
 
 _memory = threading.local()
-"""Of each thread that works: the job, its base preset, and the last design that was made."""
+"""State of each worker thread: the job, its base preset, and the last design."""
 
 
 def execute(job: Job, number: int, changes: Mapping[str, Any]) -> Outcome:
-    """Make one run. Never raises: a refusal, or a mistake of ours, is its outcome; what was measured before is kept."""
+    """Make one run. It never raises: errors become the outcome, with the metrics so far."""
     with _alone:
         return _executed(job, number, changes)
 
@@ -85,13 +85,13 @@ def _executed(job: Job, number: int, changes: Mapping[str, Any]) -> Outcome:
             doing = name
             try:
                 metrics[name] = metric_value(name, made)
-            except DsfabError as refusal:  # a sheet that carries nothing still has an area and a picture
+            except DsfabError as refusal:  # other metrics may still work
                 wrong.append(str(refusal))
         doing = "its files"
         _keep(job, made, files)
     except DsfabError as refusal:
         wrong.append(str(refusal))
-    except Exception as mistake:  # one run must not end a thousand
+    except Exception as mistake:  # a bug in one run must not end the sweep
         wrong.append(f"{doing}: {type(mistake).__name__}: {mistake}")
         log = traceback.format_exc()
     error = "; ".join(dict.fromkeys(wrong))
@@ -99,7 +99,6 @@ def _executed(job: Job, number: int, changes: Mapping[str, Any]) -> Outcome:
 
 
 def _made(job: Job, changes: Mapping[str, Any]) -> Design:
-    """The design, with the stages of the last one of this worker where they are the same."""
     if getattr(_memory, "token", None) != job.token:
         _memory.token, _memory.base, _memory.last = job.token, _base(job), None
     preset = overridden(_memory.base, changes)
@@ -108,7 +107,6 @@ def _made(job: Job, changes: Mapping[str, Any]) -> Design:
 
 
 def _base(job: Job) -> Preset:
-    """The base preset; its mesh file is written down here where it came along."""
     values = dict(job.preset)
     if job.mesh is not None:
         from dsfab.export import temporary_folder
@@ -121,17 +119,16 @@ def _base(job: Job) -> Preset:
 
 
 def _at_home(job: Job, preset: Preset) -> Preset:
-    """The preset with the mesh file's place on the machine that asked, not on this one."""
+    """Return the preset with the path of the mesh file on the coordinator's machine."""
     return preset if job.mesh is None else overridden(preset, {"surface.file": job.preset["surface"]["file"]})
 
 
 def mesh_of(preset: Preset) -> bytes | None:
-    """The content of a preset's mesh file."""
+    """Return the content of a preset's mesh file."""
     return preset.surface.file.read_bytes() if isinstance(preset.surface, FileSurface) else None
 
 
 def _keep(job: Job, made: Design, files: dict[str, bytes]) -> None:
-    """Fill `files` with what is kept of a run."""
     from dsfab.export import write
 
     if "preset" in job.keep:
@@ -153,65 +150,59 @@ Changes = Mapping[str, Any]
 
 
 class Workers(Protocol):
-    """Workers. A worker makes one run at a time, and remembers the stages of the last."""
+    """A set of workers. Each makes one run at a time and remembers the stages of the last run."""
 
     def workers(self) -> Collection[str]:
-        """Names of those that may be given a run; those that left are no longer among them."""
+        """Return the names of present workers."""
 
     def submit(self, worker: str, number: int, changes: Changes) -> "Future[Outcome]":
-        """Let a worker make a run. The future raises when the worker dies."""
+        """Start a run on a worker. The future raises if the worker dies."""
 
     def lost(self, worker: str) -> str:
-        """A worker died with a run, or is to go; returns what is known of the reason, or ''."""
+        """Forget a worker that died or must go; return the known reason, or ''."""
 
     def learn(self, outcome: Outcome) -> None:
-        """A run has ended: its memory tells how many workers there may be."""
+        """Take note of the memory of a finished run, which limits the number of workers."""
 
     def close(self) -> None:
-        """End all workers at once, whatever they do."""
+        """End all workers at once."""
 
 
 class OneWorker:
-    """Of others one alone, which then has all of the memory: the rest are let go."""
+    """The first of several workers, which then has all of the memory; the others are released."""
 
     def __init__(self, crew: Workers) -> None:
         self._crew = crew
 
     def workers(self) -> Collection[str]:
-        """The first of those that are there."""
         there = list(self._crew.workers())
         for other in there[1:]:
             self._crew.lost(other)
         return there[:1]
 
     def submit(self, worker: str, number: int, changes: Changes) -> "Future[Outcome]":
-        """Let it make a run."""
         return self._crew.submit(worker, number, changes)
 
     def lost(self, worker: str) -> str:
-        """It died with a run."""
         return self._crew.lost(worker)
 
     def learn(self, outcome: Outcome) -> None:
-        """A run has ended."""
         self._crew.learn(outcome)
 
     def close(self) -> None:
-        """End all workers."""
         self._crew.close()
 
 
-MEMORY_SHARE = 0.8
-"""Share of the memory that was free at the beginning that workers may fill together."""
-
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
-"""Libraries read these when they are loaded. Every worker has one thread: results do not depend on their number."""
+"""Variables that libraries read when they are loaded. Every worker has one thread, so that results do not depend on
+it."""
 
 
 class LocalWorkers:
-    """Processes. One pool of one process for each worker: when one is killed, the others and their memories stay.
+    """Processes of this machine. Each worker is a pool of one process, so that a killed worker does not affect the
+    others.
 
-    workers : their number; left out, the first run tells how much memory one needs, and as many follow as fit.
+    workers : their number; default: as many as fit into memory, by the first run's need.
     """
 
     def __init__(self, job: Job, workers: int | None = None) -> None:
@@ -221,7 +212,7 @@ class LocalWorkers:
         self._pids: dict[str, int] = {}
 
     def workers(self) -> Collection[str]:
-        """Names of as many workers as there is memory for."""
+        """Return the names of as many workers as fit into memory."""
         return [f"worker {i}" for i in range(1, self._count() + 1)]
 
     def _count(self) -> int:
@@ -229,16 +220,17 @@ class LocalWorkers:
             return self._asked
         if not self._peak:
             return 1
-        return max(1, min(cores(), int(MEMORY_SHARE * self._free / self._peak) if self._free else cores()))
+        # workers may fill 80 % of the memory that was free at the start
+        return max(1, min(cores(), int(0.8 * self._free / self._peak) if self._free else cores()))
 
     def submit(self, worker: str, number: int, changes: Changes) -> "Future[Outcome]":
-        """The outcome to come of a run on that worker, which is started when it is not there."""
+        """Start a run on a worker; a missing worker is started first."""
         for _ in range(2):
             if worker not in self._pools:
                 self._begin(worker)
             try:
                 return self._pools[worker].submit(execute, self._job, number, changes)
-            except BrokenExecutor:  # killed while it had nothing to do
+            except BrokenExecutor:  # killed while idle
                 self.lost(worker)
         raise BrokenExecutor(f"{worker} cannot be started")
 
@@ -254,7 +246,7 @@ class LocalWorkers:
             self._pids[worker] = future.result()
 
     def lost(self, worker: str) -> str:
-        """End a worker, if it is still there; whether the system has ended a process for want of memory meanwhile."""
+        """End a worker; return a reason if the system has killed a process for want of memory since."""
         self._pids.pop(worker, None)
         pool = self._pools.pop(worker, None)
         if pool is None:
@@ -264,11 +256,9 @@ class LocalWorkers:
         return "the system ended a process for want of memory" if self._short > before else ""
 
     def learn(self, outcome: Outcome) -> None:
-        """Remember the largest memory that a run took."""
         self._peak = max(self._peak, outcome.peak)
 
     def close(self) -> None:
-        """End all workers."""
         for pid in self._pids.values():
             with suppress(OSError):
                 os.kill(pid, signal.SIGTERM)
@@ -278,7 +268,7 @@ class LocalWorkers:
 
 @contextmanager
 def quiet_start() -> Iterator[None]:
-    """Processes that begin here compute in one thread, and leave Ctrl-C to the coordinator."""
+    """Start processes in this context with one thread each, without Ctrl-C, which the coordinator handles."""
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
     mine = threading.current_thread() is threading.main_thread()
@@ -293,7 +283,7 @@ def quiet_start() -> Iterator[None]:
 
 
 def end_with_parent() -> None:
-    """Begins in each worker: when the coordinator is killed, nobody else would end its workers."""
+    """Initialise a worker that ends if the coordinator is killed."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     parent = multiprocessing.parent_process()
     if parent is not None:
@@ -306,12 +296,12 @@ def _watch(sentinel: int) -> None:
 
 
 def cores() -> int:
-    """Cores that this process may use."""
+    """Return the number of cores that this process may use."""
     return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
 
 
 def free_memory() -> int:
-    """Memory that is free on this machine or in this container, bytes; 0 where the system does not say."""
+    """Return the free memory of this machine or container in bytes; 0 if unknown."""
     found = []
     with suppress(OSError, ValueError, IndexError):
         lines = Path("/proc/meminfo").read_text(encoding="ascii").splitlines()
@@ -324,8 +314,8 @@ def free_memory() -> int:
 
 
 def memory_kills() -> int:
-    """How many processes the system has ended for want of memory so far, in this container or on this machine; 0 where
-    it does not say."""
+    """Return how many processes the system has killed for want of memory, in this container or machine; 0 if
+    unknown."""
     for path in ("/sys/fs/cgroup/memory.events", "/proc/vmstat"):
         with suppress(OSError, ValueError, IndexError, StopIteration):
             lines = Path(path).read_text(encoding="ascii").splitlines()
@@ -334,14 +324,14 @@ def memory_kills() -> int:
 
 
 SECONDS = 20
-"""A scheduler that has not answered by then is not there."""
+"""Time limit for a scheduler's answer."""
 
 
 class DaskWorkers:
-    """The workers of a scheduler, those that join later too; when one dies, Dask gives its run to another.
+    """Workers of a Dask scheduler, including later ones; if a worker dies, Dask gives its run to another worker.
 
-    Each worker makes one run at a time, so give it one thread (`dask worker --nthreads 1`), and one worker to a core.
-    Raises DsfabError where dask is not installed or nobody answers.
+    Each worker makes one run at a time: start it with one thread (`dask worker --nthreads 1`), one worker to a core.
+    Raises DsfabError if dask is not installed or the scheduler does not answer.
     """
 
     def __init__(self, job: Job, scheduler: str) -> None:
@@ -359,13 +349,12 @@ class DaskWorkers:
         self._executors: dict[str, Executor] = {}
 
     def workers(self) -> Collection[str]:
-        # n_workers=-1: newer versions list five workers only when nothing is said
-        """Addresses of the workers that the cluster has now."""
+        """Return the addresses of the present workers."""
+        # n_workers=-1, because newer versions list five workers by default
         found = self._client.scheduler_info(n_workers=-1)["workers"]
         return list(found)
 
     def submit(self, worker: str, number: int, changes: Changes) -> "Future[Outcome]":
-        """The outcome to come of a run on that worker."""
         if worker not in self._executors:
             self._executors[worker] = self._client.get_executor(
                 workers=[worker], allow_other_workers=True, pure=False, retries=0
@@ -373,40 +362,38 @@ class DaskWorkers:
         return cast("Future[Outcome]", self._executors[worker].submit(execute, self._job, number, changes))
 
     def lost(self, worker: str) -> str:
-        """Forget a worker that is gone; why, nobody here knows."""
+        """Forget a worker; Dask reports no reason."""
         self._executors.pop(worker, None)
         return ""
 
     def learn(self, outcome: Outcome) -> None:
-        """Nothing to learn: who starts the workers knows their memory."""
+        """Do nothing, because the cluster manages the memory."""
 
     def close(self) -> None:
-        """Leave the cluster."""
         self._client.close()
 
 
-One = TypeVar("One")
-Made = TypeVar("Made")
+Item = TypeVar("Item")
+Result = TypeVar("Result")
 
 MEMORY = 3e9
-"""Bytes that one process may be expected to take."""
+"""Expected memory of one process, bytes."""
 
 
 def fitting_processes(count: int) -> int:
-    """How many processes are worth while for `count` things: one for each core that has enough memory."""
+    """Return the number of useful processes for `count` items: one for each core that has enough memory."""
     free = free_memory()
     return max(1, min(count, cores(), int(free / MEMORY) if free else cores()))
 
 
 def made_in_processes(
-    job: Callable[[One], Made], given: Sequence[One], workers: int, work: Callable[[One], float] | None = None
-) -> Iterator[Made]:
-    """job(one) of each thing given, in their order, by so many processes of one thread each; by this one for 1.
+    job: Callable[[Item], Result], given: Sequence[Item], workers: int, work: Callable[[Item], float] | None = None
+) -> Iterator[Result]:
+    """Yield job(item) for each item in order, from `workers` processes of one thread each; 1 runs in this process.
 
-    work : about how long each takes, in any unit: what takes longest is begun first, so that all processes end about
-           together.
+    work : relative duration of an item; the longest start first, so that all processes end about together.
 
-    Raises DsfabError where a process ended before its time. Where the caller stops listening, all of them end.
+    Raises DsfabError if a process dies. If the caller stops iterating, all processes end.
     """
     if workers == 1:
         yield from map(job, given)

@@ -1,11 +1,11 @@
-"""A calibrated verdict: the compliance of a cut sheet with a bound that was tested on random designs.
+"""A calibrated verdict: the compliance of a cut sheet, with a bound that was tested on random designs.
 
-check ─► attached_material                           pieces and loads (loaded_surface.py)
-      ─► Refinement.up ─► finer, on_mesh ─► level    mesh after mesh (refinement.py, finer.py, levels.py)
-                       ─► estimate                   value and bound (rules.py)
-                       ─► theory_share               by what a solid may be softer (theory.py)
-      ─► Verdict                                     what is told (verdict.py)
-mode_intervals ─► mode_level, mesh after mesh ─► mode_estimate      the same of buckling and frequency (modes.py)
+check ─► attached_material                     supported pieces and their loads (verdict.py)
+      ─► Refinement ─► finer, on_mesh ─► level   mesh after mesh (verdict.py, levels.py)
+                    ─► estimate                  value and bound (estimates.py)
+                    ─► theory_share              extra softness of a solid (levels.py)
+      ─► Verdict                                 status and reason (verdict.py)
+mode_intervals ─► mode_level, mesh after mesh ─► mode_estimate      the same for buckling and frequency (modes.py)
 """
 
 from dsfab.study.verdict.levels import Level

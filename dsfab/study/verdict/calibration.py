@@ -29,10 +29,10 @@ class TrialRow:
     """A random design, solved on two to four meshes.
 
     width, share : its width rule, and the share of the surface that is material.
-    vertices, triangles : of the uncut mesh, and of the cut one.     per_member, facets : see `Verdict`.
-    quick        : J, by hybrid + hhj on the mesh as it is cut.
+    vertices, triangles : of the uncut mesh, and of the cut mesh.     per_member, facets : see `Verdict`.
+    quick        : J, by hybrid + hhj on the unrefined cut mesh.
     midedge      : J, by quadratic + midedge on the first mesh of the verdict.
-    compliance   : J, by quadratic + hhj, mesh after mesh.           recovery : ZZ of the same, both parts together.
+    compliance   : J, by quadratic + hhj, mesh after mesh.           recovery : sum of both ZZ errors, mesh after mesh.
     """
 
     kind: str
@@ -50,42 +50,42 @@ class TrialRow:
 
     @property
     def plane(self) -> bool:
-        """Whether it was solved in its plane."""
+        """True for a sheet that is solved in its plane."""
         return self.kind == "cantilever"
 
     @property
     def levels(self) -> int:
-        """How many meshes its verdict takes: two, or three where two are not enough."""
+        """Number of meshes of its verdict: two, or three if two do not converge."""
         return 2 if self._after(2).bound <= CONVERGED else 3
 
     @property
     def estimate(self) -> estimates.ComplianceEstimate:
-        """The verdict's value and bound."""
+        """Value and bound of its verdict."""
         return self._after(self.levels)
 
     @property
     def truth(self) -> float:
-        """J, the compliance carried on from all meshes at their own rate."""
+        """Compliance (J), extrapolated from all meshes at their own rate."""
         return estimates.limit_at_own_rate(self.compliance)
 
     @property
     def error(self) -> float:
-        """Of the verdict's value, over the truth, with its sign."""
+        """Signed relative error of the verdict's value."""
         return self.estimate.value / self.truth - 1
 
     @property
     def quick_error(self) -> float:
-        """Of the quick level, over the truth, with its sign."""
+        """Signed relative error of the quick level."""
         return self.quick / self.truth - 1
 
     @property
     def tested(self) -> bool:
-        """Whether a mesh beyond those of the verdict was solved: else the truth is the verdict itself."""
+        """True if a mesh beyond those of the verdict was solved; otherwise the truth is the verdict itself."""
         return len(self.compliance) > self.levels
 
     @property
     def inside(self) -> bool:
-        """Whether the truth lies within the bound."""
+        """True if the truth lies within the bound."""
         found = self.estimate
         return abs(self.truth - found.value) <= found.bound * found.value
 
@@ -96,9 +96,12 @@ class TrialRow:
 
 @dataclass(frozen=True)
 class Summary:
-    """What the table says of designs that were `tested`: their number, the share of them inside their bound, the median
-    bound and the largest error of the verdict, how many were converged, and what the quick level is off by, the median
-    and what nine in ten keep."""
+    """Statistics of the tested designs of a table.
+
+    designs, converged : their number, and the number of converged designs.    inside : share inside the bound.
+    median_bound, largest_error : of the verdict.
+    quick_median, quick_most : error of the quick level: its median and its 90 % quantile.
+    """
 
     designs: int
     inside: float
@@ -110,7 +113,7 @@ class Summary:
 
 
 def summary(rows: Sequence[TrialRow]) -> Summary:
-    """Of a table. Raises ValueError for one without a row that is tested."""
+    """Return the statistics of a table. Raises ValueError if no row is tested."""
     rows = [row for row in rows if row.tested]
     if not rows:
         raise ValueError("no design was solved on a mesh beyond those of its verdict")
@@ -127,7 +130,7 @@ def summary(rows: Sequence[TrialRow]) -> Summary:
 
 
 def table_text(rows: Iterable[TrialRow]) -> str:
-    """The rows as CSV, six digits; several numbers in one cell stand with spaces between."""
+    """Return the rows as CSV with six digits; spaces separate several numbers in a cell."""
     text = io.StringIO()
     writer = csv.writer(text, lineterminator="\n")
     names = [field.name for field in fields(TrialRow)]
@@ -138,12 +141,12 @@ def table_text(rows: Iterable[TrialRow]) -> str:
 
 
 def shipped_table() -> list[TrialRow]:
-    """The table that ships with dsfab."""
+    """Return the rows of the table that ships with dsfab."""
     return read_table(TABLE.read_text(encoding="utf-8"))
 
 
 def read_table(text: str) -> list[TrialRow]:
-    """The rows of `table_text`."""
+    """Return the rows of a text that `table_text` wrote."""
     rows = []
     for cells in csv.DictReader(io.StringIO(text)):
         values: dict[str, Any] = {
@@ -162,19 +165,12 @@ def _cell(value: Any) -> str:
     return f"{value:.6g}" if isinstance(value, float) else str(value)
 
 
-SEEDS = 8
-"""Designs of each kind."""
-
-LARGEST = 100_000
-"""The fourth mesh is left out where it would have more triangles and the verdict takes two meshes only: then the third
-one tells the truth."""
-
 WIDTHS = ("plain", "constant", "graded")
 
 
 @dataclass(frozen=True)
 class Kind:
-    """Designs of one surface: a shipped preset, changes to it, and the range that frequencies are drawn from."""
+    """Designs of one surface: a shipped preset, changes to it, and the range of random frequencies."""
 
     preset: str
     changes: dict[str, Any]
@@ -209,15 +205,13 @@ KINDS: dict[str, Kind] = {
     ),
     "ring": Kind("bob", {"surface.edge": 0.1, "statics.thickness": 0.03, "pattern.keep": 0.08}, (3.0, 6.0)),
 }
-"""Each is meshed with 500 to 700 vertices; `ring` is the closed duck of genus 1 that stands for Bob. The sphere keeps
-the snap of the shipped table, whatever its preset asks for."""
+"""Kinds of random designs, meshed with 500 to 700 vertices. `ring` is a closed surface of genus 1. The sphere keeps the
+snap value of the shipped table, whatever its preset says."""
 
 
 def random_design(kind: str, seed: int) -> Design:
-    """A design of that kind: frequencies, modes, phases, widths and share of material drawn with the seed.
-
-    Raises DsfabError for a draw that cannot be made.
-    """
+    """Return a design with random frequencies, modes, phases, widths and share of material; `seed` fixes them. Raises
+    DsfabError if the design cannot be built."""
     rng, given = np.random.default_rng([seed, list(KINDS).index(kind)]), KINDS[kind]
     width: dict[str, Any] = {"rule": WIDTHS[int(rng.integers(len(WIDTHS)))]}
     changes: dict[str, Any] = {**given.changes, "pattern.method": "modes", "pattern.fillet": 0.0}
@@ -232,9 +226,10 @@ def random_design(kind: str, seed: int) -> Design:
 
 
 def measured_trial(kind: str, seed: int, count: int = 4) -> TrialRow:
-    """A random design solved on up to `count` meshes; on one less than four where it is large (see `LARGEST`).
+    """Return a random design solved on up to `count` meshes.
 
-    Raises DsfabError for a draw that cannot be made or does not carry its loads.
+    A large design whose verdict takes two meshes skips the fourth mesh: its third mesh serves as the truth. Raises
+    DsfabError if the design cannot be built or does not carry its loads.
     """
     design = random_design(kind, seed)
     setting = LoadedSurface.of(design)
@@ -258,7 +253,8 @@ def measured_trial(kind: str, seed: int, count: int = 4) -> TrialRow:
         tuple(one.compliance[case] for one in levels),
         tuple(one.zz_membrane[case] + one.zz_bending[case] for one in levels),
     )
-    if count > 3 and (64 * row.triangles <= LARGEST or not row.tested):
+    largest_triangles = 100_000  # of a fourth mesh, for time
+    if count > 3 and (64 * row.triangles <= largest_triangles or not row.tested):
         last = _solved(setting, next(finer), forces, MAIN)
         recovery = last.zz_membrane[case] + last.zz_bending[case]
         return replace(row, compliance=(*row.compliance, last.compliance[case]), recovery=(*row.recovery, recovery))
@@ -270,11 +266,9 @@ def _solved(setting: LoadedSurface, mesh: Sheet, forces: Mapping[str, Shares], *
     return level(mesh.surface, setting.made, *given, pairs)
 
 
-def calibrate(count: int = SEEDS, told: Callable[[str, int], None] | None = None) -> Iterator[TrialRow]:
-    """The rows of the first `count` designs of each kind that can be made: a quarter of an hour.
-
-    told : called with the kind and the seed before each.
-    """
+def calibrate(count: int = 8, told: Callable[[str, int], None] | None = None) -> Iterator[TrialRow]:
+    """Yield the rows of the first `count` designs of each kind that can be built, in a quarter of an hour. `told`
+    receives the kind and the seed before each design."""
     for kind in KINDS:
         seed = found = 0
         while found < count:
@@ -284,5 +278,5 @@ def calibrate(count: int = SEEDS, told: Callable[[str, int], None] | None = None
                 yield measured_trial(kind, seed)
                 found += 1
             except DsfabError:
-                pass  # a draw that falls apart is no test of a bound
+                pass  # a design that falls apart does not test a bound
             seed += 1

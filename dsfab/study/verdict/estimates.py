@@ -11,65 +11,51 @@ from dsfab.statics import LAYERS, SheetStress
 from dsfab.surface import Surface
 
 STEP = 2.0
-"""Each refinement takes the error to 1 / (1 + STEP) of what it was: two meshes have the value c1 + (c1 - c0) / STEP."""
-
-OF_STEP = 0.6
-"""The bound is at least this share of the last step |c1 - c0|."""
-
-OF_SPREAD = 0.4
-"""And at least this share of what is left of the spread against quadratic + midedge."""
-
-OF_RECOVERY = 0.3
-"""And at least this share of the recovery error, membrane and bending together."""
-
-OWN = 0.75
-"""Of three meshes, whose steps shrink at a rate of their own, the value lies half way between what `STEP` and what that
-rate carry it on to, and the bound is at least this share of the distance between these two, so half as much again as
-either is off. Of ten designs whose fourth mesh is known, neither alone is the better: a vault whose steps first shrink
-by 1.6 and then by 2.2 is 1.4 % beyond the one and 3.2 % short of the other."""
+"""Two meshes extrapolate to c1 + (c1 - c0) / this: each refinement divides the error by 1 + this."""
 
 FLOOR = 0.003
-"""And never less than this: the truth in the table is itself known to 0.1 or 0.2 % only."""
-
-ONE_MESH = 1.7
-"""Where one mesh alone was solved, the bound is at least this multiple of its recovery error. It is told (19 of 20
-designs keep it), but a compliance is never called converged by one mesh."""
+"""Smallest bound, because the truth in the calibration table is accurate to 0.1 or 0.2 % only."""
 
 QUICK = (0.02, 0.05)
-"""Error of the quick level (hybrid + hhj, as cut): the median, and what nine in ten designs keep."""
+"""Relative error of the quick level (hybrid + hhj, unrefined mesh): its median and its 90 % quantile."""
 
 MEMBER = 4.0
-"""Fewer edges of the uncut mesh across a member are told."""
+"""A warning appears if members are narrower than this many edges of the uncut mesh."""
 
 
 @dataclass(frozen=True)
 class ComplianceEstimate:
-    """value : compliance, J.  bound : half width of its interval, over the value."""
+    """value : compliance, J.  bound : half width of its interval, relative to the value."""
 
     value: float
     bound: float
 
 
 def estimate(values: Sequence[float], spread: float, recovery: float) -> ComplianceEstimate:
-    """From compliances by quadratic + hhj on one or more meshes, each of four times the triangles, coarse to fine.
+    """Return value and bound from compliances by quadratic + hhj; each mesh has four times the triangles of the last.
 
-    spread   : against quadratic + midedge on the first mesh; about half of it is left on each further one, where it is
-               not measured: it would cost half as much again.
-    recovery : ZZ on the finest mesh.
+    spread   : relative difference to quadratic + midedge on the first mesh. It is not measured again, because that
+               costs half as much again; about half of it remains after each refinement.
+    recovery : ZZ error of the finest mesh.
+
+    The value of three meshes is the mean of two extrapolations: by the usual rate, and by the rate of its own steps.
+    Neither is better alone on the ten designs whose fourth mesh was solved.
     """
+    of_step, of_spread, of_recovery, of_rates = 0.6, 0.4, 0.3, 0.75  # least shares in the bound, see calibration.csv
     if len(values) < 2:
-        return ComplianceEstimate(values[0], max(ONE_MESH * recovery, OF_SPREAD * abs(spread), FLOOR))
+        # 19 of 20 designs keep 1.7 times the recovery error
+        return ComplianceEstimate(values[0], max(1.7 * recovery, of_spread * abs(spread), FLOOR))
     step = values[-1] - values[-2]
     usual, own = values[-1] + step / STEP, limit_at_own_rate(values)
     value = (usual + own) / 2
     left = abs(spread) / 2 ** (len(values) - 1)
-    steps = max(OF_STEP * abs(step), OWN * abs(own - usual)) / value
-    return ComplianceEstimate(value, max(steps, OF_SPREAD * left, OF_RECOVERY * recovery, FLOOR))
+    steps = max(of_step * abs(step), of_rates * abs(own - usual)) / value
+    return ComplianceEstimate(value, max(steps, of_spread * left, of_recovery * recovery, FLOOR))
 
 
 def limit_at_own_rate(values: Sequence[float]) -> float:
-    """What the values go to at the rate of the last two steps, kept within `STEPS`; at `STEP` where there are two
-    values only, or where the last step turns back."""
+    """Extrapolate the values at the rate of their last two steps, clipped to `STEP_RATIOS`. Two values, or a last step
+    that turns back, are extrapolated by `EXTRAPOLATION_DIVISOR`."""
     step, before = values[-1] - values[-2], values[-2] - values[-3] if len(values) > 2 else 0.0
     if before * step <= 0:
         return values[-1] + step / STEP
@@ -77,17 +63,19 @@ def limit_at_own_rate(values: Sequence[float]) -> float:
 
 
 MODES_KNOWN = 0.05
-"""A third mesh is solved where buckling or frequency is known less well. Linear buckling itself is off by more."""
+"""A third mesh is solved if the relative bound of a mode is wider. Linear buckling itself is off by more."""
 
 STEPS = (1.5, 4.0)
-"""Ratios of one step to the next that are believed of three meshes. Corners that bend inwards let the error of an
-eigenvalue fall to 1 / 2.1 at best, smooth sheets to 1 / 16; below the first the steps count as not shrinking."""
+"""Smallest and largest accepted ratio of successive steps. Reentrant corners let an eigenvalue's error fall to 1 / 2.1
+at best, smooth sheets to 1 / 16; steps below the first ratio count as not shrinking."""
 
 
 @dataclass(frozen=True)
 class ModeEstimate:
-    """value : the lowest load factor, or hertz.   bound : half width of its interval, over the value; inf for one mesh.
-    ratio : of the steps between three meshes, None for fewer; each mesh has four times the triangles."""
+    """value : lowest load factor, or hertz.   bound : half width of its interval, relative to the value; inf for one
+            mesh.
+    ratio : of the steps between three meshes, None for fewer; each mesh has four times the triangles.
+    """
 
     value: float
     bound: float
@@ -100,13 +88,14 @@ class ModeEstimate:
 
 
 def mode_estimate(values: Sequence[float]) -> ModeEstimate:
-    """From the lowest eigenvalue on one to three meshes, each of four times the triangles, coarse to fine.
+    """Return value and bound from the lowest eigenvalue on one to three meshes, each of four times the triangles.
 
-    Two meshes: the value goes on by half of the step, as a compliance does, and the bound is the whole step: it covers
-    ratios of steps from 1.7 up. Three: it goes on at its own ratio, within `STEPS`, and the bound is as far as it went
-    on. Where the last step turns back, the last value stands, and the bound is twice that step; where steps do not
-    shrink, twice the larger one. Not calibrated on random designs, and about the mesh alone: a thin sheet of perfect
-    shape, linear until it buckles.
+    Two meshes: the value extrapolates half of the step, like a compliance; the bound is the whole step, which covers
+                step ratios from 1.7 up. Three meshes: the value extrapolates by its own ratio, clipped to
+                `STEP_RATIOS`; the bound is that extrapolation. If the last step turns back, the last value stands with
+                twice that step as its bound. If steps do not shrink, the bound is twice the larger step. The rule is
+                not calibrated on random designs. It covers mesh error alone: the sheet is thin, perfect in shape, and
+                linear until it buckles.
     """
     if len(values) < 2:
         return ModeEstimate(values[0], float("inf"))
@@ -125,22 +114,16 @@ def mode_estimate(values: Sequence[float]) -> ModeEstimate:
     return ModeEstimate(last + on, max(abs(on) / (last + on), FLOOR), ratio)
 
 
-QUANTILE = 0.99
-"""Share of the area that a stress is told of."""
-
 REENTRANT = np.radians(30)
-"""A border that turns into the material by more than this at a vertex has a corner there; less is a rounded outline."""
-
-RIB = 0.05
-"""A rib is taken to be no wider than this share of the sheet's size: sheets without openings have none."""
+"""A boundary vertex is a reentrant corner if the outline turns inwards by more; less is a rounded outline."""
 
 
 @dataclass(frozen=True)
 class Extreme:
-    """The largest of a quantity: `value` at `place`, metres; and what `QUANTILE` of the area does not exceed.
+    """Largest `value` of a quantity, its `place` (m), and its 99 % quantile by area.
 
-    away : the largest further than a rib's width from corners, where `value` of a stress is no number; None of what is
-           no stress, and where nothing is so far from them.
+    away : largest value further than a rib's width from corners, because peaks at corners grow with refinement; None
+           for other quantities, and if every face is near a corner.
     """
 
     value: float
@@ -150,15 +133,15 @@ class Extreme:
 
     @property
     def settled(self) -> float:
-        """The largest that a finer mesh does not raise without end: `away`, or `value` where there is none."""
+        """Largest value that converges under refinement: `away`, or else `value`."""
         return self.value if self.away is None else self.away
 
 
 def stress_extremes(surface: Surface, stress: SheetStress, held: Bools) -> dict[str, Extreme]:
-    """Pa, by name: `stress` (von Mises), `tension` and `compression` (the largest principal stress and minus the
-    smallest, not under 0), each the largest of both sides and the middle.
+    """Return extremes (Pa) of `stress` (von Mises), `tension` (largest principal) and `compression` (minus the
+    smallest).
 
-    held : (n,) vertices with a support.
+    All are at least 0 and the largest of both sides and the middle.    supported : (n,) vertices with a support.
     """
     principal = np.stack([stress.principal(layer).values for layer in LAYERS], axis=1)
     values = {
@@ -171,35 +154,36 @@ def stress_extremes(surface: Surface, stress: SheetStress, held: Bools) -> dict[
 
 
 def extreme(surface: Surface, value: Floats, far: Bools | None = None) -> Extreme:
-    """Of values of faces (m,). far : (m,) faces that are far from corners."""
+    """Return the extreme of values of faces (m,). off_corner_faces : (m,) faces that are far from corners."""
     worst = int(value.argmax())
     x, y, z = (float(v) for v in surface.centroids[worst] + 0.0)
     away = float(value[far].max()) if far is not None and far.any() else None
     return Extreme(float(value[worst]), (x, y, z), quantile(value, surface.areas), away)
 
 
-def quantile(value: Floats, weight: Floats, share: float = QUANTILE) -> float:
-    """What of the values (k,) a share of the weights (k,) does not exceed."""
+def quantile(value: Floats, weight: Floats, share: float = 0.99) -> float:
+    """Return the value that `share` of the weights (k,) of values (k,) does not exceed."""
     return weighted_quantile(value, weight, share)
 
 
 def off_corners(surface: Surface, held: Bools) -> Bools:
-    """(m,) faces further than a rib's width from every corner that bends inwards and every end of a support."""
+    """Return (m,) faces further than a rib's width from every reentrant corner and every end of a support."""
     corners = np.concatenate([inward_corners(surface), support_ends(surface, held)])
     if not len(corners):
         return np.ones(surface.m, dtype=bool)
     near, _ = cKDTree(surface.V[corners]).query(surface.centroids)
-    return np.asarray(near > min(rib_width(surface), RIB * surface.size))
+    # sheets without openings have no ribs: 5 % of their size limits the width
+    return np.asarray(near > min(rib_width(surface), 0.05 * surface.size))
 
 
 def rib_width(surface: Surface) -> float:
-    """Metres: the mean width of the members, twice the area over the length of all borders; inf without a border."""
+    """Return the mean width of the members (m): twice the area over the length of all borders; inf without a border."""
     length = float(surface.edge_lengths[surface.edges.boundary].sum())
     return 2 * surface.area / length if length else float("inf")
 
 
 def inward_corners(surface: Surface) -> Ints:
-    """(c,) vertices of the border around which the material turns by more than half a turn and `REENTRANT`."""
+    """Return (c,) border vertices around which the material turns by more than half a turn and `REENTRANT_ANGLE`."""
     X = surface.V[surface.F]
     ahead, back = np.roll(X, -1, axis=1) - X, np.roll(X, 1, axis=1) - X
     sine = np.linalg.norm(np.cross(ahead, back), axis=2)
@@ -211,7 +195,7 @@ def inward_corners(surface: Surface) -> Ints:
 
 
 def support_ends(surface: Surface, held: Bools) -> Ints:
-    """(c,) held vertices of the border beside one that is not held."""
+    """Return (c,) supported border vertices next to an unsupported border vertex."""
     ends = surface.edges.ends[surface.edges.boundary]
     mixed = ends[held[ends].sum(axis=1) == 1]
     return np.unique(mixed[held[mixed]])

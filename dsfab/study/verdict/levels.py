@@ -39,14 +39,14 @@ CREASE = np.cos(np.radians(30))
 
 @dataclass(frozen=True, eq=False)
 class SmoothSurface:
-    """Every face bent to a quadratic patch over its barycentric coordinates: p + sum over edges of 4 l_i l_j bulge.
+    """Surface whose faces are quadratic patches over barycentric coordinates: p + sum over edges of 4 l_i l_j bulge.
 
     surface : the flat faces.
-    bulge   : (e, 3) how far the middle of each edge leaves its chord, metres. Flat faces and creases stay.
+    bulge   : (e, 3) distance of the middle of each edge from its chord, metres; 0 for flat faces and creases.
 
     The middle of an edge from a to b is that of the cubic which leaves a and b at right angles to the normals there
-    [Vlachos, Peters, Boyd and Mitchell 2001]:  bulge = ((a - b) . n_a n_a + (b - a) . n_b n_b) / 8. It is the same
-    whichever side the normals point to, and belongs to the edge, so that patches meet without gaps.
+    [Vlachos, Peters, Boyd and Mitchell 2001]:  bulge = ((a - b) . n_a n_a + (b - a) . n_b n_b) / 8. It does not depend
+    on the sign of the normals. It belongs to the edge, so patches meet without gaps.
     """
 
     surface: Surface
@@ -57,7 +57,7 @@ class SmoothSurface:
 
     @classmethod
     def through(cls, surface: Surface) -> "SmoothSurface":
-        """The smooth surface through the vertices of `surface`."""
+        """Return the smooth surface through the vertices of `surface`."""
         normals, F, edges = _corner_normals(surface), surface.F, surface.edges
         start, end = F, np.roll(F, -1, axis=1)
         chord = surface.V[end] - surface.V[start]  # (m, half-edge, 3)
@@ -67,7 +67,7 @@ class SmoothSurface:
         return cls(surface, total / edges.count[:, None])
 
     def points(self, weights: csr_array) -> Floats:
-        """(k, 3) metres: the points with barycentric weights (k, n), at most three in a row, all within one face."""
+        """Return (k, 3) points (m) with barycentric weights (k, n): at most three a row, all in one face."""
         flat = np.asarray(weights @ self.surface.V)
         if not self.bulge.any():
             return flat
@@ -84,12 +84,12 @@ def _along(chord: Floats, normal: Floats) -> Floats:
 
 
 def _corner_normals(surface: Surface) -> Floats:
-    """(m, 3, 3) unit normals at the corners of each face: the mean around the vertex, or the face's own at a crease."""
+    """Return (m, 3, 3) unit normals at the corners of each face: the mean around the vertex, or its own at a crease."""
     corner, face = surface.F.ravel(), np.repeat(np.arange(surface.m), 3)
     first = np.zeros(surface.n, dtype=np.int64)
     first[corner[::-1]] = face[::-1]
     own = surface.normals[face]
-    # around a vertex of a one-sided sheet the faces disagree: all are turned as the first one is
+    # faces of a one-sided sheet disagree around a vertex: turn all of them like the first face
     side = np.where((own * surface.normals[first[corner]]).sum(axis=1) < 0, -1.0, 1.0)
     weighted = own * (side * surface.areas[face])[:, None]
     mean = np.stack([np.bincount(corner, weighted[:, k], surface.n) for k in range(3)], axis=1)
@@ -98,19 +98,13 @@ def _corner_normals(surface: Surface) -> Floats:
     return np.asarray(np.where(smooth[:, None], mean[corner], own).reshape(-1, 3, 3))
 
 
-ROUNDED = 1e-12
-"""Barycentric weights below this are zero: halving many times would else leave dust."""
-
-
 def finer(sheet: Sheet, smooth: SmoothSurface) -> Sheet:
-    """Every triangle in four, the points on the smooth surface; the old vertices come first.
-
-    Weights are halved along edges and stay barycentric on the uncut surface: supports and loads are found by them.
-    """
+    """Split every triangle into four, with points on the smooth surface; the old vertices come first. Weights stay
+    barycentric on the uncut surface, because supports and loads need them."""
     F, edges, n = sheet.surface.F, sheet.surface.edges, sheet.surface.n
     a, b = edges.ends.T
     weights = csr_array(vstack([sheet.weights, 0.5 * (sheet.weights[a] + sheet.weights[b])]))
-    weights.data[weights.data < ROUNDED] = 0.0
+    weights.data[weights.data < 1e-12] = 0.0  # rounding
     weights.eliminate_zeros()
     mid = n + edges.of
     parts = [np.stack([F[:, k], mid[:, k], mid[:, k - 1]], axis=1) for k in range(3)]
@@ -119,7 +113,7 @@ def finer(sheet: Sheet, smooth: SmoothSurface) -> Sheet:
 
 
 def meshes(sheet: Sheet, smooth: SmoothSurface) -> Iterator[Sheet]:
-    """The cut mesh with its points on the smooth surface, then finer and finer ones, without end."""
+    """Yield the cut mesh with its points on the smooth surface, then finer and finer meshes, without end."""
     mesh = replace(sheet, surface=Surface(smooth.points(sheet.weights), sheet.surface.F))
     while True:
         yield mesh
@@ -127,10 +121,10 @@ def meshes(sheet: Sheet, smooth: SmoothSurface) -> Iterator[Sheet]:
 
 
 class Shares(NamedTuple):
-    """What a load is on every mesh of a sheet, newtons.
+    """A load on a sheet, independent of its mesh, newtons.
 
     vertices : (n, 3) on the surroundings of each vertex of the uncut surface that the sheet still has.
-    faces    : (p, 3) on the material in each face of the uncut surface, up to the last that has some.
+    faces    : (p, 3) on the material in each face of the uncut surface, up to the last face with material.
     """
 
     vertices: Floats
@@ -138,9 +132,9 @@ class Shares(NamedTuple):
 
 
 def shares(sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, Shares]:
-    """Those of each load; they sum to its forces.
+    """Return the mesh-independent shares of each load; they sum to its forces.
 
-    loads : on the sheet (`dsfab.design.sheet_loads`); a force between vertices goes to those it lies between.
+    loads : on the sheet (`dsfab.design.sheet_loads`); a force between vertices goes to its neighbouring vertices.
     """
     areas, last = sheet.surface.areas[:, None], int(sheet.parent.max()) + 1
     found = {}
@@ -154,13 +148,13 @@ def shares(sheet: Sheet, loads: Mapping[str, LoadCase]) -> dict[str, Shares]:
 def on_mesh(
     surface: Surface, sheet: Sheet, given: Mapping[str, LoadCase], forces: Mapping[str, Shares]
 ) -> tuple[dict[str, LoadCase], dict[str, SpreadLoad]]:
-    """Supports and loads on a sheet of the uncut surface, on whatever mesh it is.
+    """Return supports and loads on any mesh of a sheet of the uncut surface.
 
-    given  : on the uncut surface.    forces : `shares` of them.
+    uncut_loads : on the uncut surface.    forces : their `shares`.
 
-    A force on a vertex is spread over the material around it, in proportion to the hat function of the uncut mesh: a
-    load has the same place and size on every finer mesh, and no force acts on a point, for which a sheet in its plane
-    has no finite answer. What is on a face is even over the material there. The whole of it is kept to the last digit.
+    The material around a vertex takes the vertex's force, in proportion to the hat function of the uncut mesh. So a
+    load has the same place and size on every finer mesh. No force acts on a point, where a sheet in its plane has no
+    finite answer. A load on a face spreads evenly over the material there. The sum of all forces is exact.
     """
     F, areas = sheet.surface.F, sheet.surface.areas
     hats = csr_array(sheet.weights[F[:, 0]] + sheet.weights[F[:, 1]] + sheet.weights[F[:, 2]])  # 3 x mean on each face
@@ -177,17 +171,17 @@ def on_mesh(
 
 
 FULL = 6 / 5
-"""Shear through the thickness is a parabola: its energy is so much more than that of an even one [Reissner 1945]."""
+"""Energy factor of shear through the thickness, because that is a parabola and not even [Reissner 1945]."""
 
 
 class RibSoftening(NamedTuple):
-    """Shares of a thin sheet's compliance.
+    """Effects that make a solid softer than a thin sheet, as shares of the thin sheet's compliance.
 
-    torsion : by how much it grows where ribs that are twisted are bars of their own width and thickness, solved again
-              (`solve_cases`); inf where that cannot be solved.
-    shear   : energy of shear through the thickness, q^2 6 / (5 G h) on each square metre, q that of the thin sheet, its
-              mean over half a thickness all around: a solid spreads what passes through a neck.
-    bending : of moments, times the root of thickness over the mean width of ribs.
+    torsion : growth if twisted ribs are bars of their own width and thickness, solved again (`solve_cases`); inf where
+              that cannot be solved.
+    shear   : energy of shear through the thickness, q^2 6 / (5 G h) per square metre. q is the thin sheet's, averaged
+              over half a thickness all around, because a solid spreads the flow through a neck.
+    bending : energy of moments, times the root of thickness over the mean width of ribs.
     """
 
     torsion: float
@@ -203,7 +197,8 @@ def rib_softening(
     answers: Mapping[str, Equilibrium],
     stresses: Mapping[str, SheetStress],
 ) -> dict[str, RibSoftening]:
-    """Of a solved sheet that bends, for each of its cases. One more solve on its mesh."""
+    """Return the softening of a solved sheet that bends, for each of its cases. It solves once more on the same
+    mesh."""
     surface, h, made = sheet.surface, sheet.thickness, sheet.material
     try:
         barred = [one.compliance for one in solve_cases(sheet, loads, elements, spreads, bars=True).values()]
@@ -224,7 +219,7 @@ def rib_softening(
 
 
 def _means_within(surface: Surface, reach: float) -> csr_array:
-    """(m, m) means by area over faces whose middles are so near, of vectors that change sign with a face's side."""
+    """Return (m, m) area means over faces within `reach` (m), for vectors that change sign with a face's side."""
     tree = cKDTree(surface.centroids)
     near = tree.sparse_distance_matrix(tree, min(reach, 2 * surface.mean_edge), output_type="coo_matrix")
     here, there = near.coords
@@ -233,35 +228,28 @@ def _means_within(surface: Surface, reach: float) -> csr_array:
     return csr_array((side * weight, (here, there)), shape=(surface.m, surface.m))
 
 
-OVER = 1.2
-"""Times torsion and shear, which follow from mechanics,"""
-
-REST = 0.1
-"""and times bending, for what is left: ribs that meet, shells that are thick for their radius. Both are chosen so that
-39 random designs lie inside, solved by CalculiX as solids of quadratic wedges. 31 on other surfaces and supports do too
-(`solids.csv`); 8 of them, seed 3, were drawn only when the form stood. All are softer than thin sheets."""
-
-WORTH = 0.001
-"""Less is not told."""
-
-
 def theory_share(soft: RibSoftening) -> float:
-    """By what share of a thin sheet's compliance that of a solid may be larger."""
-    return OVER * (soft.torsion + soft.shear) + REST * soft.bending
+    """Return the share by which a solid's compliance may exceed that of a thin sheet.
+
+    The factors cover 39 random designs, solved by CalculiX as quadratic wedges, and 31 designs on other surfaces
+    (`solids.csv`; 8 of them, seed 3, were drawn after the formula). All are softer than thin sheets. Torsion and shear
+    follow from mechanics; bending covers the rest: joints of ribs, and shells that are thick for their radius.
+    """
+    return 1.2 * (soft.torsion + soft.shear) + 0.1 * soft.bending
 
 
 MAIN, BESIDE = elements_of("compliance"), elements_of("spread")
-"""The pair that a verdict is made with, and the one that it is compared to: they err to opposite sides mostly."""
+"""The pair of elements of a verdict, and the pair beside it. Their errors have mostly opposite signs."""
 
 ONCE = elements_of("compliance_once")
-"""The pair of the quick level, which has no other mesh to tell it what is left."""
+"""The pair of the quick level, which solves one mesh only."""
 
 BYTES = {
     "PARDISO": {"hhj": 2200.0, "midedge": 1900.0, None: 1900.0},
     "multifrontal": {"hhj": 4200.0, "midedge": 3000.0, None: 2800.0},
 }
-"""Memory of a solve for each unknown, by solver and by bending: measured at 0.3 to 3.3 million. PARDISO keeps half of a
-symmetric factor, and what it was made from is given back before: 2.7 GB for 1.2 million instead of 4.9."""
+"""Memory of a solve per unknown, by solver and bending element, measured at 0.3 to 3.3 million unknowns. PARDISO keeps
+half of a symmetric factor, and its input is freed before: 2.7 GB for 1.2 million unknowns instead of 4.9."""
 
 
 @dataclass(frozen=True)
@@ -269,15 +257,15 @@ class Level:
     """One mesh of a verdict.
 
     triangles  : of the mesh.              unknowns : of the main pair (without bending in the plane).
-    compliance : J, by the main pair, for each case: `MAIN`, or `ONCE` of the quick level.
-    midedge    : J, by `BESIDE`; empty where not run.
-    zz_membrane, zz_bending : for each case the squared error that the recovered stress shows, as a share of the
-                 compliance [Zienkiewicz and Zhu 1987], of the main pair.
+    compliance : J, by the main pair, for each case: `MAIN_ELEMENTS`, or `QUICK_ELEMENTS` for the quick level.
+    midedge    : J, by `SPREAD_ELEMENTS`; empty where not run.
+    zz_membrane, zz_bending : for each case the squared error of the recovered stress, as a share of the compliance
+                 [Zienkiewicz and Zhu 1987], of the main pair.
     residual   : the largest of all cases and pairs, relative, in the norm of the energy (see `Equilibrium`).
     seconds    : of both pairs.
-    memory     : bytes, the most that the process has held up to then.
+    memory     : bytes, the peak of the process so far.
     stresses   : of the main pair, for each case, see `stress_extremes`.
-    softer     : of the main pair, for each case, see `RibSoftening`; empty where not asked for, or in the plane.
+    softer     : of the main pair, for each case, see `RibSoftening`; empty if not requested, or in the plane.
     """
 
     triangles: int
@@ -301,16 +289,16 @@ def level(
     pairs: tuple[Elements, ...] = (MAIN, BESIDE),
     ribs: bool = False,
 ) -> Level:
-    """The sheet on one mesh, under loads on the same supports.
+    """Solve the sheet on one mesh, under loads on the same supports.
 
-    ribs : whether it is solved once more with ribs that twist as bars, see `RibSoftening`.
+    ribs : whether to solve once more with ribs that twist as bars, see `RibSoftening`.
 
     Raises StaticsError as `equilibria` does.
     """
     start = time.perf_counter()
     plane = flat_axis(surface, *loads.values()) is not None
     found = {}
-    # in the plane there is no bending, and the two pairs are one
+    # both pairs are the same in the plane, because they differ in bending only
     for pair in pairs[:1] if plane else pairs:
         elements = pair.in_plane if plane else pair
         K = sheet_stiffness(made.on(surface), elements)
@@ -340,8 +328,11 @@ def level(
 def recovery_errors(
     surface: Surface, made: SheetMaterial, found: SheetStress, answer: Equilibrium
 ) -> tuple[float, float]:
-    """Squared errors in the norm of the energy over the compliance, of membrane and of bending: how far the stress is
-    from the same averaged around each vertex [Zienkiewicz and Zhu 1987]. 0 for stress that is constant on each face."""
+    """Return the squared energy errors of membrane and of bending, relative to the compliance.
+
+    The error is the difference between the stress and its average around each vertex [Zienkiewicz and Zhu 1987]; 0 for
+    stress that is constant on each face.
+    """
     if answer.compliance <= 0:
         return 0.0, 0.0
     C = np.linalg.inv(made.material.membrane(made.law)) * made.thickness
@@ -352,14 +343,12 @@ def recovery_errors(
 
 
 def _squared(surface: Surface, off: Floats, by: Floats) -> float:
-    """The integral of off . by off, `off` (m, 3 corners, 3) linear on each face."""
+    """Return the integral of d . matrix . d, for `difference` d (m, 3 corners, 3) linear on each face."""
     there = off @ by
     total = np.einsum("mci,mci->m", off, there) + np.einsum("mi,mi->m", off.sum(axis=1), there.sum(axis=1))
     return float(total @ surface.areas / 12)
 
 
 def memory_needed(unknowns: int, bending: str | None, solver: str) -> int:
-    """Bytes that a solve of so many unknowns takes, about, with the one of `dsfab.core.sparse.solver_name`, or the
-    other
-    one; what the process holds besides is not counted."""
+    """Estimate the bytes of a solve with `unknowns` unknowns by a solver of `dsfab.core.sparse.solver_name`."""
     return int(BYTES[solver][bending] * unknowns)

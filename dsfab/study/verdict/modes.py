@@ -1,4 +1,4 @@
-"""Buckling and frequency with a bound: a cut sheet on its mesh and on finer ones, and what they tend to."""
+"""Buckling factors and frequencies with a bound, extrapolated from a cut sheet's mesh and finer meshes."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -25,20 +25,20 @@ from dsfab.statics import (
 from dsfab.statics.boundary_conditions import all_clamped
 from dsfab.study.verdict import estimates
 from dsfab.study.verdict.levels import SmoothSurface, memory_needed, meshes, on_mesh, shares
-from dsfab.study.verdict.verdict import LoadedSurface, attached_material
+from dsfab.study.verdict.verdict import LEVELS, LoadedSurface, attached_material
 from dsfab.surface import LoadCase, Surface
 
 PAIR: Elements = elements_of("buckling")
-"""The elements of both: they share a stiffness and its factor."""
-
-LEVELS = 3
-"""Meshes at most."""
+"""Elements for buckling and frequency, which share a stiffness and its factor."""
 
 
 @dataclass(frozen=True)
 class ModeLevel:
-    """One mesh. buckling : the lowest factor of each case, None where nothing is pressed; empty where not asked.
-    hertz : the lowest frequency, None where not asked.    triangles : of the mesh."""
+    """Modes on one mesh of `triangles` triangles.
+
+    buckling : lowest factor of each case, None where nothing is compressed; empty if not requested.
+    hertz    : lowest frequency, None if not requested.
+    """
 
     triangles: int
     buckling: Mapping[str, float | None]
@@ -47,13 +47,13 @@ class ModeLevel:
 
 @dataclass(frozen=True)
 class ModeIntervals:
-    """What the meshes say together.
+    """Buckling factors and frequency, extrapolated from all meshes.
 
     buckling : the lowest factor of each case with its bound; cases that do not buckle are left out.
-    hertz    : the lowest frequency with its bound; None where it was not asked for or could not be found.
+    hertz    : the lowest frequency with its bound; None if it was not requested or could not be solved.
     levels   : the meshes, coarse to fine.
-    assumed  : of the supports (`mode_supports`), or ''.
-    refusals : why something could not be found, or no finer mesh was solved; a sentence each.
+    assumed  : assumptions about the supports (`mode_supports`), or ''.
+    refusals : sentences: why a value is missing, or why no finer mesh was solved.
     """
 
     buckling: Mapping[str, estimates.ModeEstimate]
@@ -66,14 +66,14 @@ class ModeIntervals:
 def mode_intervals(
     setting: LoadedSurface, material: Sheet, ask: Ask, budget: float, progress: Progress | None = None
 ) -> ModeIntervals:
-    """The lowest factor of linear buckling of each case and the lowest frequency of a sheet, as `ask` wants them.
+    """Return the lowest buckling factor of each case and the lowest frequency of a sheet, as requested.
 
-    On the cut mesh with its points on the smooth surface and on the next finer one; on a third where a bound is more
-    than `rules.MODES_KNOWN` then. Loads are spread as in `check`. Shapes are not kept.
+    The solver runs on the cut mesh, with points on the smooth surface, and on the next finer mesh. A third mesh follows
+    if a bound exceeds `WIDEST_MODE_BOUND`. Loads are spread as in `check`. Mode shapes are not kept.
 
-    budget : bytes that the solver may take; a mesh that would need more is not solved.
+    budget : bytes; a mesh that would need more is not solved.
 
-    What cannot be found is told in `refusals`, nothing is raised.
+    Errors do not raise: `refusals` lists them.
     """
     levels: list[ModeLevel] = []
     refusals: list[str] = []
@@ -82,7 +82,7 @@ def mode_intervals(
         sheet, _, loads = attached_material(setting, material)
         forces = shares(sheet, loads)
         for mesh in islice(meshes(sheet, SmoothSurface.through(setting.surface)), LEVELS):
-            # not measured where two factors are kept: the larger figure
+            # memory with two stored factors was not measured: use the larger figure
             needed = memory_needed(PAIR.unknowns(mesh.surface), PAIR.bending, "multifrontal")
             if levels and needed > budget:
                 refusals.append(f"a finer mesh for the bound of modes would need {needed / 1e9:.1f} GB")
@@ -109,7 +109,7 @@ def mode_level(
     standing: ModeSupports,
     ask: Ask,
 ) -> ModeLevel:
-    """One mesh; one factor serves all cases and both questions. Raises StaticsError where modes cannot be found."""
+    """Return the modes on one mesh; all cases share one factor. Raises StaticsError if modes cannot be solved."""
     sheet, kept = made.on(surface), KeptFactor(2)
     K = sheet_stiffness(sheet, PAIR)
     supports = standing.load

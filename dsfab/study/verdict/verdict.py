@@ -25,7 +25,6 @@ from dsfab.study.verdict.levels import (
     BESIDE,
     MAIN,
     ONCE,
-    WORTH,
     Level,
     Shares,
     SmoothSurface,
@@ -41,8 +40,8 @@ from dsfab.surface import LoadCase, Surface, pieces
 
 @dataclass(frozen=True, eq=False)
 class LoadedSurface:
-    """All that competitors share: the uncut surface, what the sheet is made of, and the loads on the uncut surface by
-    case, with the same supports in each."""
+    """The uncut surface, the material of the sheet, and the loads by case on equal supports: shared by all
+    competitors."""
 
     surface: Surface
     made: SheetMaterial
@@ -50,7 +49,7 @@ class LoadedSurface:
 
     @classmethod
     def of(cls, design: Design, share: float = 1.0) -> "LoadedSurface":
-        """That of a design, its cases and combinations, with `share` of its thickness."""
+        """Return the surface, cases and combinations of a design, with `share` of its thickness."""
         statics = design.preset.statics
         made, surface = statics.sheet(share * statics.thickness), design.surface
         loads = {name: case.load.of_thickness(surface, share) for name, case in design.statics.cases.items()}
@@ -65,7 +64,7 @@ class Dropped(NamedTuple):
 
 
 def whole_sheet(surface: Surface) -> Sheet:
-    """The uncut surface as a sheet of itself, for judging what has no openings."""
+    """Return the uncut surface as a sheet without openings."""
     n, m = surface.n, surface.m
     return Sheet(surface, np.arange(m), np.zeros(m, dtype=np.int64), csr_array(eye_array(n)))
 
@@ -73,10 +72,11 @@ def whole_sheet(surface: Surface) -> Sheet:
 def attached_material(
     setting: LoadedSurface, material: Sheet
 ) -> tuple[Sheet, tuple[Dropped, ...], dict[str, LoadCase]]:
-    """What of the material reaches a support over edges, what does not (largest first), and the loads on what does.
+    """Return the material that reaches a support over edges, the dropped pieces (largest first), and the loads on the
+    former.
 
-    Raises StaticsError when nothing is held, when a load stands on a piece that is not or finds no material, and when
-    the supports leave a motion free.
+    Raises StaticsError if nothing is supported, or if the supports leave a rigid motion free. It also raises
+    StaticsError if a load stands on a dropped piece or on no material.
     """
     s, load = material.surface, next(iter(setting.loads.values()))
     count, label = pieces(s.F, s.edges)
@@ -96,7 +96,6 @@ def attached_material(
 
 
 def _require_held(surface: Surface, loads: Mapping[str, LoadCase]) -> None:
-    """Raise StaticsError for a sheet that can move without deforming."""
     load, axis = next(iter(loads.values())), flat_axis(surface, *loads.values())
     fixed = load.fixed.copy()
     if axis is not None:
@@ -109,15 +108,15 @@ Depth = Literal["quick", "full"]
 
 @dataclass(frozen=True)
 class CaseVerdict:
-    """One load case or combination.
+    """The verdict on one load case or combination.
 
-    value  : compliance, J; nan where it could not be found.
-    bound  : half width of the interval that the true compliance lies in, over the value; inf where nothing is known.
-    status : pass: it carries its loads, and the compliance is known to `CONVERGED`. fail: it does not carry them.
-             unknown: the compliance is not known well enough.
+    value  : compliance, J; nan if it could not be solved.
+    bound  : half width of the interval of the true compliance, relative to the value; inf if unknown.
+    status : pass: the sheet carries the loads, and the compliance is known to `CONVERGED`. fail: it does not carry
+             them. unknown: the compliance is not known well enough.
     spread : compliance of quadratic + midedge over that of quadratic + hhj on the first mesh, less 1.
     zz_membrane, zz_bending : on the finest mesh, see `Level`.
-    theory : by what a solid may be softer besides, over the value: the bound is about thin sheets, see `theory_share`.
+    theory : share by which a solid may be softer, because the bound is about thin sheets; see `theory_share`.
     """
 
     name: str
@@ -133,17 +132,17 @@ class CaseVerdict:
 
 @dataclass(frozen=True)
 class Verdict:
-    """What `check` finds.
+    """Result of `check`.
 
     depth      : quick (one mesh) or full (two or three).
-    status     : the worst of all cases.       reason : of the case that decides.
-    cases      : the governing one first: the worst status, then the largest compliance.
-    levels     : the meshes that were solved, coarse to fine.
-    dropped    : pieces of material that reach no support, largest first; they are not part of what was solved.
-    per_member : edges of the uncut mesh across a member, in the mean: twice the area over the length of all borders;
-                 inf for a closed sheet without openings.
+    status     : the worst of all cases.       reason : of the governing case.
+    cases      : the governing case first: the worst status, then the largest compliance.
+    levels     : the solved meshes, coarse to fine.
+    dropped    : pieces of material that reach no support, largest first; they were not solved.
+    per_member : mean number of uncut edges across a member: twice the area over the length of all borders; inf for a
+                 closed sheet without openings.
     facets     : L^2 / (R h) of the uncut mesh, the median: edge length, radius of curvature, thickness.
-    warnings   : of these two numbers beyond their limits, a sentence each.
+    warnings   : a sentence for each of these two numbers beyond its limit.
     """
 
     depth: Depth
@@ -164,25 +163,25 @@ class Verdict:
 
     @property
     def bound(self) -> float:
-        """Half width of its interval, over the value."""
+        """Half width of its interval, relative to the value."""
         return self.cases[0].bound
 
     @property
     def theory(self) -> float:
-        """By what a solid may be softer besides, over the value."""
+        """Share by which a solid may be softer."""
         return self.cases[0].theory
 
     @property
     def memory(self) -> int:
-        """Bytes, the most that the process has held; 0 where nothing was solved."""
+        """Peak memory of the process in bytes; 0 if nothing was solved."""
         return max((level.memory for level in self.levels), default=0)
 
     def case(self, name: str) -> CaseVerdict:
-        """The verdict on one case. Raises KeyError for a case that there is not."""
+        """Return the verdict on one case. Raises KeyError for an unknown case."""
         return {case.name: case for case in self.cases}[name]
 
     def record(self) -> dict[str, Any]:
-        """Everything as numbers, text, lists and dicts for JSON; None for what is not finite."""
+        """Return everything as numbers, text, lists and dicts for JSON, with None for nan and infinity."""
         values = asdict(self) | {"value": self.value, "bound": self.bound, "theory": self.theory, "memory": self.memory}
         values["dropped"] = [piece._asdict() for piece in self.dropped]
         return dict(_plain(values))
@@ -197,17 +196,17 @@ def _plain(value: Any) -> Any:
 
 
 LEVELS = 3
-"""Meshes at most: the cut mesh and two refinements."""
+"""Limit on the number of meshes: the cut mesh and two refinements."""
 
 COUNT = {2: "two levels", 3: "three levels"}
 
 
 @dataclass
 class Refinement:
-    """Meshes solved up to now.
+    """Meshes solved so far.
 
-    stopped : why no more were, with the status that follows; None where enough is known, or all were solved.
-    unsolved : whether the last of them was tried, and its solution did not hold.
+    stopped  : the reason for the end of refinement, and its status; None after convergence or the last mesh.
+    unsolved : True if the solver rejected the last mesh.
     """
 
     setting: LoadedSurface
@@ -220,7 +219,7 @@ class Refinement:
     unsolved: bool = False
 
     def up(self, sheet: Sheet, loads: Mapping[str, LoadCase]) -> None:
-        """Solve what is needed. loads : on the sheet, as they are handed to it."""
+        """Solve meshes until all cases pass or no further mesh is possible. loads : on the sheet."""
         forces = shares(sheet, loads)
         bent = islice(meshes(sheet, self.smooth), LEVELS)
         for mesh in [sheet] if self.depth == "quick" else bent:
@@ -238,12 +237,12 @@ class Refinement:
                 return
 
     def cases(self) -> list[CaseVerdict]:
-        """What the meshes that were solved say of each case."""
+        """Return the verdict on each case from all solved meshes."""
         return [self._case(name) for name in self.setting.loads]
 
     @property
     def plane(self) -> bool:
-        """Whether the sheet is solved in its plane."""
+        """True for a sheet that is solved in its plane."""
         return flat_axis(self.setting.surface, *self.setting.loads.values()) is not None
 
     @property
@@ -252,7 +251,6 @@ class Refinement:
         return pair.in_plane if self.plane else pair
 
     def _too_large(self, mesh: Surface) -> str:
-        """Why this mesh is not solved, or ''."""
         needed = memory_needed(self._pair.unknowns(mesh), self._pair.bending, solver_name())
         if needed <= self.budget:
             return ""
@@ -265,7 +263,7 @@ class Refinement:
         if self.progress:
             self.progress("verdict", f"solving {mesh.surface.m:,} triangles")
         loads, spreads = on_mesh(self.setting.surface, mesh, self.setting.loads, forces)
-        # finer meshes are there for the steps between them: how far the two pairs are apart is told by the first
+        # the first mesh alone measures the spread between both pairs
         pairs = (ONCE,) if self.depth == "quick" else (MAIN,) if self.levels else (MAIN, BESIDE)
         ribs = self.depth == "full" and not self.levels
         self.levels.append(level(mesh.surface, self.setting.made, loads, spreads, pairs, ribs))
@@ -293,17 +291,17 @@ class Refinement:
 
 
 def theory_words(share: float) -> str:
-    """'; thin-shell theory: a solid is up to 3 % softer'; '' for less than is worth a word."""
-    return f"; thin-shell theory: a solid is up to {percent(share)} softer" if share >= WORTH else ""
+    """Return '; thin-shell theory: a solid is up to 3 % softer'; '' for less than 0.1 %."""
+    return f"; thin-shell theory: a solid is up to {percent(share)} softer" if share >= 0.001 else ""
 
 
 def percent(share: float) -> str:
-    """'1.3 %'."""
+    """Return a share as text, such as '1.3 %'."""
     return f"{100 * share:.2g} %"
 
 
 BUDGET = 4e9
-"""Bytes that a verdict may take unless told otherwise."""
+"""Default memory limit of a verdict, bytes."""
 
 
 def check(
@@ -314,26 +312,25 @@ def check(
     progress: Progress | None = None,
     cells: Sheet | None = None,
 ) -> Verdict:
-    """The compliance of a cut sheet under its loads, with a bound; or why it is not known, or that nothing is carried.
+    """Return the compliance of a cut sheet under its loads with a bound, or the reason why it is unknown or fails.
 
-    subject : a design, or the `LoadedSurface` that competitors share.
-    sheet   : the material, loose pieces included; that of the design when left out. It lies in the subject's surface.
-    depth   : quick, one solve on the mesh as it is cut; or full, on the cut mesh and on its refinement with all
-              points on the smooth surface, extrapolated, and on one more where the bound is not under 2 % then.
+    subject : a design, or a `LoadedSurface` that competitors share.
+    sheet   : the material, loose pieces included, in the subject's surface; default: that of the design.
+    depth   : quick, one solve on the unrefined mesh; or full, on the cut mesh and its refinement with all points on the
+              smooth surface, extrapolated, and on a third mesh if the bound still exceeds 2 %.
     budget  : bytes that the solver may take; a mesh that would need more is not solved, and the reason says so.
-    cells   : all cells that the sheet is the material of; those of a design when left out. Where needles of faces keep
-              the sheet from being solved, it is once they are flipped and collapsed
-              (`dsfab.slicing.finishing.mesh_quality`), which
-              covers the same points: of a leaf of 12 m, 781 in 38 127 triangles, the mesh was taken for a mechanism.
+    cells   : all cells of the sheet; default: those of a design. If needle faces stop the solver, they are flipped and
+              collapsed (`dsfab.slicing.finishing.mesh_quality`) and the sheet is solved again. Without this, 781
+              needles among 38 127 triangles made a sheet look like a mechanism.
 
-    Nothing is raised for a sheet that does not carry its loads: that is a verdict. Raises ValueError when `sheet` is
-    left out of a `LoadedSurface`.
+    A sheet that does not carry its loads gets a verdict, no error. Raises ValueError for a `LoadedSurface` without
+    `sheet`.
     """
     start = time.perf_counter()
     setting = LoadedSurface.of(subject) if isinstance(subject, Design) else subject
     if sheet is None:
         if not isinstance(subject, Design):
-            raise ValueError("a setting has no sheet of its own: give one")
+            raise ValueError("a LoadedSurface has no sheet: pass `sheet`")
         cells = subject.slicing.cells
         sheet = cells.kept()
     smooth = SmoothSurface.through(setting.surface)
@@ -349,7 +346,6 @@ def check(
 
 
 def _solved(refinement: Refinement, sheet: Sheet) -> tuple[Sheet, tuple[Dropped, ...]]:
-    """Have what reaches a support solved; that, and what does not."""
     dropped: tuple[Dropped, ...] = ()
     try:
         sheet, dropped, loads = attached_material(refinement.setting, sheet)
@@ -393,12 +389,12 @@ def _verdict(refinement: Refinement, sheet: Sheet, dropped: tuple[Dropped, ...],
 
 
 def members(sheet: Sheet) -> float:
-    """Metres: the mean width of the members, twice the area over the length of all borders; inf without a border."""
+    """Return the mean width of the members (m): twice the area over the length of all borders; inf without a border."""
     return rib_width(sheet.surface)
 
 
 def facets_of(smooth: SmoothSurface, thickness: float) -> float:
-    """L^2 / (R h) of the flat faces: eight times how far the middle of an edge is off its chord, the median."""
+    """Return L^2 / (R h) of the flat faces: eight times the median distance of an edge's middle from its chord."""
     return 8 * float(np.median(np.linalg.norm(smooth.bulge, axis=1))) / thickness
 
 

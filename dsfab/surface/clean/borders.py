@@ -8,28 +8,20 @@ from dsfab.core.arrays import Bools, Floats, Ints, area_vectors, face_angles, le
 from dsfab.surface.topology import EdgeTable, boundary_loops, edge_table
 
 TURN = float(np.radians(35))
-"""In the surface; edges that are divided finely enough turn by less at each vertex, but for corners that are meant."""
+"""Turn of the border in the surface, radians, above which it may be ragged. Finely divided borders turn by less at each
+vertex, except at corners of the design."""
 STEPS = 12
-"""Fewer turns to and fro in a row may be meant: a door in a wall has four corners, and an opening of fifteen edges, as
-of a roof of 5 m, may be drawn so. (Made even, that one had no STEP by members.)"""
+"""Least number of alternating turns in a row; fewer may be design. A door in a wall has four corners, and an opening of
+a 5 m roof may have fifteen edges. (With such an opening evened, the STEP file by members failed.)"""
 APART = 3
-"""Edges from one turn to the next, at most: teeth of more are not those of the mesh."""
-TO_AND_FRO = 3.0
-"""How many times more such an edge turns than it turns in all, at least."""
-DEEPEST = 1.0
-"""Of the edges there; what would have to move farther is deeper than the steps of a mesh, and somebody's design."""
-SMALL = 1 / 25
-"""Of the largest side; a coarse star has points that are larger."""
-SHRINK, SWELL = 0.5, -0.53
-"""Shares of the way to the middle of the neighbours, by turns: teeth go, and arcs keep their radius [Taubin 1995]."""
-PASSES = 10
+"""Largest number of edges from one turn to the next; teeth of more edges are not those of the mesh."""
 FLAT = float(np.radians(150))
-"""A face whose corner at an edge is wider has been evened away, and goes."""
+"""Radians; a face with a wider corner at the border has lost its height to evening, and goes."""
 
 
 @dataclass(frozen=True, eq=False)
 class EvenEdges:
-    """A mesh V (n, 3), F (m, 3), the number of vertices that were moved, and how far at most, in its unit."""
+    """A mesh V (n, 3), F (m, 3), the number of its moved vertices, and the largest move, in its unit."""
 
     V: Floats
     F: Ints
@@ -38,11 +30,9 @@ class EvenEdges:
 
 
 def even_edges(V: Floats, F: Ints) -> EvenEdges:
-    """The mesh V (n, 3), F (m, 3) with its ragged edges made even; as it is where an edge has more than two faces.
-
-    Steps of an edge are ragged where the sheet turns by `TURN` and more, to and fro, `STEPS` times in a row with no
-    more than `APART` edges between. Their vertices move by no more than an edge, or stay where they are.
-    """
+    """Return the mesh V (n, 3), F (m, 3) with even borders; unchanged if an edge has more than two faces. A border is
+    ragged where the sheet turns by more than `TURN`, alternately, `STEPS` times in a row, with no more than `APART`
+    edges between two turns. Its vertices stay if an even line needs a larger move than a mean edge."""
     edges = edge_table(F)
     if not edges.boundary.any() or (edges.count > 2).any():
         return EvenEdges(V, F, 0, 0.0)
@@ -55,7 +45,8 @@ def even_edges(V: Floats, F: Ints) -> EvenEdges:
             better = _evened(V[line], closed)
             far = lengths(better - V[line])
             step = lengths(np.diff(V[line], axis=0)).mean()
-            if far.max() > min(DEEPEST * step, SMALL * largest):
+            # larger moves belong to a design: teeth deeper than an edge, points of a coarse star
+            if far.max() > min(step, 0.04 * largest):
                 continue
             found = _with_line(V, F, line, better)
             if found is not None:
@@ -65,7 +56,7 @@ def even_edges(V: Floats, F: Ints) -> EvenEdges:
 
 
 def _turns(V: Floats, F: Ints, edges: EdgeTable) -> Floats:
-    """(n,) by how much the edge turns in the surface at its vertices, radians, towards the sheet; 0 elsewhere."""
+    """Return the turn (n,) of the border in the surface at its vertices, radians, towards the sheet; 0 elsewhere."""
     inside = np.bincount(F.ravel(), face_angles(V, F).ravel(), minlength=len(V))
     at_edge = np.zeros(len(V), dtype=bool)
     at_edge[edges.ends[edges.boundary].ravel()] = True
@@ -73,7 +64,7 @@ def _turns(V: Floats, F: Ints, edges: EdgeTable) -> Floats:
 
 
 def _ragged_runs(turn: Floats) -> list[tuple[Ints, bool]]:
-    """Places (k,) of each ragged stretch of a closed line with turns (j,), in order, and whether it is all of it."""
+    """Return the indices (k,) of each ragged run of a closed line with turns (j,), and whether it is the whole line."""
     large = np.flatnonzero(np.abs(turn) > TURN)
     if len(large) < STEPS:
         return []
@@ -91,15 +82,16 @@ def _ragged_runs(turn: Floats) -> list[tuple[Ints, bool]]:
 
 
 def _to_and_fro(turn: Floats) -> bool:
-    """Whether turns (k,) in a row cancel, and change their sign often enough."""
+    """Return whether turns (k,) in a row cancel, and change their sign often enough."""
     changes = int((turn[1:] * turn[:-1] < 0).sum())
-    return changes >= STEPS - 1 and bool(np.abs(turn).sum() >= TO_AND_FRO * abs(turn.sum()))
+    return changes >= STEPS - 1 and bool(np.abs(turn).sum() >= 3 * abs(turn.sum()))
 
 
 def _evened(P: Floats, closed: bool) -> Floats:
-    """(k, 3) points of a line without its teeth; the ends of one that is not closed stay."""
-    for k in range(2 * PASSES):
-        step = (SWELL if k % 2 else SHRINK) * ((np.roll(P, 1, axis=0) + np.roll(P, -1, axis=0)) / 2 - P)
+    """Return the points (k, 3) of a line without its teeth; the ends of an open line stay. Steps alternately shrink and
+    swell the line, so that arcs keep their radius [Taubin 1995]."""
+    for k in range(20):
+        step = (-0.53 if k % 2 else 0.5) * ((np.roll(P, 1, axis=0) + np.roll(P, -1, axis=0)) / 2 - P)
         if not closed:
             step[[0, -1]] = 0.0
         P = P + step
@@ -107,7 +99,6 @@ def _evened(P: Floats, closed: bool) -> Floats:
 
 
 def _with_line(V: Floats, F: Ints, line: Ints, better: Floats) -> tuple[Floats, Ints] | None:
-    """The mesh with vertices `line` (k,) at `better` (k, 3), without faces that are flat there; None if any turns."""
     new = V.copy()
     new[line] = better
     touched: Ints = np.flatnonzero(np.isin(F, line).any(axis=1))
@@ -120,7 +111,7 @@ def _with_line(V: Floats, F: Ints, line: Ints, better: Floats) -> tuple[Floats, 
 
 
 def _flat_ears(V: Floats, F: Ints, touched: Ints, line: Ints) -> Bools:
-    """(k,) which of the faces touched have two open edges at a vertex of the line, and are flat or turned there."""
+    """Return the touched faces (k,) that have two open edges at a vertex of the line and are flat or turned there."""
     once = np.bincount(F.ravel(), minlength=len(V)) == 1
     on_line = np.zeros(len(V), dtype=bool)
     on_line[line] = True
@@ -128,14 +119,11 @@ def _flat_ears(V: Floats, F: Ints, touched: Ints, line: Ints) -> Bools:
     return np.asarray((tip & (face_angles(V, F[touched]) > FLAT)).any(axis=1))
 
 
-LONG = 1e-3
-"""Of two ways to fill a hole with as much area the one with shorter edges is better: their squares count by so much."""
-
-
 def hole_triangles(P: Floats, joined: Bools) -> Ints | None:
-    """(k - 2, 3) corners of triangles that fill the outline P (k, 3), with the least area; None where there are none.
+    """Return the corners (k - 2, 3) of triangles that fill the outline P (k, 3) with the least area; None if
+    impossible.
 
-    joined : (k, k) pairs of points that the mesh joins already, of which no edge may be made again.
+    joined : (k, k) pairs of points that already have an edge in the mesh, which must not be created again.
 
     The triangles run around as the outline does.
     """
@@ -145,7 +133,7 @@ def hole_triangles(P: Floats, joined: Bools) -> Ints | None:
     cost, apex = np.full((k, k), np.inf), np.full((k, k), -1)
     cost[np.arange(k - 1), np.arange(1, k)] = 0.0
     barred = joined.copy()
-    barred[0, k - 1] = False  # an edge of the outline
+    barred[0, k - 1] = False
     for span in range(2, k):
         for i in range(k - span):
             j, between = i + span, np.arange(i + 1, i + span)
@@ -158,14 +146,13 @@ def hole_triangles(P: Floats, joined: Bools) -> Ints | None:
 
 
 def _weights(a: Floats, X: Floats, b: Floats) -> Floats:
-    """(k,) area of the triangles a, X, b, and a little of the squares of their edges."""
+    """Return the area (k,) of the triangles a, X, b; of equal areas, the smaller is that with shorter edges."""
     area = lengths(np.cross(X - a, b - a)) / 2
     squares = ((X - a) ** 2).sum(axis=1) + ((X - b) ** 2).sum(axis=1)
-    return np.asarray(area + LONG * squares)
+    return np.asarray(area + 1e-3 * squares)
 
 
 def _triangles(apex: Ints, k: int) -> Ints:
-    """The triangles that the best apex of each pair of points leads to."""
     found, waiting = [], [(0, k - 1)]
     while waiting:
         i, j = waiting.pop()

@@ -12,10 +12,8 @@ from dsfab.surface.topology import EdgeTable, connected, edge_table, pieces
 
 
 def crossings(F: Ints, pairs: Ints) -> Bools:
-    """(p,) which pairs (p, 2) of vertices at one place lie where sheets of faces F (m, 3) cross.
-
-    They are inner vertices of both, and the ends of such a crossing at the edges of both.
-    """
+    """Return the pairs (p,) of coincident vertices (p, 2) at which sheets of faces F (m, 3) cross. They are inner
+    vertices of both sheets, and the ends of such a crossing at the borders of both."""
     edges = edge_table(F)
     n = int(max(F.max(), pairs.max())) + 1
     inner = np.zeros(n, dtype=bool)
@@ -32,7 +30,7 @@ def crossings(F: Ints, pairs: Ints) -> Bools:
 
 
 def _twice(F: Ints, became: Ints) -> Bools:
-    """(n,) vertices of faces that repeat others once vertices are what they `became` (n,)."""
+    """Return the vertices (n,) of faces that repeat others once each vertex is replaced by `became` (n,)."""
     _, same, count = np.unique(np.sort(became[F], axis=1), axis=0, return_inverse=True, return_counts=True)
     twice = np.zeros(len(became), dtype=bool)
     twice[F[(count > 1)[same.ravel()]]] = True
@@ -40,7 +38,7 @@ def _twice(F: Ints, became: Ints) -> Bools:
 
 
 def _ends(edges: Ints, pairs: Ints, found: Bools) -> Bools:
-    """(p,) which of the other pairs are neighbours, along edges (e, 2) on both sides, of one that was found."""
+    """Return the other pairs (p,) that are neighbours of a crossing pair, along edges (e, 2) on both sides."""
     near: dict[int, set[int]] = {}
     for a, b in edges[np.isin(edges, pairs[found]).any(axis=1)].tolist():
         near.setdefault(a, set()).add(b)
@@ -58,29 +56,13 @@ def _ends(edges: Ints, pairs: Ints, found: Bools) -> Bools:
 
 
 COPY = 1 / 500
-"""Gap over the side of a square of a sheet's area under which one sheet over another is a copy: none builds both."""
+"""Gap between two sheets, as a share of the side of a square of their area, below which the second is a copy."""
 NEAR = 0.08
-"""The same up to which two sheets, one over all of the other, are told, and two faces of a closed piece are a slab."""
-FOLD = 60.0
-"""Degrees between neighbouring faces from which the sides of a slab part its two faces; folds of these may, too."""
+"""The same share for two parallel sheets that are reported, and for the two faces of a slab."""
 ALIKE = 0.8
-"""Share of the larger one's area that the smaller of two such faces has at least."""
-COVER = 0.7
-"""Share of the area of a closed piece that a slab's two faces are at least."""
-EVEN = 2.5
-"""A slab is about as thick nearly everywhere: its largest distance over the median, and that over the least; a cushion
-ends in an edge."""
-MOVED = 0.05
-"""Share of its way by which a face that was moved, as an extruded sheet is, may lie beside the other one."""
-ASIDE = 0.25
-"""The same from which a face of it is one of its sides, which hang on it where they fold little: their middles lie a
-third of that way off at least."""
-FITS = 5
-"""Rounds in which that way is found."""
+"""Least ratio of the areas of the two faces of a slab, or of two parallel sheets."""
 MOST = 0.1
-"""Share of the area at either end of the distances that does not count: sides are near both faces."""
-LARGE = 0.01
-"""Share of all area under which a part is not looked at."""
+"""Share of the area at either end of the distances that does not count, because sides are near both faces."""
 
 
 _TOLD = {
@@ -99,14 +81,15 @@ _DONE = {
 
 @dataclass(frozen=True, eq=False)
 class Twins:
-    """Two parts of a mesh that lie one over the other.
+    """Two parallel parts of a mesh.
 
-    keep, other : (k,), (l,) their faces; of a slab the smaller part first, for its sides may hang on the other where
-                  they fold little, else the one that comes first in the file.
+    keep, other : (k,), (l,) their faces. Of a slab the smaller part comes first, because sides that fold little may
+    belong
+                  to the other; otherwise the part that comes first in the file.
     gap         : the median distance between them, in the mesh's unit.
-    kind        : copy, a second time the same sheet; slab, the two faces of a solid; apart, two sheets.
+    kind        : copy, the same sheet again; slab, the two faces of a solid; apart, two sheets.
     piece       : (p,) all faces of the piece that a slab is.
-    way         : (3,) from the one to the other where a slab is a sheet extruded along it; else nothing, (0,).
+    way         : (3,) translation from the first to the second part of an extruded slab; else empty, (0,).
     """
 
     keep: Ints
@@ -118,7 +101,7 @@ class Twins:
 
 
 def twins(V: Floats, F: Ints) -> tuple[Twins, ...]:
-    """The parts of the mesh V (n, 3), F (m, 3), any unit, that lie one over all of the other."""
+    """Return the parallel parts of the mesh V (n, 3), F (m, 3), in any unit."""
     if not len(F):
         return ()
     edges = edge_table(F)
@@ -141,15 +124,17 @@ def twins(V: Floats, F: Ints) -> tuple[Twins, ...]:
 
 
 def _slabs(V: Floats, F: Ints, piece: Ints, part: Ints, pairs: list[tuple[int, int]]) -> Iterator[Twins]:
-    """The closed pieces that are two faces and sides: what is left without parts that have none beside them is two."""
+    """Yield the closed pieces that consist of two parallel faces and their sides. Without the parts that have no
+    parallel part, two parts remain."""
     area, paired = lengths(area_vectors(V, F)) / 2, np.isin(part, np.unique(pairs))
     for p in np.unique(piece[paired]):
         mine, faces = np.flatnonzero(piece == p), np.flatnonzero((piece == p) & paired)
         names, which = np.unique(part[faces], return_inverse=True)
         count = len(names)
-        if count > 2:  # folded faces; of two, sides that fold little hang on one and touch the other
+        if count > 2:  # folded faces
             count, which = pieces(F[faces], edge_table(F[faces]))
-        if count != 2 or edge_table(F[mine]).boundary.any() or area[faces].sum() < COVER * area[mine].sum():
+        # the two faces of a slab are the most part of its area
+        if count != 2 or edge_table(F[mine]).boundary.any() or area[faces].sum() < 0.7 * area[mine].sum():
             continue
         one, two = sorted((faces[which == 0], faces[which == 1]), key=lambda those: float(area[those].sum()))
         side = float(np.sqrt(area[two].sum()))
@@ -160,33 +145,32 @@ def _slabs(V: Floats, F: Ints, piece: Ints, part: Ints, pairs: list[tuple[int, i
         if gap is not None:
             if len(way):
                 to = V[F[one]].mean(axis=1) + way
-                one = one[nearest(to, V, np.ascontiguousarray(F[two])).distance < ASIDE * gap]
+                # sides that fold little are off by a third of the gap or more
+                one = one[nearest(to, V, np.ascontiguousarray(F[two])).distance < gap / 4]
             yield Twins(one, two, gap, "slab", mine, way)
 
 
 def _way(V: Floats, one: Ints, two: Ints, side: float) -> Floats:
-    """(3,) by which a part (k, 3) was moved to be the other (l, 3), as a sheet is that was extruded; (0,) where it was
-    not. On steep faces of such a slab it is far thinner than it is high: 20 mm of 100 at the foot of a half barrel.
-
-    Found as for the registration of scans [Chen and Medioni 1992]: what lies beside it across its faces is taken away.
-    """
+    """Return the translation (3,) that moves a part (k, 3) onto the other (l, 3); empty (0,) if it is none. An extruded
+    slab is far thinner than it is high on its steep faces: 20 mm of 100 at the foot of a half barrel. The method is the
+    registration of scans [Chen and Medioni 1992]: it removes the distance across the faces in rounds."""
     P, n = V[one].mean(axis=1), area_vectors(V, one)
     area = lengths(n)
     n /= np.maximum(area, 1e-300)[:, None]
     other = lengths(area_vectors(V, two))
     way = other @ V[two].mean(axis=1) / other.sum() - area @ P / area.sum()
     faces = np.ascontiguousarray(two)
-    for _ in range(FITS):
+    for _ in range(5):
         off = np.einsum("ki,ki->k", n, nearest(P + way, V, faces).place - P - way)
         way += np.linalg.pinv((area[:, None] * n).T @ n, rcond=1e-6, hermitian=True) @ (n.T @ (area * off))
     far = float(np.linalg.norm(way))
     ways = ((P + way, faces, area), (V[two].mean(axis=1) - way, np.ascontiguousarray(one), other))
     beside = max(float(weighted_quantiles(nearest(at, V, to).distance, w, (1 - MOST,))[0]) for at, to, w in ways)
-    return way if COPY * side < far <= NEAR * side and beside <= MOVED * far else np.zeros(0)
+    return way if COPY * side < far <= NEAR * side and beside <= 0.05 * far else np.zeros(0)
 
 
 def _parts(V: Floats, F: Ints, edges: EdgeTable) -> Ints:
-    """(m,) the part of each face: neighbours across an edge of two faces are in one, unless it folds sharply there."""
+    """Return the part (m,) of each face; faces across an edge of two belong together unless they fold by 60 degrees."""
     pair = edges.pairs
     ends = V[edges.ends[edges.count == 2]]
     along = ends[:, 1] - ends[:, 0]
@@ -194,13 +178,13 @@ def _parts(V: Floats, F: Ints, edges: EdgeTable) -> Ints:
     away = V[F.ravel()[pair - pair % 3 + (pair + 2) % 3]] - ends[:, :1]
     away -= np.einsum("eki,ei->ek", away, along)[..., None] * along[:, None]
     away /= np.maximum(np.linalg.norm(away, axis=2), 1e-300)[..., None]
-    flat = np.einsum("ei,ei->e", away[:, 0], away[:, 1]) < -np.cos(np.radians(FOLD))
+    flat = np.einsum("ei,ei->e", away[:, 0], away[:, 1]) < -np.cos(np.radians(60.0))
     return connected(len(F), pair[flat, 0] // 3, pair[flat, 1] // 3)[1]
 
 
 def _candidates(V: Floats, F: Ints, part: Ints, area: Floats) -> Iterator[tuple[int, int]]:
-    """Pairs of large parts of about the same area and box, the one that comes first in the file before the other."""
-    large = np.flatnonzero(area >= LARGE * area.sum())
+    """Yield pairs of parts over 1 % of the area with similar area and box, the first in the file before the other."""
+    large = np.flatnonzero(area >= 0.01 * area.sum())
     boxes = {k: V[F[part == k]].reshape(-1, 3) for k in large}
     low = {k: P.min(axis=0) for k, P in boxes.items()}
     high = {k: P.max(axis=0) for k, P in boxes.items()}
@@ -213,26 +197,28 @@ def _candidates(V: Floats, F: Ints, part: Ints, area: Floats) -> Iterator[tuple[
 
 
 def _gap(V: Floats, one: Ints, two: Ints, side: float, even: bool = False) -> float | None:
-    """The median distance of two parts (k, 3), (l, 3) where each lies over all of the other; even: about the same."""
+    """Return the median distance of parts (k, 3), (l, 3) if each covers the other, else None; even: of nearly equal
+    distance."""
     ways = ((one, two), (two, one))
     gaps = np.concatenate([nearest(V[a].mean(axis=1), V, np.ascontiguousarray(b)).distance for a, b in ways])
     area = np.concatenate([lengths(area_vectors(V, a)) for a, _ in ways])
     least, middle, most = weighted_quantiles(gaps, area, (MOST, 0.5, 1 - MOST))
-    if most > NEAR * side or (even and not (most <= EVEN * middle and middle <= EVEN * least)):
+    uneven = 2.5  # a cushion, which ends in an edge, has larger ratios
+    if most > NEAR * side or (even and not (most <= uneven * middle and middle <= uneven * least)):
         return None
     return None if middle <= COPY * side < most else float(middle)
 
 
 def twin_remarks(V: Floats, F: Ints) -> Iterator[str]:
-    """What is to be told of the sheets of a mesh V (n, 3), metres, F (m, 3) that are there twice, a sentence each."""
+    """Yield a sentence about each pair of parallel sheets of a mesh V (n, 3), metres, F (m, 3)."""
     for pair in twins(V, F):
         yield _TOLD[pair.kind].format(length(pair.gap))
 
 
 def single_sheets(V: Floats, F: Ints, metres: float) -> tuple[Floats, Ints, tuple[str, ...]]:
-    """The mesh V (n, 3), F (m, 3) with one sheet where copies and slabs were, and a few words for each.
+    """Return the mesh V (n, 3), F (m, 3) with one sheet in place of copies and slabs, and a short text for each.
 
-    metres : of the mesh's unit, for the words.
+    metres : of the mesh's unit, for the texts.
 
     The first of two copies stays. Of a slab the face without its sides stays, moved halfway towards the other.
     """

@@ -26,16 +26,12 @@ from dsfab.surface.topology import (
 )
 
 WELD = 5e-5
-"""Share of the largest side within which vertices become one."""
+"""Share of the largest side within which vertices become one vertex."""
 CRUMB = 0.01
-"""Share of the area under which a loose piece is dropped."""
-FLAT = 1e-9
-"""A face whose height is a smaller share of its longest edge has no area."""
+"""Share of the area below which a loose piece is dropped."""
 PINHOLE = 1e-3
-"""Share of the largest side under which the outline of a hole is closed by a fan of faces."""
+"""Share of the largest side; a hole with a shorter outline is closed by a fan of faces."""
 
-MANY = 0.2
-"""Share of faces beyond which those without area are doubted: some of the mesh may be a thousand times too small."""
 _NO_AREA = "without area"
 _DOUBT = ", many of all: is a part of it in another unit?"
 
@@ -44,9 +40,9 @@ _ASTRAY = f"with corners more than {FAR:,.0f} times as far away as the others"
 
 @dataclass(frozen=True, eq=False)
 class MendedMesh:
-    """A mesh and what was done to it.
+    """A mesh and its repairs.
 
-    V : (n, 3) vertices. F : (m, 3) triangles. repairs : a few words each, none where nothing had to be done.
+    V : (n, 3) vertices. F : (m, 3) triangles. repairs : a few words each, empty for a sound mesh.
     """
 
     V: Floats
@@ -54,32 +50,30 @@ class MendedMesh:
     repairs: tuple[str, ...] = ()
 
     def with_faces(self, keep: Ints, which: str) -> "MendedMesh":
-        """The mesh with these (k,) faces alone; the others are told as `which`."""
+        """Return the mesh with these faces (k,) alone; the repair calls the others `which`."""
         lost = len(self.F) - len(keep)
         if not lost:
             return self
-        doubt = _DOUBT if which == _NO_AREA and lost > MANY * len(self.F) else ""
+        doubt = _DOUBT if which == _NO_AREA and lost > 0.2 * len(self.F) else ""
         words = f"{counted(lost, 'face')} {which} dropped{doubt}"
         return replace(self, F=self.F[keep], repairs=(*self.repairs, words))
 
 
 Fault = tuple[Callable[[Floats, Ints], Ints], str]
-"""What chooses the faces that stay, and how the others are told."""
+"""Function that selects the sound faces, and the words for the others."""
 
 
 def mended(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
-    """The mesh V (n, 3), any unit, F (m, 3) without what no architect means.
+    """Return the mesh V (n, 3), F (m, 3), in any unit, without faults that no design contains.
 
-    metres : of that unit, for what is told.
+    metres : of that unit, for the texts of the repairs.
 
-    Vertices closer than `WELD` of the largest side become one, but for those where sheets cross. Faces without area or
-    with an earlier face's corners go, and so do the later ones of three and more on an edge, pieces under `CRUMB` of
-    the area, and pinholes with outlines under `PINHOLE` of the side. Seams of patches that were divided apart are
-    stitched, and parts that touch in a point are joined there: see `dsfab.surface.clean.seams`. Copies of a sheet
-    go, and
-    a slab becomes the sheet in its middle: see `dsfab.surface.clean.overlaps`. Edges along which faces were deleted
-    lose their
-    teeth: see `dsfab.surface.clean.borders`. What is left is as it was; vertices without a face go.
+    Vertices within `WELD` of the largest side become one, except where sheets cross. Removed are faces without area,
+    repeated faces, the third and further faces on an edge, and pieces below `CRUMB` of the area. Pinholes with outlines
+    below `PINHOLE` are closed. Seams of patches with different divisions are stitched, and parts that touch in a point
+    are
+    joined there (`dsfab.surface.clean.seams`). Copies go, and a slab becomes its middle sheet
+    (`dsfab.surface.clean.overlaps`). Ragged borders are evened (`dsfab.surface.clean.borders`). The rest is unchanged.
     """
     mesh = single_sheet(sound_faces(V, F), metres)
     mesh = _without(stitched_mesh(_without(mesh, _TOO_MANY)), _TOO_SMALL)
@@ -88,8 +82,9 @@ def mended(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
 
 
 def sound_faces(V: Floats, F: Ints) -> MendedMesh:
-    """The mesh V (n, 3), any unit, F (m, 3) with vertices that all but touch made one, without faces of no area, of
-    corners that are no numbers or far from all others, and those that repeat others."""
+    """Return the mesh V (n, 3), F (m, 3), in any unit, with touching vertices welded and without unusable faces.
+    Unusable are faces without area, repeated faces, and faces with corners that are not finite or far from all
+    others."""
     finite: Bools = np.asarray(np.isfinite(V).all(axis=1))
     mesh = MendedMesh(V, F).with_faces(np.flatnonzero(finite[F].all(axis=1)), "with corners that are no numbers")
     mesh = mesh.with_faces(np.flatnonzero(in_reach(V)[mesh.F].all(axis=1)), _ASTRAY)
@@ -100,7 +95,7 @@ def sound_faces(V: Floats, F: Ints) -> MendedMesh:
 
 
 def single_sheet(mesh: MendedMesh, metres: float) -> MendedMesh:
-    """The mesh with one sheet where two copies or the two faces of a slab were; `metres` of its unit, for the words."""
+    """Return the mesh with one sheet in place of two copies or a slab; `metres` of its unit, for the texts."""
     V, F, told = single_sheets(mesh.V, mesh.F, metres)
     return _compact(MendedMesh(V, F, (*mesh.repairs, *told))) if told else mesh
 
@@ -127,7 +122,7 @@ def _welded(mesh: MendedMesh) -> MendedMesh:
 
 
 def stitched_mesh(mesh: MendedMesh) -> MendedMesh:
-    """The mesh with vertices that lie on edges of other faces made corners of these."""
+    """Return the mesh in which vertices on edges of other faces are corners of these faces."""
     if not len(mesh.F):
         return mesh
     F, joined = stitched(mesh.V, mesh.F, WELD * float(np.ptp(mesh.V, axis=0).max()))
@@ -138,23 +133,21 @@ def stitched_mesh(mesh: MendedMesh) -> MendedMesh:
 
 
 def _mend_joined(mesh: MendedMesh) -> MendedMesh:
-    """The mesh with a face more where parts touch in a point."""
     F, count = joined_at_points(mesh.V, mesh.F)
     words = f"parts that touch in a point joined by a face at {counted(count, 'place')}"
     return replace(mesh, F=F, repairs=(*mesh.repairs, words)) if count else mesh
 
 
 def _with_area(V: Floats, F: Ints) -> Ints:
-    """(k,) faces whose smallest height is more than nothing of their longest edge."""
     P = V[F]
     longest = lengths(P - np.roll(P, 1, axis=1)).max(axis=1, initial=0)
     twice = lengths(area_vectors(V, F))
-    return np.flatnonzero(twice > FLAT * longest**2)
+    return np.flatnonzero(twice > 1e-9 * longest**2)
 
 
 def _unrepeated(_: Floats, F: Ints) -> Ints:
-    """(k,) faces without those that join the corners of an earlier one; and without this, too, where two others go on
-    at one of its edges: it lay flat between them and its twin, as in the corners of a cushion sewn of two sheets."""
+    """Return the faces (k,) without repetitions. A repeated face goes altogether if two other faces continue at one of
+    its edges: it and its twin lie flat between them, as in the corners of a cushion sewn from two sheets."""
     twins = duplicate_faces(F)
     once = complement(twins, len(F))
     if not len(twins):
@@ -168,7 +161,6 @@ def _unrepeated(_: Floats, F: Ints) -> Ints:
 
 
 def _on_edges_of_two(_: Floats, F: Ints) -> Ints:
-    """(k,) faces that are not the third or a later one on an edge."""
     edges = edge_table(F)
     edge = edges.of.ravel()[edges.order]
     place = np.arange(len(edge)) - edges.start[edge]
@@ -176,7 +168,6 @@ def _on_edges_of_two(_: Floats, F: Ints) -> Ints:
 
 
 def _in_large_pieces(V: Floats, F: Ints) -> Ints:
-    """(k,) faces of pieces that are more than crumbs."""
     count, piece = pieces(F, edge_table(F))
     area = lengths(area_vectors(V, F))
     of_piece = np.bincount(piece, area, minlength=count)
@@ -190,7 +181,6 @@ _TOO_SMALL: tuple[Fault, ...] = ((_in_large_pieces, "in crumbs"),)
 
 
 def _without_pinholes(mesh: MendedMesh) -> MendedMesh:
-    """The mesh with small holes closed by fans; as it is where its faces cannot be turned the same way."""
     V, F = mesh.V, mesh.F
     flips = flips_to_orient(F, edge_table(F))
     if flips is None:
@@ -208,35 +198,30 @@ def _without_pinholes(mesh: MendedMesh) -> MendedMesh:
 
 
 def _without_teeth(mesh: MendedMesh, metres: float) -> MendedMesh:
-    """The mesh with its ragged edges made even; `metres` of its unit, for the words."""
     even = even_edges(mesh.V, mesh.F)
     words = f"ragged edges made even, {counted(even.moved, 'vertex')} by up to {length(metres * even.most)}"
     return MendedMesh(even.V, even.F, (*mesh.repairs, words)) if even.moved else mesh
 
 
 HOLE = 0.15
-"""Share of the largest side: holes whose outline is shorter are filled, about as wide as a twentieth of the side."""
-MOST = 400
-"""Edges of a hole that is filled at most: seconds grow with their cube."""
+"""Share of the largest side; holes with a shorter outline are filled, up to a twentieth of the side wide."""
+
 SPECK = 0.05
-"""Share of the area of the largest piece under which other pieces are dropped."""
+"""Share of the area of the largest piece below which other pieces are dropped."""
 
 FINE, SEVERAL = 0.01, 3
-"""A mesh whose edges are shorter in the mean than this share of its largest side, with so many small holes or edges of
-more than two faces, is taken for a scan."""
+"""A mesh counts as a scan if its mean edge is below this share of its largest side, and it has this number of small
+holes, or of edges with more than two faces."""
 NOISY, FOLDED = 0.02, 1e-3
-"""So is one that is a little coarser, if more than this share of its faces is folded over: of designed meshes that were
-looked at 0.02 % at most, of one with noise of 2 mm on edges of 70 mm 0.3 %."""
+"""A mesh with mean edges below the first share counts as a scan if more than the second share of faces is folded over.
+Sample meshes of designs had 0.02 % at most, a mesh with noise of 2 mm on edges of 70 mm had 0.3 %."""
 TILTED, LOW = 0.7, 0.5
-"""So are faces that are lower than that share of the mean edge, if they look another way than those around by more than
-the angle of this cosine, 45 degrees: noise tilts the low ones most, and leaves what bends there to high ones."""
-ROUNDS = 50
-"""Of collapsing edges of what is folded over, at most."""
+"""Noise has tilted a face if it is lower than the second share of the mean edge, and its normal is off those around by
+more than the angle of the first cosine, 45 degrees. Noise tilts low faces most; real bends also tilt high faces."""
 
 
 def is_scan(V: Floats, F: Ints) -> bool:
-    """Whether a mesh V (n, 3), F (m, 3) looks like a raw scan: fine, with small holes, or edges of many faces, or
-    faces that noise folded over."""
+    """Return whether a mesh V (n, 3), F (m, 3) is a raw scan: fine, with small holes, crowded edges or folded faces."""
     finite: Bools = np.asarray(np.isfinite(V).all(axis=1))
     F = F[finite[F].all(axis=1)]
     if not len(F):
@@ -253,14 +238,14 @@ def is_scan(V: Floats, F: Ints) -> bool:
 
 
 def repaired_scan(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
-    """The mesh V (n, 3), any unit, F (m, 3) of a scan as a sheet, each repair told with its number.
+    """Return the mesh V (n, 3), F (m, 3), in any unit, of a scan as a clean sheet, with the number of each repair.
 
-    metres : of V's unit, for what is told.
+    metres : of V's unit, for the texts.
 
-    Beyond `mended`: of an edge with three faces and more the two that go on most smoothly keep it, and the others get
-    vertices of their own; so do parts that touch in a point. Faces are turned so that neighbours face the same side.
-    Pieces under `SPECK` of the largest go. Holes whose outline is under `HOLE` of the largest side are filled. Faces
-    that noise folded over lose their shortest edge.
+    Repairs beyond `mended`: of an edge with three or more faces, the two that continue most smoothly keep it, and the
+    others get their own vertices. Parts that touch in a point are separated. Faces are oriented alike. Pieces below
+    `SPECK`
+    of the largest go. Holes with outlines below `HOLE` are filled. Faces folded over by noise lose their shortest edge.
     """
     mesh = single_sheet(sound_faces(V, F), metres)
     for step in (stitched_mesh, _split, _turned, _without_specks, _filled, _unfolded):
@@ -269,7 +254,6 @@ def repaired_scan(V: Floats, F: Ints, metres: float = 1.0) -> MendedMesh:
 
 
 def _split(mesh: MendedMesh) -> MendedMesh:
-    """Edges with more than two faces, and points in which parts touch, come apart."""
     edges = edge_table(mesh.F)
     crowded = np.flatnonzero(edges.count > 2)
     kept = _smoothest(mesh.V, mesh.F, edges, crowded)
@@ -285,7 +269,7 @@ def _split(mesh: MendedMesh) -> MendedMesh:
 
 
 def _smoothest(V: Floats, F: Ints, edges: EdgeTable, crowded: Ints) -> Ints:
-    """(k, 2) of each crowded edge (k,) the two half-edges whose faces turn least from one to the other."""
+    """Return the two half-edges (k, 2) of each crowded edge (k,) whose faces turn least from one to the other."""
     found = []
     for edge in crowded.tolist():
         h = edges.order[edges.start[edge] : edges.start[edge + 1]]
@@ -296,13 +280,12 @@ def _smoothest(V: Floats, F: Ints, edges: EdgeTable, crowded: Ints) -> Ints:
         away /= np.maximum(lengths(away), 1e-300)[:, None]
         cosine = away @ away.T
         np.fill_diagonal(cosine, np.inf)
-        i, j = np.unravel_index(int(cosine.argmin()), cosine.shape)  # in line, they point away from each other
+        i, j = np.unravel_index(int(cosine.argmin()), cosine.shape)  # smooth neighbours point away from each other
         found.append((h[i], h[j]))
     return np.array(found, dtype=np.int64).reshape(-1, 2)
 
 
 def _turned(mesh: MendedMesh) -> MendedMesh:
-    """Faces turned the same way; as they are where that cannot be."""
     flips = flips_to_orient(mesh.F, edge_table(mesh.F))
     if flips is None or not flips.any():
         return mesh
@@ -312,7 +295,6 @@ def _turned(mesh: MendedMesh) -> MendedMesh:
 
 
 def _without_specks(mesh: MendedMesh) -> MendedMesh:
-    """The pieces that are not far smaller than the largest."""
     count, piece = pieces(mesh.F, edge_table(mesh.F))
     area = np.bincount(piece, lengths(area_vectors(mesh.V, mesh.F)), minlength=count)
     small: Bools = area < SPECK * area.max()
@@ -325,14 +307,15 @@ def _without_specks(mesh: MendedMesh) -> MendedMesh:
 
 
 def _filled(mesh: MendedMesh) -> MendedMesh:
-    """Small holes filled; as it is where its faces cannot be turned the same way."""
+    """Fill small holes; unchanged if the faces cannot be oriented. The time for a hole grows with the cube of its
+    edges."""
     V, F = mesh.V, mesh.F
     edges = edge_table(F)
     if flips_to_orient(F, edges) is None:
         return mesh
     fills, longest = [], HOLE * float(np.ptp(V, axis=0).max())
     for loop in boundary_loops(F, edges):
-        if 3 <= len(loop) <= MOST and closed_length(V[loop]) < longest:
+        if 3 <= len(loop) <= 400 and closed_length(V[loop]) < longest:
             around = loop[::-1]
             inside = hole_triangles(V[around], _joined(edges, around))
             fills += [around[inside]] if inside is not None else []
@@ -343,38 +326,37 @@ def _filled(mesh: MendedMesh) -> MendedMesh:
 
 
 def _folded(V: Floats, F: Ints) -> Bools:
-    """(m,) faces that look the other way than those around: no crease between two sides does."""
+    """Return the faces (m,) whose normals oppose those around; no crease between two sides does."""
     return _cosines(V, F) < 0
 
 
 def _cosines(V: Floats, F: Ints) -> Floats:
-    """(m,) cosines between the normal of each face and the mean normal of those around it."""
+    """Return the cosines (m,) between the normal of each face and the mean normal of those around it."""
     area = area_vectors(V, F)
     around = _around(V, F)[F].sum(axis=1) - 3 * area
     return np.asarray(np.einsum("ij,ij->i", around, area) / np.maximum(lengths(around) * lengths(area), 1e-300))
 
 
 def _crumpled(V: Floats, F: Ints) -> Bools:
-    """(m,) faces that are folded over by noise, or tilted by it."""
     side = np.stack([lengths(V[F[:, k]] - V[F[:, k - 1]]) for k in range(3)], axis=1)
     cosine, height = _cosines(V, F), lengths(area_vectors(V, F)) / side.max(axis=1)
     return np.asarray((cosine < 0) | ((cosine < TILTED) & (height < LOW * side.mean())))
 
 
 def _around(V: Floats, F: Ints) -> Floats:
-    """(n, 3) the sum of twice the area vectors of the faces at each vertex."""
+    """Return the sum (n, 3) of twice the area vectors of the faces at each vertex."""
     return group_sums(F.ravel(), np.repeat(area_vectors(V, F), 3, axis=0), len(V))
 
 
 def _unfolded(mesh: MendedMesh) -> MendedMesh:
-    """Without the shortest edges of faces that noise crumpled, whose ends become one, until there are none: noise is
-    then less than edges are long. As it is where its faces cannot be turned the same way."""
+    """Collapse the shortest edges of faces that noise has crumpled, until noise is less than the edges' lengths. The
+    mesh is unchanged if its faces are not oriented alike."""
     V, F = mesh.V, mesh.F
     if not _folded(V, F).any() or len(misoriented_edges(F, edge_table(F))):
         return mesh
     crumpled = _crumpled(V, F)
     count = int(crumpled.sum())
-    for _ in range(ROUNDS):
+    for _ in range(50):
         V, onto = _collapsed(V, F, crumpled)
         F = contracted(F, onto)
         crumpled = _crumpled(V, F)
@@ -387,8 +369,8 @@ def _unfolded(mesh: MendedMesh) -> MendedMesh:
 
 
 def _collapsed(V: Floats, F: Ints, crumpled: Bools) -> tuple[Floats, Ints]:
-    """Vertices (n, 3), and onto which (n,) each goes as the shortest edges of crumpled faces (m,) collapse: to the
-    middle, or to the boundary. Those that would join two boundaries, or change the topology, stay, and neighbours."""
+    """Collapse the shortest edges of crumpled faces (m,): return the vertices (n, 3), and the target (n,) of each. The
+    target is the middle, or the boundary. Edges that would join two boundaries or change the topology stay."""
     edges, n = edge_table(F), len(V)
     rim, of = on_boundary(edges, n), edges.of[crumpled]
     length = np.full(len(edges.ends), np.inf)
@@ -408,7 +390,6 @@ def _collapsed(V: Floats, F: Ints, crumpled: Bools) -> tuple[Floats, Ints]:
 
 
 def _joined(edges: EdgeTable, loop: Ints) -> Bools:
-    """(k, k) which points of a loop an edge of the mesh joins."""
     place = np.full(int(edges.ends.max()) + 1, -1)
     place[loop] = np.arange(len(loop))
     i, j = place[edges.ends].T

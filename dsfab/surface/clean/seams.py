@@ -10,17 +10,13 @@ from scipy.spatial import cKDTree
 from dsfab.core.arrays import Bools, Floats, Ints, along_segments, distinct, from_segments, lengths
 from dsfab.surface.topology import EdgeTable, connected, corner_fans, edge_table, next_half_edge, pinches
 
-SAME_PLACE = 1e-9
-"""Vertices closer than this share of the mesh's largest side are at one place: `trimesh.slice_plane` works out the end
-of a cut once for each face there, and some of these differ in the last digit."""
-
-
 FAR = 1000.0
-"""A vertex is astray that many times as far from the middle of all as 99 of 100 are: a number of its file is broken."""
+"""Ratio of a vertex's distance from the middle to that of 99 % of vertices, above which a number in the file is
+broken."""
 
 
 def in_reach(V: Floats) -> Bools:
-    """(n,) whether a vertex of V (n, 3) has finite numbers and is not astray: see `FAR`."""
+    """Return the vertices of V (n, 3) with finite numbers that are not astray: see `FAR`."""
     near: Bools = np.asarray(np.isfinite(V).all(axis=1))
     if not near.any():
         return near
@@ -31,17 +27,17 @@ def in_reach(V: Floats) -> Bools:
     return near
 
 
-def merged(V: Floats, within: float = SAME_PLACE, apart: Callable[[Ints], Bools] | None = None) -> tuple[Floats, Ints]:
-    """Vertices V (n, 3) at the same place made one, the first of them, in the order given; and which (n,) each became.
+def merged(V: Floats, within: float = 1e-9, apart: Callable[[Ints], Bools] | None = None) -> tuple[Floats, Ints]:
+    """Merge vertices V (n, 3) at the same place into the first of them; return the rest, and the target (n,) of each.
 
-    within : share of the mesh's largest side that counts as one place; none moves further.
-    apart  : which (p,) of the pairs (p, 2) of them stay two; none where left out.
+    within : share of the mesh's largest side that counts as one place; no vertex moves further. The default covers
+             `trimesh.slice_plane`, which computes the end of a cut for each face, with different last digits.
+    apart  : function that returns which (p,) of the pairs (p, 2) stay two.
 
-    Mesh files are merged by equality alone (`dsfab.surface.files.mesh_files`): their numbers were written with the
-    same digits.
+    Mesh files are merged by equality alone (`dsfab.surface.files.mesh_files`), because equal places have equal digits.
     """
     alone = V, np.arange(len(V))
-    if not len(V) or not np.isfinite(V).all():  # told where the surface is made
+    if not len(V) or not np.isfinite(V).all():  # `Surface` reports them
         return alone
     reach = within * float(np.ptp(V, axis=0).max())
     pairs = cKDTree(V).query_pairs(reach, output_type="ndarray")
@@ -57,11 +53,9 @@ def merged(V: Floats, within: float = SAME_PLACE, apart: Callable[[Ints], Bools]
 
 
 def _without_chains(V: Floats, pairs: Ints, at: Ints, reach: float) -> Ints:
-    """(n,) the vertex that each becomes: the first `at` of those it is linked to, unless that is further than `reach`.
-
-    Links go on from vertex to vertex, so that a finely divided outline would shrink to a point: along such a chain a
-    vertex becomes the first within reach of it that stays.
-    """
+    """Return the target (n,) of each vertex: the first `at` of its group, unless it is further than `reach`. Groups may
+    be chains, so that a finely divided outline would shrink to a point. Along such a chain a vertex becomes the first
+    vertex within reach that stays."""
     long = np.unique(at[lengths(V - V[at]) > reach])
     if not len(long):
         return at
@@ -75,44 +69,31 @@ def _without_chains(V: Floats, pairs: Ints, at: Ints, reach: float) -> Ints:
 
 
 def equal_merged(V: Floats, F: Ints) -> tuple[Floats, Ints]:
-    """Vertices V (n, 3) at exactly the same place made one, ordered by place, and faces F (m, 3) of them.
-
-    + 0.0 turns -0.0 into 0.0.
-    """
+    """Merge vertices V (n, 3) at exactly the same place, sorted by place; return them and faces F (m, 3) on them.
+    Adding 0.0 turns -0.0 into 0.0."""
     fewer, became = np.unique(V + 0.0, axis=0, return_inverse=True)
     return fewer, became.ravel()[F]
 
 
 def coincident(V: Floats) -> int:
-    """How many of the vertices V (n, 3) lie where an earlier one does."""
+    """Return the number of vertices V (n, 3) at the place of an earlier one."""
     return len(V) - len(merged(V)[0])
 
 
 SAG = 1 / 15
-"""Of an edge: how far the chord of an arc of 30 degrees lies off that arc. Where two patches share both ends of a seam,
-it is as open as that in between; seams that are less open than `within` need not share any vertex."""
-
-ROUNDS = 4
-"""A face takes the vertices of one of its edges at a time, and has up to three of them at a seam."""
-
-CROWD = 8
-"""Vertices around an edge above which it is looked at in `PIECES`."""
-
-PIECES = 4
-"""That a long edge in a crowd is divided into: with 2 a comb of 10,000 spikes takes 1.2 times as long."""
-
-WIDEST = 150.0
-"""Degrees between two edges that a face can join."""
+"""Distance of an arc of 30 degrees from its chord, as a share of the chord. Two patches that share both ends of a seam
+are that far apart between them. Seams narrower than `within` need not share any vertex."""
 
 
 def stitched(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:
-    """The faces F (m, 3) of the mesh V (n, 3), those along open seams as fans, and how many vertices that joined.
+    """Return the faces F (m, 3) of the mesh V (n, 3), those along open seams as fans, and the number of joined
+    vertices.
 
-    within : how close to an edge a vertex lies on it, in the unit of V. Edges of more than two faces are not made:
-             the faces stay as they are where that would be the end of it.
+    within : distance from an edge at which a vertex lies on it, in the unit of V. The faces are unchanged if stitching
+             would create edges of more than two faces.
     """
     faces, joined = F, 0
-    for _ in range(ROUNDS):
+    for _ in range(4):  # each round takes the vertices of one edge of a face, which has up to three at a seam
         edges = edge_table(faces)
         half, vertex = _open_seams(V, faces, edges, within)
         if not len(half):
@@ -124,7 +105,7 @@ def stitched(V: Floats, F: Ints, within: float) -> tuple[Ints, int]:
 
 
 def _open_seams(V: Floats, F: Ints, edges: EdgeTable, within: float) -> tuple[Ints, Ints]:
-    """Half-edges (k,) on the boundary, one of a face at most, and the vertices (k,) of other faces that lie on them."""
+    """Return half-edges (k,) on the boundary, at most one of a face, and the vertices (k,) of other faces on them."""
     alone = np.flatnonzero(edges.boundary)
     half, ends = edges.order[edges.start[alone]], edges.ends[alone]
     edge, vertex = _near(V, ends, within)
@@ -146,8 +127,8 @@ def _open_seams(V: Floats, F: Ints, edges: EdgeTable, within: float) -> tuple[In
 
 
 def _near(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
-    """Edges (k,) of those with ends (b, 2), and vertices (k,) of others that lie beside their inside: all within
-    `SAG` of an edge where boundaries meet, all `within` where they are closed loops, of which none is a seam."""
+    """Return edges (k,) of those with ends (b, 2), and vertices (k,) of others that lie beside their inside. The
+    distance is `SAG` of an edge where boundaries meet; it is `within` if all are closed loops, which have no seams."""
     a, b = V[ends].transpose(1, 0, 2)
     border, loops = np.unique(ends), (np.bincount(ends.ravel())[ends] == 2).all()
     long = lengths(b - a)
@@ -155,7 +136,7 @@ def _near(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
     tree, edge, start, size = cKDTree(V[border]), np.arange(len(ends)), np.zeros(len(ends)), 1.0
     found = [np.zeros((0, 2), dtype=np.int64)]
     while len(edge):
-        # a long edge in a crowd, as a comb of spikes has, is looked along: around its middle are all of them
+        # a long edge among many vertices, as in a comb of spikes, is divided (in two, a comb takes 1.2 times as long)
         middle = a[edge] + (start + size / 2)[:, None] * (b - a)[edge]
         radius = size / 2 * long[edge] + reach[edge]
         crowded, k, near = _few_within(tree, middle, radius)
@@ -163,41 +144,40 @@ def _near(V: Floats, ends: Ints, within: float) -> tuple[Ints, Ints]:
         long_ones = crowded & (size * long[edge] > reach[edge])
         k, near = _all_within(tree, middle, radius, np.flatnonzero(crowded & ~long_ones))
         found.append(np.stack([edge[k], border[near]], axis=1))
-        size /= PIECES
-        edge, start = np.repeat(edge[long_ones], PIECES), (start[long_ones, None] + size * np.arange(PIECES)).ravel()
+        size /= 4
+        edge, start = np.repeat(edge[long_ones], 4), (start[long_ones, None] + size * np.arange(4)).ravel()
     edge, vertex = _different(np.concatenate(found), len(V))
     along = along_segments(V[vertex], a[edge], b[edge])
     beside = (along > 0) & (along < 1) & (ends[edge] != vertex[:, None]).all(axis=1)
     return edge[beside], vertex[beside]
 
 
-def _few_within(tree: cKDTree, places: Floats, radius: Floats) -> tuple[Bools, Ints, Ints]:
-    """(b,) which balls around places (b, 3) have more than `CROWD` points of a tree in them; and of the others, the
-    balls (k,) and the points (k,). A count of the points would go through all of them where the ball is large."""
-    # its bound is of all: a last bit more, for it is not itself within
-    far, point = tree.query(places, CROWD + 1, distance_upper_bound=np.nextafter(radius.max(), np.inf))
+def _few_within(tree: cKDTree, places: Floats, radius: Floats, crowd: int = 8) -> tuple[Bools, Ints, Ints]:
+    """Find the points of a tree in balls around places (b, 3): return the balls (b,) with more than `crowd`; of the
+    others, the balls (k,) and the points (k,). A count would visit all points of a large ball."""
+    # the tree's bound is exclusive
+    far, point = tree.query(places, crowd + 1, distance_upper_bound=np.nextafter(radius.max(), np.inf))
     inside = far <= radius[:, None]
-    crowded: Bools = inside[:, CROWD]
+    crowded: Bools = inside[:, crowd]
     k, column = np.nonzero(inside & ~crowded[:, None])
     return crowded, k, np.asarray(point, dtype=np.int64)[k, column]
 
 
 def _all_within(tree: cKDTree, places: Floats, radius: Floats, some: Ints) -> tuple[Ints, Ints]:
-    """Of some balls (b,) around places the numbers (k,), and the points (k,) of a tree in each."""
     lists: list[list[int]] = list(tree.query_ball_point(places[some], radius[some])) if len(some) else []
     points = np.concatenate([np.zeros(0, dtype=np.int64), *lists]).astype(np.int64)
     return np.repeat(some, [len(each) for each in lists]), points
 
 
 def _different(pairs: Ints, n: int) -> tuple[Ints, Ints]:
-    """Both columns of the different ones of pairs (k, 2), in order; the second is less than n."""
+    """Return both columns of the distinct pairs (k, 2), in order; the second is less than n."""
     first, second = np.divmod(distinct(pairs[:, 0] * n + pairs[:, 1]), n)
     return first, second
 
 
 def _of_one_seam(ends: Ints, edge: Ints, vertex: Ints) -> Bools:
-    """(k,) whether a boundary edge and a boundary vertex lie on two strands between the same vertices, in which parts
-    touch. A strand is a part of the boundary, edges (b, 2), between vertices of other than two of its edges."""
+    """Return whether (k,) a boundary edge and a vertex lie on two strands between the same vertices, in which parts
+    touch. A strand is a part of the boundary, edges (b, 2), between vertices with other than two boundary edges."""
     degree = np.bincount(ends.ravel())
     order = np.argsort(ends.ravel(), kind="stable")
     pairs = order[np.flatnonzero(degree[ends.ravel()[order]] == 2)].reshape(-1, 2) // 2
@@ -215,8 +195,8 @@ def _of_one_seam(ends: Ints, edge: Ints, vertex: Ints) -> Bools:
 
 
 def _with_fans(V: Floats, F: Ints, half: Ints, vertex: Ints) -> Ints:
-    """(m', 3) the faces with vertices (k,) on half-edges (k,), one of a face: fans around the corner across, in place
-    of it and at the end."""
+    """Return the faces (m', 3) with vertices (k,) on half-edges (k,), one of a face, as fans around the corner across.
+    The first triangle of a fan takes the place of the face; the others follow at the end."""
     start, end, across = (F.ravel()[next_half_edge(half, k)] for k in range(3))
     order = np.lexsort((along_segments(V[vertex], V[start], V[end]), half))
     half, vertex, end, across = half[order], vertex[order], end[order], across[order]
@@ -229,8 +209,9 @@ def _with_fans(V: Floats, F: Ints, half: Ints, vertex: Ints) -> Ints:
 
 
 def joined_at_points(V: Floats, F: Ints) -> tuple[Ints, int]:
-    """The faces F (m, 3) of the mesh V (n, 3) and one more in the narrowest gap between two parts that touch in a point
-    only, as two openings with one common corner leave; and how many these are. No edge gets more than two faces."""
+    """Add a face to F (m, 3) of the mesh V (n, 3) in the narrowest gap where two parts touch in a point only. Two
+    openings with a common corner leave such a point. Returns the faces and the number of added ones; no edge gets more
+    than two faces."""
     edges = edge_table(F)
     points = pinches(F, edges, len(V))
     if not len(points):
@@ -249,10 +230,13 @@ def joined_at_points(V: Floats, F: Ints) -> tuple[Ints, int]:
 
 
 def _gusset(V: Floats, v: int, away: Ints, fan: Ints) -> list[int] | None:
-    """The face at a vertex between those two of its boundary edges, to vertices (k,) of different fans (k,), that are
-    closest to one another in direction."""
+    """Return the face at a vertex between its two boundary edges of different fans that are closest in direction.
+
+    away : (k,) the other ends of the boundary edges.    fan : (k,) the fan of each. None if they are over 150 degrees
+           apart.
+    """
     along = V[away] - V[v]
     along /= lengths(along)[:, None]
     cosine = np.where((fan[:, None] == fan) | (away[:, None] == away), -np.inf, along @ along.T)
     i, j = np.unravel_index(int(cosine.argmax()), cosine.shape)
-    return [v, int(away[i]), int(away[j])] if cosine[i, j] > np.cos(np.radians(WIDEST)) else None
+    return [v, int(away[i]), int(away[j])] if cosine[i, j] > np.cos(np.radians(150.0)) else None

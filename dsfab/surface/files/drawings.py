@@ -30,18 +30,15 @@ from dsfab.surface.files.reading import (
 from dsfab.surface.files.separate_process import read_rhino_apart
 
 UNITS = {1: "in", 2: "ft", 4: "mm", 5: "cm", 6: "m", 7: "km", 14: "dm"}
-"""$INSUNITS."""
-TAIL = 512
-"""Bytes at the end of a file within which it says that this is its end."""
+"""Units by DXF's $INSUNITS."""
+
 SOLIDS = ("3DSOLID", "BODY", "REGION", "SURFACE", "EXTRUDEDSURFACE", "LOFTEDSURFACE", "REVOLVEDSURFACE", "SWEPTSURFACE")
 """Entities with shapes that only AutoCAD reads."""
 
 
 def read_dxf(path: Path, budget: DrawingBudget) -> Drawing:
-    """The curves of a DXF file, text or binary, blocks opened, its layers and its unit.
-
-    Raises MalformedFileError for what is no whole DXF file, SurfaceError beyond the budget.
-    """
+    """Return the curves of a DXF file, text or binary, with blocks expanded, its layers and its unit. Raises
+    MalformedFileError for an incomplete or foreign file, SurfaceError beyond the budget."""
     document = _document(path)
     runs, dots, count = list[tuple[str, Floats]](), list[tuple[str, Floats]](), 0
     for entity in _Entities(budget).leaves(document.modelspace(), 0):
@@ -57,11 +54,9 @@ def read_dxf(path: Path, budget: DrawingBudget) -> Drawing:
 
 
 def read_dxf_meshes(path: Path, budget: Budget) -> TriangleFile:
-    """The meshes of a DXF file: 3DFACE, MESH, polyface and polygon meshes, blocks opened; vertices at exactly the same
-    place become one.
-
-    Raises SurfaceError for a file without any and beyond the budget, MalformedFileError as `read_dxf` does.
-    """
+    """Return the meshes of a DXF file (3DFACE, MESH, polyface and polygon meshes), with blocks expanded. Vertices at
+    exactly the same place become one. Raises SurfaceError for a file without meshes and beyond the budget,
+    MalformedFileError as `read_dxf` does."""
     document = _document(path)
     V, corners, sizes, count, solids = list[Floats](), list[Ints](), list[Ints](), 0, 0
     drawing = DrawingBudget(entities=budget.triangles, seconds=budget.seconds)
@@ -85,14 +80,12 @@ def read_dxf_meshes(path: Path, budget: Budget) -> TriangleFile:
 
 
 def _document(path: Path) -> Any:
-    """The drawing in a file; raises MalformedFileError for what is none.
-
-    Sound files are read plainly, in half the time of a recovery, which is for those that are not.
-    """
+    """Return the drawing in a file; raises MalformedFileError for any other file. A plain read comes first, because it
+    takes half the time of ezdxf's recovery of damaged files."""
     import ezdxf
     from ezdxf import recover
 
-    if b"EOF" not in path.read_bytes()[-TAIL:]:
+    if b"EOF" not in path.read_bytes()[-512:]:
         raise MalformedFileError("its end, EOF, is missing: it is no DXF file, or it is cut off")
     with suppress(ezdxf.DXFError, OSError, ValueError, LookupError, TypeError, AttributeError):
         return ezdxf.readfile(path)
@@ -107,7 +100,6 @@ def _unit(document: Any) -> str | None:
 
 
 def _polygons(entity: Any) -> Iterator[Polygons]:
-    """The faces of an entity: none of what is no mesh."""
     from ezdxf.render import MeshBuilder
 
     kind = entity.dxftype()
@@ -129,13 +121,12 @@ def _polygons(entity: Any) -> Iterator[Polygons]:
 
 
 class _Entities:
-    """Walks through what is drawn and counts it: a block within blocks may be there a million times."""
+    """Iterator over the drawn entities that counts them, because nested blocks may repeat one a million times."""
 
     def __init__(self, budget: DrawingBudget) -> None:
         self.budget, self.count = budget, 0
 
     def leaves(self, entities: Any, depth: int) -> Iterator[Any]:
-        """All that is drawn, blocks opened."""
         if depth > self.budget.depth:
             raise MalformedFileError(f"its blocks lie in one another, more than {self.budget.depth} deep")
         for entity in entities:
@@ -148,14 +139,12 @@ class _Entities:
                 yield entity
 
     def _inserted(self, insert: Any, depth: int) -> Iterator[tuple[str, Floats]]:
-        """What a block holds, once for each place of a grid of insertions."""
         self.budget.require("entities", self.count + insert.mcount)
         for one in insert.multi_insert() if insert.mcount > 1 else (insert,):
             yield from self.leaves(one.virtual_entities(), depth + 1)
 
 
 def _require_numbers(entity: Any) -> None:
-    """Raise MalformedFileError for an entity with a number that is none, or beyond all drawings."""
     for key, value in entity.dxf.all_existing_dxf_attribs().items():
         numbers = value if hasattr(value, "xyz") else [value] if isinstance(value, float) else []
         if not all(abs(x) < LARGEST for x in numbers):
@@ -163,7 +152,7 @@ def _require_numbers(entity: Any) -> None:
 
 
 def _curves(entity: Any) -> Iterator[Floats]:
-    """(k, 3) points of each part of what is drawn; nothing for texts, points and dimensions."""
+    """Yield the points (k, 3) of each part of an entity; nothing for texts, points and dimensions."""
     from ezdxf import path as paths
 
     if entity.dxftype() == "SPLINE":
@@ -178,7 +167,6 @@ def _curves(entity: Any) -> Iterator[Floats]:
 
 
 def _path_points(part: Any, closed: bool) -> Floats:
-    """(k, 3) points of lines and arcs one after the other."""
     size = float(np.linalg.norm(np.ptp(np.array([[*point] for point in part.control_vertices()]), axis=0)))
     if not size:
         return np.empty((0, 3))
@@ -187,8 +175,8 @@ def _path_points(part: Any, closed: bool) -> Floats:
 
 
 def _spline_points(spline: Any) -> Floats:
-    """(k, 3) points of a spline between its first and its last knot that count: paths of ezdxf go beyond these where
-    knots are not repeated at the ends, as of closed splines."""
+    """Return the points (k, 3) of a spline between its first and last effective knot. Paths of ezdxf extend beyond
+    these knots unless the end knots are repeated, which closed splines do not."""
     tool = spline.construction_tool()
     knots = np.array(tool.knots())
     spans = np.unique(knots[tool.degree : len(knots) - tool.degree])
@@ -196,31 +184,29 @@ def _spline_points(spline: Any) -> Floats:
 
 
 CLOSE = 1e-6
-"""Ends of curves that are nearer than this share of the drawing's size are at one place."""
-LAYERS_TOLD = 12
-"""Layers of a file that are listed where the one that was asked for is not among them."""
+"""Share of the drawing's size within which two ends of curves meet."""
 
 
 @dataclass(frozen=True, eq=False)
 class Marks:
-    """What is drawn on a layer: its name as in the file, points (k, 3) and curves (k, 3), metres."""
+    """Content of a layer: its name as in the file, points (k, 3) and curves (k, 3), metres."""
 
     layer: str
     points: Floats
     curves: tuple[Floats, ...]
 
     def about(self, origin: Sequence[float]) -> "Marks":
-        """The same with this point, metres, as the origin."""
+        """Return the marks with this point, metres, as the origin."""
         return Marks(self.layer, self.points - origin, tuple(run - origin for run in self.curves))
 
     @property
     def closed(self) -> list[Floats]:
-        """The curves that end where they begin."""
+        """Curves that end where they begin."""
         return [run for run in self.curves if _ends_meet(run)]
 
     @property
     def open(self) -> list[Floats]:
-        """The others."""
+        """Curves whose ends are apart."""
         return [run for run in self.curves if not _ends_meet(run)]
 
 
@@ -233,13 +219,14 @@ _READERS = {".dxf": read_dxf, ".3dm": read_rhino_apart}
 
 
 def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floats, ...]:
-    """The closed curves (k, 3) of a drawing, metres: of one layer, or of all. Lines and arcs that meet end to end are
-    one curve.
+    """Return the closed curves (k, 3) of a drawing, metres, of one layer or of all; lines and arcs that meet are one
+    curve.
 
-    unit : of the file's numbers; left out, what the file says.
+    unit : of the file's numbers; by default the unit that the file declares.
 
-    Raises SurfaceError for a file or a layer that is not there, one without closed curves, curves that are open, a
-    file that does not say its unit, and one that is larger than a drawing of outlines (`DrawingBudget`).
+    Raises SurfaceError for a missing file or layer, no closed curve, open curves, a missing unit, and a drawing beyond
+    the
+    limits of `DrawingBudget`.
     """
     path = Path(path)
     if path.suffix.lower() not in _READERS:
@@ -252,7 +239,7 @@ def closed_curves(path: Path, layer: str | None, unit: str | None) -> tuple[Floa
 
 
 def marks_on_layers(path: Path, words: Iterable[str], metres: float) -> dict[str, Marks]:
-    """What is drawn on the layers of these names, in capitals or not, by name; only those with something on them.
+    """Return the content of the layers with these names (any case), by name; empty layers are left out.
 
     metres : in one unit of the file's numbers. Raises SurfaceError for a file that cannot be read, as `closed_curves`.
     """
@@ -270,11 +257,11 @@ def marks_on_layers(path: Path, words: Iterable[str], metres: float) -> dict[str
 
 @lru_cache(maxsize=16)
 def _read_once(path: Path, layer: str | None, unit: str | None, _changed: int, size: int) -> tuple[Floats, ...]:
-    """The curves of a file as it is now: pickers ask for them again and again."""
+    """Return the curves of a file in its present state, cached because pickers read them repeatedly."""
     budget = DrawingBudget()
     drawing = _drawing(path, size, budget)
     if layer is not None and layer not in drawing.layers:
-        told = ", ".join(drawing.layers[:LAYERS_TOLD]) + (", ..." if len(drawing.layers) > LAYERS_TOLD else "")
+        told = ", ".join(drawing.layers[:12]) + (", ..." if len(drawing.layers) > 12 else "")
         raise SurfaceError(
             f"{path} has no layer {layer!r}{did_you_mean(layer, drawing.layers)}; its layers are: {told}"
         )
@@ -293,18 +280,16 @@ def _read_once(path: Path, layer: str | None, unit: str | None, _changed: int, s
 
 
 def _drawing(path: Path, size: int, budget: DrawingBudget) -> Drawing:
-    """What a file of `size` bytes draws; raises SurfaceError for one that cannot be read, and beyond the budget."""
+    """Return the drawing in a file of `size` bytes; raises SurfaceError for an unreadable file and beyond the
+    budget."""
     with readable(path, "draw less into it", "it is damaged"):
         budget.require("bytes", size)
         return _READERS[path.suffix.lower()](path, budget)
 
 
 def _loops(runs: list[Floats], where: str, budget: DrawingBudget) -> Iterator[Floats]:
-    """Runs joined where their ends meet, the first of the file first: the closed curves, without their last point,
-    which is the first.
-
-    Raises SurfaceError for what stays open.
-    """
+    """Join runs whose ends meet, in the order of the file; yield the closed curves without their repeated last point.
+    Raises SurfaceError for open curves."""
     corners = np.concatenate([[run.min(axis=0), run.max(axis=0)] for run in runs])
     close = CLOSE * float(np.linalg.norm(np.ptp(corners, axis=0)))
     ends = cKDTree(np.concatenate([[run[0], run[-1]] for run in runs]))  # 2 k is where run k begins, 2 k + 1 its end

@@ -25,7 +25,7 @@ _WIDTHS = {"SCALAR": 1, "VEC2": 2, "VEC3": 3, "VEC4": 4}
 
 @dataclass(frozen=True)
 class Buffers:
-    """The buffers that a file's JSON `tree` names; `binary` is the one in the file, `beside` reads one next to it."""
+    """Buffers that a file's JSON `tree` names; `binary` is that in the file, `beside` reads a file next to it."""
 
     tree: dict[str, Any]
     binary: bytes | None
@@ -34,10 +34,8 @@ class Buffers:
     known: dict[int, bytes] = field(default_factory=dict)
 
     def view(self, number: int) -> tuple[bytes, int]:
-        """The bytes of a view of a buffer, and how far its elements are apart, 0 if they follow each other.
-
-        Raises MalformedFileError for one that reaches beyond its buffer.
-        """
+        """Return the bytes of a view of a buffer, and the distance between its elements, 0 for none. Raises
+        MalformedFileError for a view that reaches beyond its buffer."""
         view = self.tree["bufferViews"][number]
         start, length = _count(view.get("byteOffset", 0)), _count(view["byteLength"])
         data = self._buffer(_count(view["buffer"]))
@@ -72,10 +70,8 @@ class Buffers:
 
 
 def accessor(tree: dict[str, Any], buffers: Buffers, number: Any, width: int) -> NDArray[Any]:
-    """(count, width) what an accessor of the file holds, whole numbers that stand for shares as shares.
-
-    Raises MalformedFileError for one of another width or beyond its bytes, before memory is taken for it.
-    """
+    """Return the content (count, width) of an accessor; normalised integers become shares. Raises MalformedFileError
+    for another width or too few bytes, before it takes memory."""
     entry = tree["accessors"][_count(number)]
     count, kind = _count(entry["count"]), _TYPES.get(entry["componentType"])
     if kind is None or _WIDTHS.get(entry["type"]) != width:
@@ -93,7 +89,6 @@ def accessor(tree: dict[str, Any], buffers: Buffers, number: Any, width: int) ->
 
 
 def _elements(buffers: Buffers, entry: dict[str, Any], kind: str, count: int, width: int) -> NDArray[Any]:
-    """(count, width) elements from an offset in a view on."""
     data, stride = buffers.view(_count(entry["bufferView"]))
     start, each = _count(entry.get("byteOffset", 0)), np.dtype(kind).itemsize * width
     stride = stride or each
@@ -107,7 +102,6 @@ def _elements(buffers: Buffers, entry: dict[str, Any], kind: str, count: int, wi
 
 
 def _with_sparse(buffers: Buffers, sparse: dict[str, Any], values: NDArray[Any]) -> NDArray[Any]:
-    """Values (n, width) with those of some elements in place."""
     count, indices = _count(sparse["count"]), sparse["indices"]
     kind = _TYPES.get(indices["componentType"])
     if kind is None or count > len(values):
@@ -120,7 +114,7 @@ def _with_sparse(buffers: Buffers, sparse: dict[str, Any], values: NDArray[Any])
 
 
 def _count(value: Any) -> int:
-    """A whole number from 0 on."""
+    """Return a nonnegative integer of the JSON; raises MalformedFileError for other values."""
     if not isinstance(value, int) or isinstance(value, bool) or value < 0:
         raise MalformedFileError("a number of its JSON is negative or none")
     return value
@@ -128,17 +122,13 @@ def _count(value: Any) -> int:
 
 _JSON, _BIN = 0x4E4F534A, 0x004E4942
 _HARMLESS = ("KHR_materials_", "KHR_texture_", "KHR_lights_", "EXT_texture_", "KHR_mesh_quantization", "KHR_xmp")
-"""Beginnings of the names of extensions that change no shape beyond what is read here."""
+"""Prefixes of extensions that do not change the shapes read here."""
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
-DEEPEST = 200
-"""Nodes above one another: a scene of 100 levels is one that a program made."""
 
 
 def read_glb(data: bytes, budget: Budget, _beside: Callable[[str], bytes]) -> TriangleFile:
-    """The triangles of the scene in a binary file, metres with z up; see `read_gltf`.
-
-    Raises MalformedFileError for a file that is cut off or broken, SurfaceError beyond the budget.
-    """
+    """Return the triangles of the scene in a binary file, metres with z up; see `read_gltf`. Raises MalformedFileError
+    for a broken or incomplete file, SurfaceError beyond the budget."""
     if data[:4] != b"glTF":
         raise MalformedFileError("there is no glTF header")
     if len(data) < 20:
@@ -164,12 +154,9 @@ def read_glb(data: bytes, budget: Budget, _beside: Callable[[str], bytes]) -> Tr
 
 
 def read_gltf(data: bytes, budget: Budget, beside: Callable[[str], bytes]) -> TriangleFile:
-    """The triangles of the scene in a file of JSON; `beside` gives the content of a file next to it.
-
-    Vertices at exactly the same place become one; y, up by the specification, becomes z.
-
-    Raises MalformedFileError for a file that is broken, SurfaceError beyond the budget.
-    """
+    """Return the triangles of the scene in a JSON file; `beside` returns the content of a file next to it. Vertices at
+    exactly the same place become one; y, up by the specification, becomes z. Raises MalformedFileError for a broken
+    file, SurfaceError beyond the budget."""
     if data[:4] == b"glTF":
         return read_glb(data, budget, beside)
     file = text_file(data)
@@ -217,15 +204,12 @@ def _scene(
 
 @dataclass(frozen=True)
 class _Scene:
-    """The nodes of a file's scene, walked from its roots."""
-
     tree: dict[str, Any]
     buffers: Buffers
     budget: Budget
     passed: Counter[str] = field(default_factory=Counter)
 
     def parts(self) -> Iterator[tuple[Floats, Ints]]:
-        """V (n, 3), metres, and F (m, 3) of each primitive where it stands."""
         total = 0
         for mesh, matrix in self._placed():
             for primitive in self.tree["meshes"][mesh]["primitives"]:
@@ -240,7 +224,6 @@ class _Scene:
                 yield V @ matrix[:3, :3].T + matrix[:3, 3] if (matrix != np.eye(4)).any() else V, F
 
     def _placed(self) -> Iterator[tuple[int, Floats]]:
-        """Meshes of the scene and where they stand."""
         nodes, scenes = self.tree.get("nodes", []), self.tree.get("scenes", [])
         if not scenes:
             raise MalformedFileError("it names no scene, so that nothing says what is shown")
@@ -248,7 +231,7 @@ class _Scene:
         seen = set[int]()
         while waiting:
             number, above, depth = waiting.pop()
-            if number in seen or depth > DEEPEST:
+            if number in seen or depth > 200:  # programs write up to 100 levels
                 raise MalformedFileError("its nodes are no tree: one stands below itself, or in two places")
             seen.add(number)
             node = nodes[number]
@@ -273,7 +256,7 @@ class _Scene:
         return V, self._faces(order, mode)
 
     def _faces(self, order: Ints, mode: int) -> Ints:
-        """(m, 3) triangles, of a strip every second one turned."""
+        """Return the triangles (m, 3); every second triangle of a strip is reversed."""
         if mode == _TRIANGLES:
             if len(order) % 3:
                 self.passed["corner beyond the last triangle"] += len(order) % 3
@@ -284,13 +267,14 @@ class _Scene:
             return np.stack([order[1:-1], order[2:], np.full(len(order) - 2, order[0])], axis=1)
         F = np.stack([order[:-2], order[1:-1], order[2:]], axis=1)
         F[1::2] = F[1::2, [1, 0, 2]]
-        tied = np.equal(F, np.roll(F, 1, axis=1)).any(axis=1)  # where one strip goes over to the next
+        tied = np.equal(F, np.roll(F, 1, axis=1)).any(axis=1)  # transitions between strips
         strip: Ints = F[~tied]
         return strip
 
 
 def _matrix(node: dict[str, Any]) -> Floats:
-    """(4, 4) of a node: a matrix, columns first, or a scale, a turn (a quaternion) and a shift."""
+    """Return the transformation (4, 4) of a node: a matrix, columns first, or scale, rotation (quaternion) and
+    translation."""
     if "matrix" in node:
         return _numbers(node["matrix"], 16).reshape(4, 4).T
     x, y, z, w = _numbers(node.get("rotation", [0, 0, 0, 1]), 4)

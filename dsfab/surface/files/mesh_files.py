@@ -23,11 +23,11 @@ from dsfab.surface.files.stl_and_3mf import read_3mf, read_stl
 
 
 def joined(file: PolygonFile) -> tuple[PolygonFile, tuple[str, ...]]:
-    """The mesh with its faces joined where it is meant to be joined, and what was repaired, a few words.
+    """Join the faces of a mesh at coincident vertices, where the file separates them by its format only.
 
-    That is so where no two faces share a vertex, as in STL files, and where every free edge has an exact twin that runs
-    the other way or the same way: what is left then has no free edge at all. Edges must have two faces at most
-    afterwards. All other vertices at the same place stay apart: they may be meant as a joint.
+    That is so if no two faces share a vertex, as in STL files, or if every free edge has an exact twin, so that no free
+    edge remains. No edge may get more than two faces. Other coincident vertices stay apart, because they may be a
+    joint. Returns the file and a text about the repair.
     """
     mesh = file.mesh
     corners, V = mesh.corners, mesh.V
@@ -51,7 +51,7 @@ def joined(file: PolygonFile) -> tuple[PolygonFile, tuple[str, ...]]:
 
 
 def _some_places_twice(V: Floats) -> bool:
-    """Whether vertices may be at the same place: by one number of each, which is quickly sorted."""
+    """Return whether vertices may coincide, from one number per vertex, which sorts quickly."""
     if not np.isfinite(V).all():
         return False
     numbers = V[:, 0] * 0.5298 + V[:, 1] * 0.6741 + V[:, 2] * 0.5144
@@ -60,7 +60,6 @@ def _some_places_twice(V: Floats) -> bool:
 
 
 def _first_at_each_place(V: Floats) -> tuple[Ints, Ints]:
-    """(k,) the first vertex at each place, in the order of the file, and which of them (n,) each vertex became."""
     _, first, became = np.unique(V + 0.0, axis=0, return_index=True, return_inverse=True)
     order = np.argsort(first)
     rank = np.empty_like(order)
@@ -69,7 +68,7 @@ def _first_at_each_place(V: Floats) -> tuple[Ints, Ints]:
 
 
 def _edges(mesh: Polygons, corners: Ints) -> Ints:
-    """(c,) a number for the edge from each corner to the next one of its face, the same in both directions."""
+    """Return a number (c,) for the edge from each corner to the next one of its face, the same in both directions."""
     last = np.cumsum(mesh.sizes) - 1
     following = np.roll(corners, -1)
     some = mesh.sizes > 0
@@ -80,19 +79,18 @@ def _edges(mesh: Polygons, corners: Ints) -> Ints:
 
 
 def _free(mesh: Polygons, corners: Ints) -> Bools:
-    """(e,) which edges have one face."""
     return np.asarray(np.unique(_edges(mesh, corners), return_counts=True)[1] == 1)
 
 
 @dataclass(frozen=True, eq=False)
 class RawMesh:
-    """Vertices V (n, 3) in the file's own numbers, faces F (m, 3), and the polygons and the unit the file declares.
+    """Vertices V (n, 3) in the file's own numbers, faces F (m, 3), and the file's declarations.
 
     polygons : number of faces in the file, before they were cut into triangles.
-    unit     : the unit the file declares for them, None if it does not say.
-    metres   : in one of the file's units; 1 where it does not say.
-    record   : what was read, repaired and dropped so far.
-    up       : the axis that the program which wrote the file has up unasked, "y" or "z"; None where it does not say.
+    unit     : the unit that the file declares, or None.
+    metres   : in one of the file's units; 1 without a declaration.
+    record   : texts about reading and repairs so far.
+    up       : the default up axis of the program that wrote the file, "y" or "z"; None if unknown.
     """
 
     V: Floats
@@ -108,20 +106,20 @@ OF_PROGRAMS = (
     *(".dwg", ".dgn", ".skp", ".iges", ".igs", ".sat", ".x_t"),
     *(".fbx", ".blend", ".ifc", ".rvt", ".gh"),
 )
-"""Files of CAD programs that hold surfaces, but no mesh that is read here."""
+"""Files of CAD programs with surfaces, but no mesh that dsfab reads."""
 
 
 def raw_mesh(path: str | Path, most_triangles: int = DEFAULT_TRIANGLES) -> RawMesh:
     """Read OBJ, PLY, STL, OFF, glTF, 3MF, 3DM, DXF, STEP or BREP, by the suffix.
 
-    glTF's y axis (up, by its specification) becomes z.
+    glTF's y axis (up, by its specification) becomes z. Quads are cut along a fold, or along the shorter diagonal. STL
+    and
+    glTF vertices at exactly the same place become one, and those of other files if faces share none; unused vertices
+    go.
 
-    Quads are cut along a fold, or the shorter diagonal. STL and glTF vertices at exactly the same place become one,
-    those of other files where the faces share none (`dsfab.surface.files.mesh_files`); vertices without a face go.
+    most_triangles : limit on triangles; the limits on bytes, vertices and seconds follow from it (`reading.Budget`).
 
-    most_triangles : what the file may have; bytes, vertices and seconds are limited by it (`formats.limits`).
-
-    Raises SurfaceError for a path that is no readable mesh file, and for one beyond the limits.
+    Raises SurfaceError for a path that is no readable mesh file, and for a file beyond the limits.
     """
     path = Path(path)
     suffix = _suffix(path)
@@ -175,7 +173,6 @@ def _record(suffix: str, file: PolygonFile | TriangleFile, vertices: int, faces:
 
 
 def _beside(path: Path, name: str, budget: Budget) -> bytes:
-    """The content of a file next to another one, or in a folder there."""
     other = path.parent / name
     if Path(name).is_absolute() or ".." in Path(name).parts:
         raise MalformedFileError(f"its numbers are in {name[:60]!r}, outside its folder: export it as one file")
@@ -186,8 +183,7 @@ def _beside(path: Path, name: str, budget: Budget) -> bytes:
 
 
 def _checked(path: Path, raw: RawMesh) -> RawMesh:
-    """What was read with the vertices that have faces alone; raises SurfaceError where faces name others."""
-    over = "".join(f"; passed over: {what}" for what in raw.record.dropped)  # why it is so, often
+    over = "".join(f"; passed over: {what}" for what in raw.record.dropped)  # often the reason
     if not len(raw.F):
         some = f"{path} holds {len(raw.V)} vertices and no faces"
         raise SurfaceError(f"{some}{over}; give a mesh with at least one triangle")
@@ -206,7 +202,6 @@ def _checked(path: Path, raw: RawMesh) -> RawMesh:
 
 
 def _suffix(path: Path) -> str:
-    """The known suffix of an existing file with something in it."""
     suffix = path.suffix.lower()
     known = ", ".join(MESH_SUFFIXES)
     if path.is_dir():
@@ -242,4 +237,4 @@ _BY_PATH: dict[str, Callable[[Path, Budget], TriangleFile]] = {
     ".brep": read_cad,
 }
 MESH_SUFFIXES = (".obj", ".ply", ".stl", ".off", ".glb", ".gltf", ".3mf", ".3dm", ".dxf", ".step", ".stp", ".brep")
-"""Of the mesh files that are read."""
+"""Suffixes of the mesh files that dsfab reads."""

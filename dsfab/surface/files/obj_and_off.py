@@ -22,29 +22,27 @@ from dsfab.surface.files.reading import (
 )
 
 _LOUD = {"l": "line", "p": "point", "curv": "curve", "curv2": "curve", "surf": "free-form surface"}
-"""What has a shape that dsfab does not read."""
+"""Lines with shapes that dsfab does not read."""
 _QUIET = frozenset(
     "vt vn vp g o s mg usemtl mtllib usemap maplib shadow_obj trace_obj bevel c_interp d_interp lod call csh "  # noqa: SIM905
     "cstype deg bmat step parm trim hole scrv sp end con ctech stech".split()
 )
-"""What says nothing about the shape of polygons, or is part of free-form curves and surfaces."""
+"""Lines without effect on the shape of polygons, or parts of free-form curves and surfaces."""
 _NUMBERS = {3, 4, 6, 7}
-"""How many numbers a vertex has: its place, a weight, a colour."""
+"""Possible counts of numbers of a vertex: its place, a weight, a colour."""
 _COMMENT = re.compile(r"^([^\S\n]*#[^\n]*)\\$", re.MULTILINE)
 """A comment that ends with a backslash."""
 _DIVIDED = re.compile(r"[^\s\\]\\\n(?=\S)")
-"""A backslash at the end of a line with words right before it and right behind it."""
+"""A backslash at the end of a line with words directly before and behind it."""
 _DECIMAL_COMMA = re.compile(r"\d,\d")
-"""In a number, as programs write it that follow the language of the desk."""
+"""A number with a comma, which some programs write in some languages."""
 OFTEN = 1 << 14
-"""Lines between two looks at how many vertices and faces there are."""
+"""Lines between two checks of the numbers of vertices and faces."""
 
 
 def read_obj(data: bytes, budget: Budget) -> PolygonFile:
-    """Vertices and faces; textures, normals and groups are passed over, lines, points and free forms counted.
-
-    Raises MalformedFileError with the number of the line that cannot be read, SurfaceError beyond the budget.
-    """
+    """Return vertices and faces; textures, normals and groups are ignored, lines, points and free forms counted. Raises
+    MalformedFileError with the number of an unreadable line, SurfaceError beyond the budget."""
     file = text_file(data)
     said = said_in_comments(file.text, ("#",))
     if "\\\n" in file.text:
@@ -81,7 +79,8 @@ def read_obj(data: bytes, budget: Budget) -> PolygonFile:
 
 
 def _may_be_cut(face: list[str], most: int, count: int, text: str) -> bool:
-    """Whether the last face of a file may lack something: corners that others have, `most`, or a part of its last one.
+    """Return whether the last face of a file may be incomplete: fewer corners than `most`, or a part of the last
+    corner.
 
     count : of vertices.    text : that of the file.
     """
@@ -94,10 +93,8 @@ def _may_be_cut(face: list[str], most: int, count: int, text: str) -> bool:
 
 
 def _continued(text: str) -> str:
-    """Lines that end with a backslash joined with the next one; a comment is not continued: it may end with a path.
-
-    Raises MalformedFileError where no space is between them: some programs join the parts of a number, some do not.
-    """
+    """Join lines that end with a backslash with the next line; comments, which may end with a path, do not continue.
+    Raises MalformedFileError if no space is between them, because programs disagree whether a number continues."""
     text = _COMMENT.sub(r"\1 ", text)
     if cut := _DIVIDED.search(text):
         number = text.count("\n", 0, cut.end() - 1) + 1
@@ -110,11 +107,11 @@ def _add_vertex(V: "array[float]", words: list[str], line: str) -> None:
         raise ValueError
     V.extend(map(float, words[1:4]))
     if len(words) > 4:
-        list(map(float, words[4:]))  # two vertices on one line are none
+        list(map(float, words[4:]))  # refuses two vertices on one line
 
 
 def _add_face(corners: "array[int]", sizes: "array[int]", words: list[str], count: int) -> None:
-    """Corners are counted from 1, negative ones from the last vertex so far; 0 is none."""
+    """Add corners, which count from 1, or backwards from -1, the last vertex so far; 0 is invalid."""
     sizes.append(len(words) - 1)
     for word in words[1:]:
         i = int(word.partition("/")[0] if "/" in word else word)
@@ -135,14 +132,12 @@ def _passed_over(others: Counter[str], odd: str) -> tuple[str, ...]:
 
 
 KINDS = {"OFF", "COFF", "NOFF", "CNOFF", "NCOFF", "STOFF", "STCOFF", "STNOFF", "STCNOFF"}
-"""First words of files with three coordinates, with what follows them: colours, normals, textures."""
+"""First words of files with three coordinates, and with colours, normals or textures."""
 
 
 def read_off(data: bytes, budget: Budget) -> PolygonFile:
-    """Vertices and faces; colours, normals and textures are passed over.
-
-    Raises MalformedFileError for a file that is no OFF file or ends too soon, SurfaceError beyond the budget.
-    """
+    """Return vertices and faces; colours, normals and textures are ignored. Raises MalformedFileError for a foreign or
+    incomplete file, SurfaceError beyond the budget."""
     file = text_file(data)
     lines = ((number, words) for number, line in file.numbered(budget) if (words := line.split("#")[0].split()))
     n, m = _sizes(lines)
@@ -165,7 +160,7 @@ def read_off(data: bytes, budget: Budget) -> PolygonFile:
             except (ValueError, IndexError, OverflowError):
                 raise MalformedFileError(f"line {number} cannot be read: {' '.join(words)[:60]!r}") from None
     more = sum(1 for _ in lines)
-    bare = not more and m and len(words) == 1 + sizes[-1]  # no colour is behind its corners
+    bare = not more and m and len(words) == 1 + sizes[-1]  # without colour
     doubts = file.cut_off("a face") if bare and may_lack_digits(words[-1], n) else ()
     mesh = Polygons(np.array(V).reshape(-1, 3), np.array(corners), np.array(sizes))
     dropped = (f"{counted(more, 'line')} after the last face",) if more else ()
@@ -173,7 +168,6 @@ def read_off(data: bytes, budget: Budget) -> PolygonFile:
 
 
 def _sizes(lines: Iterator[tuple[int, list[str]]]) -> tuple[int, int]:
-    """The numbers of vertices and of faces, on the first line behind OFF or on the next one."""
     _, words = next(lines, (0, [""]))
     if words[0].upper() not in KINDS:
         raise MalformedFileError("the first word is not OFF, or says that points have other than three coordinates")

@@ -1,4 +1,4 @@
-"""Meshes of other libraries as surfaces, and ours as theirs; metres here, each library imported when asked for."""
+"""Meshes of trimesh, pyvista and compas as surfaces, and surfaces as meshes of these libraries, imported on use."""
 
 import importlib.util
 import warnings
@@ -25,18 +25,18 @@ if TYPE_CHECKING:
 
 
 def surface_from(V: Any, F: Iterable[Any], unit: str = "m") -> Surface:
-    """A surface of vertices V (n, 3), numbers in `unit`, and polygons F: (m, 3), (m, 4), or lists of any length.
+    """Return a surface from vertices V (n, 3), numbers in `unit`, and polygons F: (m, 3), (m, 4), or lists of any
+    length.
 
-    Polygons are cut into triangles, and faces turned the same way, as those of a file are (`dsfab.read_surface`).
-    Vertices keep their numbers, and so those at the same place stay apart. Raises SurfaceError for what is no mesh, and
-    as `read_surface` does.
+    Polygons are cut into triangles, and faces oriented, as in `dsfab.read_surface`. Vertices keep their numbers, so
+    that coincident vertices stay apart. Raises SurfaceError for invalid meshes, and as `read_surface` does.
     """
     mesh = _polygons(V, F)
     return orientable(mesh.V * metres_per(unit), triangles(mesh).F)
 
 
 def _merged_surface(V: Any, F: Iterable[Any], unit: str) -> Surface:
-    """The same with vertices at the same place made one: libraries have them where a mesh was cut or has a seam."""
+    """Return the surface with coincident vertices merged, which libraries have where a mesh was cut or has a seam."""
     mesh = _polygons(V, F)
     fewer, became = merged(mesh.V)
     mesh = replace(mesh, V=fewer, corners=became[mesh.corners])
@@ -44,7 +44,6 @@ def _merged_surface(V: Any, F: Iterable[Any], unit: str) -> Surface:
 
 
 def _polygons(V: Any, F: Iterable[Any]) -> Polygons:
-    """V (n, 3) and polygons F, checked. Raises SurfaceError for what is no mesh."""
     try:
         faces = [[int(corner) for corner in face] for face in F]
         mesh = polygons(np.asarray(V, dtype=np.float64).reshape(-1, 3).tolist(), faces)
@@ -58,12 +57,12 @@ def _polygons(V: Any, F: Iterable[Any]) -> Polygons:
 
 
 def surface_of(mesh: Any, unit: str | None = None) -> Surface:
-    """The surface that a mesh of another library is: trimesh, pyvista, compas, meshio, or any with vertices and faces.
+    """Return the surface of a mesh of trimesh, pyvista, compas, meshio, or any mesh with vertices and faces.
 
-    unit : of its numbers; None takes the unit that it says itself (trimesh may), else metres.
+    unit : of its numbers; None takes its own unit (trimesh may have one), else metres.
 
-    Vertices at the same place become one, as those of STL and GLB files do; a `Surface` is taken as it is.
-    Raises SurfaceError for what is none of these, and as `surface_from` does.
+    Vertices at the same place become one, as in STL and GLB files; a `Surface` is returned unchanged.
+    Raises SurfaceError for other types, and as `surface_from` does.
     """
     if isinstance(mesh, Surface):
         return mesh
@@ -86,10 +85,8 @@ def surface_of(mesh: Any, unit: str | None = None) -> Surface:
 
 
 def stl_by_trimesh(path: Path) -> tuple[Floats, Ints]:
-    """V (n, 3), in the file's unit, and F (m, 3) of an STL file as trimesh reads it: neither our reader nor our writer.
-
-    Raises SurfaceError for a file that trimesh does not read.
-    """
+    """Return V (n, 3), in the file's unit, and F (m, 3) of an STL file, read by trimesh independently of dsfab. Raises
+    SurfaceError if trimesh does not read the file."""
     import trimesh
 
     try:
@@ -97,12 +94,12 @@ def stl_by_trimesh(path: Path) -> tuple[Floats, Ints]:
             warnings.simplefilter("ignore")
             mesh: Any = trimesh.load(path, file_type="stl", force="mesh", process=False)
         return equal_merged(np.asarray(mesh.vertices, dtype=np.float64), np.asarray(mesh.faces, dtype=np.int64))
-    except Exception:  # whatever it throws at a bad file
+    except Exception:  # trimesh raises many types at a bad file
         raise SurfaceError(f"{path} cannot be read by trimesh, though dsfab reads it; export it again") from None
 
 
 def as_trimesh(V: Floats, F: Ints) -> "trimesh.Trimesh":
-    """V (n, 3), metres, and F (m, 3) as they are, with nothing merged or turned."""
+    """Return a trimesh mesh of V (n, 3), metres, and F (m, 3), unchanged."""
     import trimesh
 
     mesh = trimesh.Trimesh(V, F, process=False)
@@ -111,7 +108,7 @@ def as_trimesh(V: Floats, F: Ints) -> "trimesh.Trimesh":
 
 
 def as_pyvista(V: Floats, F: Ints) -> "pyvista.PolyData":
-    """V (n, 3), metres, and F (m, 3) as they are."""
+    """Return a pyvista mesh of V (n, 3), metres, and F (m, 3), unchanged."""
     import pyvista
 
     made: Any = pyvista.PolyData.from_regular_faces  # typed for Python's own numbers only
@@ -120,7 +117,7 @@ def as_pyvista(V: Floats, F: Ints) -> "pyvista.PolyData":
 
 
 def as_compas(V: Floats, F: Ints) -> "compas.datastructures.Mesh":
-    """V (n, 3), metres, and F (m, 3) as they are; raises SurfaceError where compas is not installed."""
+    """Return a compas mesh of V (n, 3), metres, and F (m, 3); raises SurfaceError if compas is not installed."""
     require_compas()
     from compas.datastructures import Mesh
 
@@ -129,7 +126,8 @@ def as_compas(V: Floats, F: Ints) -> "compas.datastructures.Mesh":
 
 
 def as_polyline(points: Floats) -> "compas.geometry.Polyline":
-    """Through points (k, 2), in the plane, or (k, 3), metres; raises SurfaceError where compas is not installed."""
+    """Return a compas polyline through points (k, 2) or (k, 3), metres; raises SurfaceError if compas is not
+    installed."""
     require_compas()
     from compas.geometry import Polyline
 
@@ -137,7 +135,8 @@ def as_polyline(points: Floats) -> "compas.geometry.Polyline":
 
 
 def as_circle(middle: Floats, radius: float) -> "compas.geometry.Circle":
-    """In the plane, around (2,), metres; raises SurfaceError where compas is not installed."""
+    """Return a compas circle around a point (2,) in the plane, metres; raises SurfaceError if compas is not
+    installed."""
     require_compas()
     from compas.geometry import Circle, Frame
 
@@ -145,11 +144,10 @@ def as_circle(middle: Floats, radius: float) -> "compas.geometry.Circle":
 
 
 def require_compas() -> None:
-    """Raises SurfaceError where compas is not installed."""
+    """Raise SurfaceError if compas is not installed."""
     if importlib.util.find_spec("compas") is None:
         raise SurfaceError('compas is not installed; install it with: pip install "dsfab[compas]"')
 
 
 def _in_space(points: Floats) -> Floats:
-    """(k, 3) of points in the plane (k, 2) or in space."""
     return np.pad(points, ((0, 0), (0, 3 - points.shape[1])))

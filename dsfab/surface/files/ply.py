@@ -25,15 +25,15 @@ from dsfab.surface.files.reading import (
 )
 
 CHUNK = 1 << 16
-"""Records between two looks at the clock."""
+"""Records between two checks of the time."""
 BLOCK = 1 << 20
-"""Bytes of text that are made into numbers together."""
+"""Bytes of text that are converted together."""
 _SPACE = re.compile(rb"\s")
 
 
 @dataclass(frozen=True)
 class PlyProperty:
-    """One property of an element; a list has the type of its length in front."""
+    """A property of an element; a list also has the type of its length."""
 
     name: str
     type: str
@@ -42,7 +42,7 @@ class PlyProperty:
 
 @dataclass(frozen=True)
 class PlyElement:
-    """An element: what it is called, how many records of it there are, and what each holds."""
+    """An element: its name, the number of its records, and the properties of each."""
 
     name: str
     count: int
@@ -50,22 +50,22 @@ class PlyElement:
 
     @property
     def has_lists(self) -> bool:
-        """Whether records may differ in length."""
+        """True if records may differ in length."""
         return any(one.length for one in self.properties)
 
     def cut_off(self) -> MalformedFileError:
-        """What is said where a file has fewer records than announced."""
+        """Return the error for a file with fewer records than announced."""
         return MalformedFileError(
             f"the file ends within the element {self.name!r}, of which {self.count:,} are announced"
         )
 
 
 Columns = dict[str, Any]
-"""Of each property an array (count,); of a list a pair: the values of all records (c,), and how many each has."""
+"""For each property an array (count,); for a list the values of all records (c,), and the number of each."""
 
 
 def text_numbers(body: bytes) -> tuple[Floats, bool]:
-    """(c,) all numbers of a text up to the first word that is none, and whether there is such a word."""
+    """Return the numbers (c,) of a text up to the first other word, and whether such a word exists."""
     parts, at, odd = [np.empty(0)], 0, False
     while at < len(body) and not odd:
         gap = _SPACE.search(body, at + BLOCK)
@@ -73,7 +73,7 @@ def text_numbers(body: bytes) -> tuple[Floats, bool]:
         block, at = body[at:end].strip(), end
         try:
             with warnings.catch_warnings():
-                warnings.simplefilter("error", DeprecationWarning)  # what numpy before 2.3 says of other words
+                warnings.simplefilter("error", DeprecationWarning)  # of numpy before 2.3 about other words
                 parts.append(np.fromstring(block, dtype=np.float64, sep=" ") if block else np.empty(0))
         except (ValueError, DeprecationWarning):
             parts.append(_numbers_before_words(block))
@@ -92,14 +92,12 @@ def _numbers_before_words(block: bytes) -> Floats:
 
 
 def text_element(numbers: Floats, at: int, element: PlyElement, budget: Budget) -> tuple[Columns, int]:
-    """The properties of an element whose records begin with number `at` of (c,), and where the next one begins.
-
-    Raises MalformedFileError for a file that ends before, or has a word that is no number there.
-    """
+    """Return the properties of an element whose records begin at index `at` of the numbers (c,), and their end. Raises
+    MalformedFileError for a file that ends before, or has a word that is no number there."""
     if not element.properties or not element.count:
         return {p.name: _nothing(p) for p in element.properties}, at
-    if element.count * len(element.properties) > len(numbers) - at:  # before anything is made of it
-        raise element.cut_off()
+    if element.count * len(element.properties) > len(numbers) - at:
+        raise element.cut_off()  # before memory is taken
     begins, counts, stop = _even(numbers, at, element) or _text_walk(numbers, at, element, budget)
     found: Columns = {}
     for i, p in enumerate(element.properties):
@@ -108,8 +106,8 @@ def text_element(numbers: Floats, at: int, element: PlyElement, budget: Budget) 
 
 
 def _even(numbers: Floats, at: int, element: PlyElement) -> tuple[Ints, Ints, int] | None:
-    """(count, p) where each property of each record begins, how many values it has, and the end; None where lists
-    differ in length from those of the first record."""
+    """Return the start and the count (count, p) of each property in each record, and the end of the records. The result
+    is None if lists differ in length from those of the first record."""
     start, sizes, lists, place = [], [], [], 0
     for p in element.properties:
         if p.length is not None:
@@ -132,7 +130,6 @@ def _even(numbers: Floats, at: int, element: PlyElement) -> tuple[Ints, Ints, in
 
 
 def _text_walk(numbers: Floats, at: int, element: PlyElement, budget: Budget) -> tuple[Ints, Ints, int]:
-    """The same record by record."""
     start, sizes = array("q"), array("q")
     for k in range(element.count):
         if k % CHUNK == 0:
@@ -153,15 +150,15 @@ def _text_walk(numbers: Floats, at: int, element: PlyElement, budget: Budget) ->
 
 
 def binary_element(body: bytes, at: int, element: PlyElement, order: str, budget: Budget) -> tuple[Columns, int]:
-    """The same for binary, from byte `at`: at once if all lists are as long as the first record's, else one by one.
+    """Return the properties of a binary element from byte `at`, and their end; faster if all lists are of equal length.
 
     order : '<' little endian, '>' big endian.
     """
     if not element.properties or not element.count:
         return {p.name: _nothing(p) for p in element.properties}, at
     least = sum(np.dtype(p.length or p.type).itemsize for p in element.properties)
-    if element.count * least > len(body) - at:  # before anything is made of it
-        raise element.cut_off()
+    if element.count * least > len(body) - at:
+        raise element.cut_off()  # before memory is taken
     dtype, lists = _first_record(body, at, element, order)
     stop = at + dtype.itemsize * element.count
     if stop <= len(body):
@@ -182,7 +179,6 @@ def binary_element(body: bytes, at: int, element: PlyElement, order: str, budget
 
 
 def _first_record(body: bytes, at: int, element: PlyElement, order: str) -> tuple[np.dtype[Any], dict[str, int]]:
-    """The type of the record that begins at byte `at`, and the lengths of its lists."""
     fields: list[tuple[Any, ...]] = []
     lists: dict[str, int] = {}
     for p in element.properties:
@@ -200,7 +196,7 @@ def _first_record(body: bytes, at: int, element: PlyElement, order: str) -> tupl
 
 
 def _walk(body: bytes, at: int, element: PlyElement, order: str, budget: Budget) -> tuple[Ints, Ints, int]:
-    """(count, p) the byte at which each property of each record begins, how many values it has, and the end."""
+    """Return the start byte and the count (count, p) of each property in each record, and the end."""
     byte = "little" if order == "<" else "big"
     steps = [
         (
@@ -227,7 +223,7 @@ def _walk(body: bytes, at: int, element: PlyElement, order: str, budget: Budget)
 
 
 def _places(begin: Ints, count: Ints, step: int) -> Ints:
-    """(c,) where each value of one property is: `count` of them from `begin` on, `step` apart."""
+    """Return the positions (c,) of the values of a property: `count` of them from `begin`, `step` apart."""
     within = np.arange(int(count.sum())) - np.repeat(np.cumsum(count) - count, count)
     places: Ints = np.repeat(begin, count) + step * within
     return places
@@ -262,11 +258,9 @@ _FACE = np.dtype([("count", "u1"), ("vertices", "<i4", 3)])
 
 
 def read_ply(data: bytes, budget: Budget) -> PolygonFile:
-    """Vertices and faces of a PLY file; colours, normals and other elements are passed over.
-
-    Raises MalformedFileError when the file is not a PLY file, is cut off or lacks a property, SurfaceError beyond the
-    budget; both before anything is made of what the header announces.
-    """
+    """Return vertices and faces of a PLY file; colours, normals and other elements are ignored. Raises
+    MalformedFileError for a foreign or incomplete file or a missing property, and SurfaceError beyond the budget,
+    before it takes memory for the announced records."""
     if data[:3] != b"ply":  # with a byte order mark, or UTF-16
         file = text_file(data)
         if not file.text.startswith("ply"):
@@ -292,7 +286,6 @@ def read_ply(data: bytes, budget: Budget) -> PolygonFile:
 def _elements(
     body: bytes, style: str, elements: list[PlyElement], budget: Budget
 ) -> tuple[dict[str, dict[str, Any]], tuple[str, ...]]:
-    """The properties of each element, and what there is behind the last one."""
     for element in elements:
         _require_within(budget, element)
     found: dict[str, dict[str, Any]] = {}
@@ -317,7 +310,7 @@ def _elements(
 
 
 def _require_within(budget: Budget, element: PlyElement) -> None:
-    """Raise SurfaceError for an element with more records than are accepted; those without a property cost nothing."""
+    """Raise SurfaceError for an element with too many records; records without properties cost nothing."""
     count = element.count if element.properties else 0
     if element.name == "face":
         budget.require_triangles(count)
@@ -327,7 +320,6 @@ def _require_within(budget: Budget, element: PlyElement) -> None:
 
 
 def _polygons(found: dict[str, dict[str, Any]]) -> Polygons:
-    """Raises MalformedFileError where the element vertex, one of its places, or whole numbers in faces are missing."""
     vertex, face = found.get("vertex"), found.get("face", {})
     if vertex is None:
         raise MalformedFileError("it has no element 'vertex'")
@@ -350,7 +342,7 @@ def _whole(indices: NDArray[Any]) -> Ints:
 
 
 def ply_chunks(V: Floats, F: Ints, unit: str) -> Iterator[bytes]:
-    """A binary file, little endian, of V (n, 3), doubles in `unit`, which a comment names, and of F (m, 3)."""
+    """Yield a binary file, little endian: V (n, 3), doubles in `unit`, which a comment names, and F (m, 3)."""
     lines = [
         "ply",
         "format binary_little_endian 1.0",
@@ -371,7 +363,6 @@ def ply_chunks(V: Floats, F: Ints, unit: str) -> Iterator[bytes]:
 
 
 def _header(text: str) -> tuple[str, list[PlyElement]]:
-    """The format (ascii, binary_...) and the elements, in the order of the file."""
     style, elements = "", list[PlyElement]()
     for number, line in enumerate(text.splitlines(), start=1):
         match line.split():

@@ -11,20 +11,19 @@ import pythoncdt as cdt
 from dsfab.core.arrays import Bools, Floats, Ints, unit_vectors
 
 FLAT, WARPED = (float(np.cos(np.radians(angle))) for angle in (2, 10))
-"""Quads whose triangles are more parallel than the one are flat; those that are less parallel than the other may lie
-across a fold."""
+"""Cosines between the two triangles of a quad: above the first it is flat, below the second it may cross a fold."""
 ON, BETTER = 2 * float(np.sin(np.radians(10) / 2)), 0.25
-"""The longer diagonal is taken where its triangles go on in the flat faces beside them within 10 degrees, and bend
-there by so small a share of what those of the shorter one do. On a saddle no quad is flat."""
+"""The longer diagonal is right if its triangles continue flat neighbours within `ON`, 10 degrees as a chord, and within
+the share `BETTER` of the bend with the shorter diagonal."""
 
 
 def quads_cut(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
-    """(2 q, 3) the two triangles of each of the faces `quads` (q,), which have four corners.
+    """Return the two triangles (2 q, 3) of each of the faces `quads` (q,), which have four corners.
 
-    V : (n, 3).    corners : (c,) of all faces, one after the other; those of quads outside 0..n-1 are cut anyhow.
-    sizes : (f,) how many each face has.
+    V : (n, 3).    corners : (c,) of all faces in a row; quads with corners outside 0..n-1 are cut in any way.
+    sizes : (f,) number of corners of each face.
 
-    Where one diagonal alone stays inside a quad it is that; where they are equal, the one from the first corner.
+    The cut follows the only diagonal inside the quad, else a fold, else the shorter diagonal, else that from corner 0.
     """
     start = np.cumsum(sizes) - sizes
     Q = corners[start[quads][:, None] + np.arange(4)]
@@ -51,9 +50,9 @@ def quads_cut(V: Floats, corners: Ints, sizes: Ints, quads: Ints) -> Ints:
 
 
 _TRIANGLES = (0, 1, 2), (0, 2, 3), (1, 2, 3), (1, 3, 0)
-"""Of a quad cut from corner 0 to 2, and of one cut from 1 to 3."""
+"""Triangles of a quad cut from corner 0 to 2, and of a quad cut from 1 to 3."""
 _AT_SIDES = (0, 0, 1, 1), (3, 2, 2, 3)
-"""The triangle at each side, which runs from the corner of its number to the next, for both cuts."""
+"""Triangle at each side, which runs from the corner of its number to the next, for both cuts."""
 
 
 def _inside(corners: Ints, n: int) -> Ints:
@@ -61,15 +60,15 @@ def _inside(corners: Ints, n: int) -> Ints:
 
 
 def _bend(at: Floats, beside: Floats) -> Floats:
-    """(r,) how far unit normals (r, 4, 3) of triangles are off those beside them at most: chords of angles."""
+    """Return the largest distance (r,) of unit normals (r, 4, 3) from the neighbours' normals: chords of angles."""
     there = (beside != 0).any(axis=2)
     return np.asarray((np.linalg.norm(at - beside, axis=2) * there).max(axis=1))
 
 
 def _normals_beside(V: Floats, corners: Ints, sizes: Ints, bent: Bools, first: Ints) -> Floats:
-    """(r, 4, 3) unit normals of the flat faces beyond the sides of quads, 0 where there is none, or more than one.
+    """Return the unit normals (r, 4, 3) of the flat faces beyond the sides of quads, 0 for none or more than one.
 
-    bent : (f,) faces that are not flat.    first : (r,) the places of the first corners among `corners`.
+    bent : (f,) faces that are not flat.    starts : (r,) the places of the first corners among `corners`.
     """
     owner, h = np.repeat(np.arange(len(sizes)), sizes), np.arange(len(corners))
     start = np.cumsum(sizes) - sizes
@@ -80,7 +79,7 @@ def _normals_beside(V: Floats, corners: Ints, sizes: Ints, bent: Bools, first: I
     N = unit_vectors(np.stack([np.bincount(owner, x, len(sizes)) for x in turned.T], axis=1))
     _, edge, count = np.unique(np.minimum(a, b) * len(V) + np.maximum(a, b), return_inverse=True, return_counts=True)
     side = first[:, None] + np.arange(4)
-    beyond = np.bincount(edge, h)[edge[side]].astype(np.int64) - side  # of two numbers' sum, the other
+    beyond = np.bincount(edge, h)[edge[side]].astype(np.int64) - side  # the sum of both minus the first
     beyond = np.where(count[edge[side]] == 2, beyond, side)
     known = (beyond != side) & ~bent[owner[beyond]]
     same = np.where(a[beyond] == a[side], -1.0, 1.0) * known
@@ -88,24 +87,20 @@ def _normals_beside(V: Floats, corners: Ints, sizes: Ints, bent: Bools, first: I
 
 
 FEW = 12
-"""Corners up to which ears are clipped by their cuts: it takes k^3 steps."""
+"""Largest number of corners for cutting ears, which takes k^3 steps."""
 MANY = 2000
-"""Corners above which triangles are Delaunay's: of a comb of 100,000 earcut's take 4 s, these .2 s."""
+"""Number of corners above which triangles are Delaunay's: a comb of 100,000 takes 0.2 s, with earcut 4 s."""
 NOISE = 32 * float(np.finfo(np.float64).eps)
-"""A corner is straight where it is off the line of its neighbours by less, as a share of the largest coordinate."""
-SAME_AREA = 1e-6
-"""Largest accepted difference between the area of a polygon and that of its triangles, relative."""
+"""Distance from the line of its neighbours, as a share of the largest coordinate, below which a corner is straight."""
 ORDER = cdt.VertexInsertionOrder.AUTO
-"""Of points: those near to each other follow each other."""
+"""Order of insertion: near points follow each other."""
 TOGETHER = 1 << 12
-"""Polygons of one size that are cut together: as many as keep their numbers in the processor's cache."""
+"""Polygons of one size that are cut together; their numbers fit into the processor's cache."""
 
 
 def small_polygons_cut(P: Floats) -> Ints:
-    """(q, k - 2, 3) triangles, as corners 0..k-1, of q polygons P (q, k, 3) with 5 <= k <= `FEW` corners.
-
-    Where no corner is an ear (a polygon that crosses itself) the shortest cut of all is made.
-    """
+    """Return triangles (q, k - 2, 3), as corners 0..k-1, of q polygons P (q, k, 3) with 5 <= k <= `FEW` corners. If no
+    corner is an ear (a polygon that crosses itself), the shortest cut is taken."""
     parts = [_ears(P[first : first + TOGETHER]) for first in range(0, len(P), TOGETHER)]
     return np.concatenate(parts) if parts else np.empty((0, P.shape[1] - 2, 3), dtype=np.int64)
 
@@ -127,11 +122,11 @@ def _ears(P: Floats) -> Ints:
 
 
 def _are_ears(P: Floats, normal: Floats) -> Bools:
-    """(q, k) whether a corner of P (q, k, 3) is convex and its triangle empty, seen along normal (q, 3)."""
+    """Return the corners (q, k) of P (q, k, 3) that are convex with an empty triangle, seen along normal (q, 3)."""
     k = P.shape[1]
     a, b, c = np.roll(P, 1, axis=1), P, np.roll(P, -1, axis=1)
     convex = np.einsum("qki,qi->qk", np.cross(b - a, c - b), normal) > 0
-    others = P[:, (np.arange(k)[:, None] + np.arange(2, k - 1)) % k]  # (q, k, k - 3, 3): all but the ear's three
+    others = P[:, (np.arange(k)[:, None] + np.arange(2, k - 1)) % k]  # (q, k, k - 3, 3): corners outside the ear
     within = np.ones(others.shape[:3], dtype=bool)
     for start, end in ((a, b), (b, c), (c, a)):
         side = np.cross((end - start)[:, :, None], others - start[:, :, None])
@@ -141,12 +136,9 @@ def _are_ears(P: Floats, normal: Floats) -> Bools:
 
 
 def large_polygon_cut(P: Floats) -> Ints | None:
-    """(k - 2, 3) triangles of one polygon P (k, 3), as corners 0..k-1, cut as it is seen along its normal.
-
-    None where it crosses itself there, or has no area.
-
-    Every corner is a corner of a triangle, also those in the middle of a straight side: neighbours may end there.
-    """
+    """Return triangles (k - 2, 3) of a polygon P (k, 3), as corners 0..k-1, seen along its normal. None if it crosses
+    itself there, or has no area. Every corner is a corner of a triangle, also in the middle of a straight side, because
+    neighbours may end there."""
     flat, noise = _in_plane(P)
     x, y = flat.T
     area = float(np.sum(x * np.roll(y, -1) - y * np.roll(x, -1)))
@@ -155,26 +147,25 @@ def large_polygon_cut(P: Floats) -> Ints | None:
     ring, runs = _without_straight(flat, noise)
     F = _with_runs(ring[_ring_cut(flat[ring])], runs)
     twice = _twice_areas(flat, F)
-    sound = len(F) == len(P) - 2 and bool((twice > 0).all()) and abs(float(twice.sum()) - area) <= SAME_AREA * area
+    sound = len(F) == len(P) - 2 and bool((twice > 0).all()) and abs(float(twice.sum()) - area) <= 1e-6 * area
     return F if sound else None
 
 
 def fan(k: int) -> Ints:
-    """(k - 2, 3) triangles from the first of k corners."""
+    """Return triangles (k - 2, 3) from the first of k corners."""
     return np.array([[0, b, c] for b, c in pairwise(range(1, k))], dtype=np.int64)
 
 
 def _ring_cut(flat: Floats) -> Ints:
-    """(t, 3) triangles of an outline (k, 2)."""
     if len(flat) <= MANY:
         return _earcut(flat)
     cut, ends = cdt.Triangulation(ORDER, cdt.IntersectingConstraintEdges.NOT_ALLOWED, 0.0), np.arange(len(flat))
-    points: Any = np.ascontiguousarray(flat)  # a buffer, which Python has a word for from 3.12 on
+    points: Any = np.ascontiguousarray(flat)  # a buffer; Python has a type for it from 3.12 on
     sides: Any = np.stack([ends, np.roll(ends, -1)], axis=1).astype(np.uint32)
     try:
         cut.insert_vertices(points)
         cut.insert_edges(sides)
-    except RuntimeError:  # points twice, or sides that cross
+    except RuntimeError:  # repeated points, or crossing sides
         return _earcut(flat)
     cut.erase_outer_triangles()
     return np.asarray(cut.triangles_array()["vertices"], dtype=np.int64)
@@ -183,12 +174,13 @@ def _ring_cut(flat: Floats) -> Ints:
 def _earcut(flat: Floats) -> Ints:
     found = mapbox_earcut.triangulate_float64(np.ascontiguousarray(flat), np.array([len(flat)], dtype=np.uint32))
     F: Ints = np.asarray(found, dtype=np.int64).reshape(-1, 3)
-    turned = _twice_areas(flat, F) < 0  # versions differ in the direction
+    turned = _twice_areas(flat, F) < 0  # versions of earcut differ in the direction
     return np.where(turned[:, None], F[:, ::-1], F)
 
 
 def _in_plane(P: Floats) -> tuple[Floats, float]:
-    """(k, 2) P (k, 3) in a plane square to its mean normal, counter-clockwise, in units of its size; and its noise."""
+    """Return P (k, 3) in the plane of its mean normal, (k, 2), counter-clockwise, in units of its size; and its
+    noise."""
     size = float(np.ptp(P, axis=0).max()) or 1.0
     noise = NOISE * max(1.0, float(np.abs(P).max()) / size)
     P = (P - P.mean(axis=0)) / size
@@ -209,7 +201,7 @@ def _twice_areas(flat: Floats, F: Ints) -> Floats:
 
 
 def _turns(flat: Floats) -> tuple[Floats, Bools]:
-    """Of every corner of an outline (k, 2): how far it is right of the line between its neighbours, and whether the
+    """Return for each corner of an outline (k, 2) its distance to the right of its neighbours' line, and whether the
     outline goes on there rather than back."""
     to, on = flat - np.roll(flat, 1, axis=0), np.roll(flat, -1, axis=0) - flat
     cut = np.linalg.norm(to + on, axis=1)
@@ -219,7 +211,7 @@ def _turns(flat: Floats) -> tuple[Floats, Bools]:
 
 
 def _without_straight(flat: Floats, noise: float) -> tuple[Ints, list[Ints]]:
-    """The corners where the outline turns, and the straight runs between two of them, both ends included."""
+    """Return the corners where the outline turns, and the straight runs between two of them, with both ends."""
     k = len(flat)
     height, onward = _turns(flat)
     turning = np.flatnonzero((np.abs(height) > noise) | ~onward)
@@ -230,10 +222,7 @@ def _without_straight(flat: Floats, noise: float) -> tuple[Ints, list[Ints]]:
 
 
 def _with_runs(F: Ints, runs: list[Ints]) -> Ints:
-    """Triangles F (t, 3) with straight runs in place of the sides from their first to their last corner.
-
-    A run fans out from the corner opposite its side.
-    """
+    """Replace sides of triangles F (t, 3) by straight runs; a run fans out from the corner opposite its side."""
     if not runs:
         return F
     table = {edge: apex for a, b, c in F.tolist() for edge, apex in (((a, b), c), ((b, c), a), ((c, a), b))}
@@ -253,7 +242,7 @@ def _with_runs(F: Ints, runs: list[Ints]) -> Ints:
 
 @dataclass(frozen=True, eq=False)
 class Polygons:
-    """A mesh of polygons: V (n, 3) in the file's unit, and the corners of all faces one after the other.
+    """A mesh of polygons: V (n, 3) in the file's unit, and the corners of all faces in a row.
 
     corners : (c,) vertex indices; face k has sizes[k] of them.
     """
@@ -263,13 +252,13 @@ class Polygons:
     sizes: Ints
 
     def part(self, faces: Ints) -> "Polygons":
-        """The same vertices with some of the faces (f,), in their order."""
+        """Return the same vertices with the selected faces (f,), in their order."""
         owner = np.repeat(np.arange(len(self.sizes)), self.sizes)
         return Polygons(self.V, self.corners[np.isin(owner, faces)], self.sizes[faces])
 
 
 def polygons(V: list[list[float]], faces: list[list[int]]) -> Polygons:
-    """From lists, as the readers meet them."""
+    """Return a polygon mesh from lists."""
     return Polygons(
         np.array(V, dtype=np.float64).reshape(-1, 3),
         np.fromiter(chain.from_iterable(faces), dtype=np.int64),
@@ -282,7 +271,7 @@ class CutPolygons:
     """Triangles of polygons.
 
     F : (m, 3) vertex indices. owner : (m,) the polygon of each, ascending.
-    fanned : (p,) polygons that could only be cut as fans, from their first corners, because they cross themselves.
+    fanned : (p,) polygons that cross themselves and are cut as fans from their first corners.
     """
 
     F: Ints
@@ -291,11 +280,11 @@ class CutPolygons:
 
 
 def triangles(mesh: Polygons) -> CutPolygons:
-    """Polygons cut into triangles.
+    """Cut polygons into triangles: quads by `quads_cut`, larger ones by `small_polygons_cut` or `large_polygon_cut`.
 
-    A quad is cut as `dsfab.surface.files.polygons` says, mostly along its shorter diagonal, a larger polygon as
-    `dsfab.surface.files.polygons` does. Polygons with fewer than three corners are dropped;
-    one with a vertex outside the mesh, or that is not finite, is fanned, for the caller to refuse.
+    Polygons with fewer than three corners are dropped. A polygon with a missing vertex, or one that is not finite, is
+    cut
+    as a fan, and the caller has to refuse it.
     """
     start = np.concatenate([[0], np.cumsum(mesh.sizes)[:-1]]).astype(np.int64)
     of3, of4 = np.flatnonzero(mesh.sizes == 3), np.flatnonzero(mesh.sizes == 4)
@@ -315,7 +304,7 @@ def triangles(mesh: Polygons) -> CutPolygons:
 
 
 def _polygons_cut(V: Floats, corners: Ints) -> tuple[Ints, Bools]:
-    """(q, k - 2, 3) triangles, as corners 0..k-1, of q polygons (q, k), and which (q,) cross themselves."""
+    """Return triangles (q, k - 2, 3), as corners 0..k-1, of q polygons (q, k), and which (q,) cross themselves."""
     q, k = corners.shape
     there = (corners >= 0) & (corners < len(V))
     P = V[np.where(there, corners, 0)] if len(V) else np.zeros((q, k, 3))

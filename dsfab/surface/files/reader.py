@@ -1,4 +1,4 @@
-"""`read_surface`: a mesh file to a checked, oriented `Surface`; `describe`: the facts about a file, good or bad."""
+"""Checked, oriented `Surface` from a mesh file, and the facts about a mesh file."""
 
 from dataclasses import dataclass, replace
 from pathlib import Path
@@ -29,13 +29,10 @@ from dsfab.surface.topology import (
     pinches,
 )
 
-LARGEST_IN_METRES = 250.0
-"""A mesh with a longer box than this is guessed to be in millimetres: few shells are longer."""
-
 
 @dataclass(frozen=True, eq=False)
 class SurfaceInFile:
-    """The surface in a file, metres, and what was read, repaired and dropped to make it."""
+    """The surface in a file, metres, and the record of reading and repairing it."""
 
     surface: Surface
     record: FileRecord
@@ -49,19 +46,20 @@ def read_surface(
     max_triangles: int = DEFAULT_TRIANGLES,
     repair: bool = False,
 ) -> Surface:
-    """The surface in a mesh file, or a file of a CAD program (`MESH_SUFFIXES`), in metres.
+    """Return the surface in a mesh file, or in a file of a CAD program (`MESH_SUFFIXES`), in metres.
 
     unit : of the numbers in the file; None takes the unit the file declares (3MF, 3DM, DXF, STEP; glTF is in metres),
            else metres.
     up   : the file's axis that points to the sky.
-    mend : whether small faults are mended first: see `dsfab.surface.clean.repair`.
-    max_triangles : how many the file may have; what reading may cost follows from it.
-    repair : whether it is a raw scan, made a sheet first: see `dsfab.surface.clean.repair`.
+    mend : whether to mend small faults first: see `dsfab.surface.clean.repair`.
+    max_triangles : limit on triangles; the other limits of reading follow from it.
+    repair : whether the file is a raw scan, to be turned into a sheet first: see `dsfab.surface.clean.repair`.
 
-    Neighbouring faces that face opposite sides are turned, fewest first, and a closed piece that is inside out is
-    turned outward. A piece with one side only (a Moebius strip) keeps a seam of edges where neighbours disagree. A GLB
-    file has y up by its specification and is turned to z up. Pinches (parts touching in a point) and several pieces are
-    accepted: `describe` reports them, and `surface_in_file` what was repaired and dropped.
+    Faces are flipped so that neighbours agree, as few as possible, and closed pieces face outward. A piece with one
+    side
+    only (a Moebius strip) keeps a seam where neighbours disagree. A GLB file has y up by its specification and is
+    rotated
+    to z up. Pinches and several pieces are accepted; `describe` reports them, and `surface_in_file` the repairs.
 
     Raises SurfaceError for a file that cannot be read, coordinates that are not finite, collapsed or repeated faces,
     and edges with more than two faces.
@@ -77,14 +75,16 @@ def surface_in_file(
     max_triangles: int = DEFAULT_TRIANGLES,
     repair: bool = False,
 ) -> SurfaceInFile:
-    """The surface in a file together with what was read, repaired and dropped; see `read_surface`."""
+    """Return the surface in a file with the record of reading and repairing it; see `read_surface`."""
     raw = raw_mesh(path, max_triangles)
     return surface_of_file(path, mended_raw(raw, repair, unit) if mend or repair else raw, unit, up)
 
 
 def mended_raw(raw: RawMesh, scan: bool = False, unit: str | None = None) -> RawMesh:
-    """What was read from a file, in its unit where none is given, with its small faults mended, or repaired as a scan,
-    which its record tells."""
+    """Return a raw mesh with small faults mended, or repaired as a scan, with the repairs in its record.
+
+    unit : of its numbers; by default that of the file.
+    """
     metres = metres_per(unit) if unit else raw.metres
     better = (repaired_scan if scan else mended)(raw.V, raw.F, metres)
     if not better.repairs:
@@ -93,7 +93,7 @@ def mended_raw(raw: RawMesh, scan: bool = False, unit: str | None = None) -> Raw
 
 
 def surface_of_file(path: str | Path, raw: RawMesh, unit: str | None = None, up: Up = "z") -> SurfaceInFile:
-    """The surface of what was read from a file; see `read_surface`, which reads it first."""
+    """Return the surface of a raw mesh; see `read_surface`."""
     if not len(raw.F):
         raise SurfaceError(f"{path}: nothing is left once faults are mended: {'; '.join(raw.record.repaired)}")
     V = upright(raw.V * (metres_per(unit) if unit else raw.metres), up)
@@ -105,7 +105,7 @@ def surface_of_file(path: str | Path, raw: RawMesh, unit: str | None = None, up:
 
 
 def turned_over(before: Ints, after: Ints) -> tuple[str, ...]:
-    """How many faces (m, 3) were turned over, a few words; none where none was."""
+    """Return a text about the number of flipped faces (m, 3), or nothing."""
     count = int((before != after).any(axis=1).sum())
     if not count:
         return ()
@@ -114,7 +114,7 @@ def turned_over(before: Ints, after: Ints) -> tuple[str, ...]:
 
 
 def orientable(V: Floats, F: Ints) -> Surface:
-    """The surface of V (n, 3), metres, and F (m, 3), its faces turned the same way; see `read_surface`."""
+    """Return the surface of V (n, 3), metres, and F (m, 3), with its faces oriented; see `read_surface`."""
     surface = Surface(V, F)
     _check_manifold(F, surface.edges)
     turned = _oriented(V, F, surface.edges)
@@ -122,10 +122,8 @@ def orientable(V: Floats, F: Ints) -> Surface:
 
 
 def normalized(surface: Surface) -> Surface:
-    """The surface as a file would give it back: faces turned the same way, no vertex (n, 3) without a face (m, 3).
-
-    Raises SurfaceError as `read_surface` does.
-    """
+    """Return the surface as a file would return it: faces oriented, no vertex (n, 3) without a face (m, 3). Raises
+    SurfaceError as `read_surface` does."""
     used, F = np.unique(surface.F, return_inverse=True)
     if len(used) < surface.n:
         return orientable(surface.V[used], F.reshape(-1, 3))
@@ -149,7 +147,6 @@ def _check_manifold(F: Ints, edges: EdgeTable) -> None:
 
 
 def _oriented(V: Floats, F: Ints, edges: EdgeTable) -> Ints:
-    """F itself, or a copy with faces turned so that neighbours agree and closed pieces face outward."""
     flips = flips_to_orient(F, edges)
     if flips is None:
         flips = flips_along_tree(F, edges)
@@ -162,7 +159,6 @@ def _flipped(F: Ints, flips: Bools) -> Ints:
 
 
 def _inside_out(V: Floats, F: Ints, edges: EdgeTable) -> Bools:
-    """(m,) faces of closed pieces that enclose a negative volume."""
     count, piece = pieces(F, edges)
     on_boundary = edges.boundary[edges.of].any(axis=1)
     is_open = np.bincount(piece, on_boundary, minlength=count) > 0
@@ -172,13 +168,13 @@ def _inside_out(V: Floats, F: Ints, edges: EdgeTable) -> Bools:
 
 @dataclass(frozen=True)
 class MeshFacts:
-    """What is known about a mesh file, good or bad. Lengths in metres by the unit given; faces are triangles.
+    """Facts about a mesh file, sound or not. Lengths in metres by the unit in use; faces are triangles.
 
     Faces with vertices that are not finite count in `faces` and nowhere else. `volume` is None unless the mesh is
     closed and oriented; `genus` is None unless it is one oriented manifold piece. `faults` are the reasons why it is
-    not an oriented manifold, a sentence each, empty for a good mesh. `smallest_angle` is in degrees and leaves the
-    degenerate faces out. `unit_guess` is the file's own unit, or a guess from the size of the numbers; `unit_said`
-    tells which. `record` is what reading it repaired and dropped.
+    not an oriented manifold, a sentence each. `smallest_angle` is in degrees and leaves the degenerate faces out.
+    `unit_guess` is the file's own unit, or a guess from the size of the numbers, according to `unit_said`. `record`
+    lists the repairs and dropped parts.
     """
 
     path: str
@@ -210,7 +206,7 @@ class MeshFacts:
 
     @property
     def manifold(self) -> bool:
-        """Whether it is an oriented manifold without pinches and repeated faces."""
+        """True for an oriented manifold without pinches and repeated faces."""
         return not self.faults
 
     @property
@@ -220,15 +216,13 @@ class MeshFacts:
 
 
 def describe(path: str | Path, unit: str | None = None, max_triangles: int = DEFAULT_TRIANGLES) -> MeshFacts:
-    """The facts about a mesh file, also about one that `read_surface` refuses.
-
-    Raises SurfaceError when the file cannot be read at all or has no face with finite corners.
-    """
+    """Return the facts about a mesh file, also about a file that `read_surface` refuses. Raises SurfaceError if the
+    file cannot be read at all or has no face with finite corners."""
     return mesh_facts(path, raw_mesh(path, max_triangles), unit)
 
 
 def mesh_facts(path: str | Path, raw: RawMesh, unit: str | None = None) -> MeshFacts:
-    """The same of what was read from a file before."""
+    """Return the facts about a raw mesh."""
     V = raw.V * (metres_per(unit) if unit else raw.metres)
     finite: Bools = np.asarray(np.isfinite(V).all(axis=1))
     F = finite_faces(path, raw)
@@ -271,7 +265,7 @@ def mesh_facts(path: str | Path, raw: RawMesh, unit: str | None = None) -> MeshF
 
 
 def finite_faces(path: str | Path, raw: RawMesh) -> Ints:
-    """(k, 3) the faces of what was read from a file whose corners are finite; raises SurfaceError if there is none."""
+    """Return the faces (k, 3) of a raw mesh whose corners are finite; raises SurfaceError if none are."""
     finite: Bools = np.asarray(np.isfinite(raw.V).all(axis=1))
     F = raw.F[finite[raw.F].all(axis=1)]
     if not len(F):
@@ -284,7 +278,7 @@ def _triple(x: Floats) -> tuple[float, float, float]:
 
 
 def _boundary_lengths(V: Floats, F: Ints, edges: EdgeTable) -> tuple[float, ...]:
-    """Lengths of the boundary loops, longest first, metres; the mesh is oriented for it where that is possible."""
+    """Return the lengths of the boundary loops, longest first, metres, with the mesh oriented if possible."""
     flips = flips_to_orient(F, edges)
     turned = F if flips is None else _flipped(F, flips)
     loops = boundary_loops(turned, edge_table(turned))
@@ -292,13 +286,13 @@ def _boundary_lengths(V: Floats, F: Ints, edges: EdgeTable) -> tuple[float, ...]
 
 
 def _areas_and_smallest_angle(V: Floats, F: Ints, size: float) -> tuple[Floats, float]:
-    """(m,) areas, square metres, and the smallest angle of the faces that have one, degrees."""
+    """Return the areas (m,), square metres, and the smallest angle of faces with an area, degrees."""
     areas = lengths(area_vectors(V, F)) / 2
     sound = areas > ZERO_AREA * size**2
     return areas, float(np.degrees(face_angles(V, F[sound])).min()) if sound.any() else 0.0
 
 
 def unit_guess(raw: RawMesh) -> str:
-    """The declared unit, else metres for a box up to 250 long (a 30 is 30 m) and millimetres beyond (30000)."""
+    """Return the declared unit, else metres for a box up to 250 long (few shells are longer), else millimetres."""
     V = raw.V[in_reach(raw.V)]
-    return raw.unit or ("m" if np.ptp(V, axis=0).max() <= LARGEST_IN_METRES else "mm")
+    return raw.unit or ("m" if np.ptp(V, axis=0).max() <= 250.0 else "mm")

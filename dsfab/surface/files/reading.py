@@ -18,27 +18,19 @@ from dsfab.core.units import UNIT_WORDS
 from dsfab.surface.files.polygons import Polygons
 
 DEFAULT_TRIANGLES = 4_000_000
-"""Triangles of a file unless asked otherwise: twice what the whole line was ever tried with."""
-BYTES_EACH = 500
-"""Bytes of a file for each triangle: a text file with normals, textures and colours at every corner takes 350."""
-VERTICES_EACH = 3
-"""Vertices for each triangle: a soup has three."""
-SECONDS_EACH = 6e-5
-"""Seconds for each triangle: the slowest reader takes a sixth of it on one core of 2020."""
-SMALLEST = 20.0
-"""Seconds that any file may take."""
+"""Default limit on the triangles of a file: twice the largest mesh that was tried with all stages."""
 
 
 class MalformedFileError(ValueError):
-    """What is wrong with the content of a file, in words for its user; `guard.readable` adds the file's name."""
+    """Error in the content of a file, in words for its user; `readable` adds the file's name."""
 
 
 @dataclass(frozen=True)
 class Budget:
-    """How much one file may take.
+    """Limits of reading one file.
 
-    triangles : most triangles that it may have.
-    started   : when the reading began, seconds of the process's clock.
+    triangles : largest number of triangles.
+    started   : start of reading, seconds of the process's clock.
     """
 
     triangles: int = DEFAULT_TRIANGLES
@@ -46,28 +38,29 @@ class Budget:
 
     @property
     def bytes(self) -> int:
-        """Most bytes of the file, and of what it is unpacked to."""
-        return BYTES_EACH * self.triangles
+        """Largest size of the file, also unpacked; a text file with normals, textures and colours takes 350 bytes a
+        triangle."""
+        return 500 * self.triangles
 
     @property
     def seconds(self) -> float:
-        """Most seconds."""
-        return max(SMALLEST, SECONDS_EACH * self.triangles)
+        """Largest duration; the slowest reader takes a sixth of it on one core of 2020."""
+        return max(20.0, 6e-5 * self.triangles)
 
     def require_triangles(self, count: int) -> None:
-        """Raise SurfaceError for more triangles than are accepted."""
+        """Raise SurfaceError for more triangles than accepted."""
         self._require(count, self.triangles, "triangles")
 
     def require_vertices(self, count: int, what: str = "vertices") -> None:
-        """Raise SurfaceError for more vertices, or other records, than the accepted triangles can have."""
-        self._require(count, VERTICES_EACH * self.triangles, what)
+        """Raise SurfaceError for more vertices, or other records, than three for each accepted triangle."""
+        self._require(count, 3 * self.triangles, what)
 
     def require_bytes(self, count: int, what: str = "bytes") -> None:
-        """Raise SurfaceError for more bytes than a file of the accepted triangles has; `what` says of which kind."""
+        """Raise SurfaceError for more bytes than accepted; `what` names their kind."""
         self._require(count, self.bytes, what)
 
     def require_time(self) -> None:
-        """Raise SurfaceError once the reading took too long."""
+        """Raise SurfaceError if reading takes too long."""
         if time.monotonic() - self.started > self.seconds:
             raise SurfaceError(f"reading took more than {self.seconds:.0f} s; {_LIFT}")
 
@@ -77,7 +70,7 @@ class Budget:
 
 
 _LIFT = "make the mesh coarser, or allow more with --max-triangles N (surface.max_triangles in a preset)"
-"""What to do about any of the limits."""
+"""Remedy for any of the limits."""
 
 
 log = logging.getLogger(__name__)
@@ -85,14 +78,14 @@ log = logging.getLogger(__name__)
 
 @contextmanager
 def readable(path: Path, smaller: str, damaged: str) -> Iterator[None]:
-    """A file is read within this: whatever is raised there becomes a SurfaceError with a sentence.
+    """Convert any exception while a file is read into a SurfaceError with a sentence.
 
-    smaller : what to do where memory does not suffice.    damaged : what a foreign parser's error may mean.
+    smaller : remedy if memory does not suffice.    damaged : cause of a foreign parser's error.
     """
     kind = path.suffix[1:].upper()
     try:
         with warnings.catch_warnings(), np.errstate(all="ignore"):
-            warnings.simplefilter("ignore")  # of foreign parsers: what matters becomes a SurfaceError
+            warnings.simplefilter("ignore")  # of foreign parsers; real faults become a SurfaceError
             yield
     except SurfaceError as error:
         raise SurfaceError(f"{path}: {error}") from None
@@ -102,18 +95,18 @@ def readable(path: Path, smaller: str, damaged: str) -> Iterator[None]:
         raise SurfaceError(f"{path} needs more memory than there is; {smaller}") from None
     except OSError as error:
         raise SurfaceError(f"{path} cannot be read ({error.strerror or 'the system says no more'})") from None
-    except Exception:  # of a foreign parser: its words are no help to a person
+    except Exception:  # of a foreign parser, whose words do not help the user
         log.debug("reading %s", path, exc_info=True)
         raise SurfaceError(f"{path} cannot be read as {kind} ({damaged}); export it again") from None
 
 
 @dataclass(frozen=True)
 class FileRecord:
-    """What became of the content of one file, a few words for each thing.
+    """Texts about the content of one file, a few words each.
 
-    read     : the format and what it holds; then what is doubtful about it.
-    repaired : what is otherwise than in the file.
-    dropped  : what the file has and the surface has not.
+    read     : the format and its content; then doubts about it.
+    repaired : differences from the file.
+    dropped  : content of the file that the surface lacks.
     """
 
     read: tuple[str, ...] = ()
@@ -121,12 +114,12 @@ class FileRecord:
     dropped: tuple[str, ...] = ()
 
     def also(self, repaired: tuple[str, ...] = (), dropped: tuple[str, ...] = ()) -> "FileRecord":
-        """The record with more of what was repaired and dropped."""
+        """Return the record with more repairs and dropped parts."""
         return replace(self, repaired=(*self.repaired, *repaired), dropped=(*self.dropped, *dropped))
 
     @property
     def remarks(self) -> tuple[str, ...]:
-        """What a person should know, a line each: all but the plain fact of what the file holds."""
+        """Texts for the user, a line each: all except the plain content of the file."""
         kinds = ("read", self.read[1:]), ("repaired", self.repaired), ("dropped", self.dropped)
         return tuple(f"{kind}: {text}" for kind, texts in kinds for text in texts)
 
@@ -138,8 +131,8 @@ NOTHING_READ = FileRecord()
 class PolygonFile:
     """The polygons of a file, and remarks about the file.
 
-    doubts : what is odd about it and may be a fault. dropped : what was passed over. unit : the one that its comments
-    name. up : the axis that the program which wrote it has up, "y" or "z". None where they do not say.
+    doubts : oddities that may be faults. dropped : ignored parts. unit : the unit in its comments.
+    up : the default up axis of the program that wrote it, "y" or "z". None if unknown.
     """
 
     mesh: Polygons
@@ -153,7 +146,7 @@ class PolygonFile:
 class TriangleFile:
     """Triangles of a file: vertices V (n, 3) in its unit and faces F (m, 3); and remarks as of a `PolygonFile`.
 
-    unit : the one that the file declares, None if it does not say. metres : in one of it.
+    unit : the unit that the file declares, or None. metres : in one of it.
     """
 
     V: Floats
@@ -172,27 +165,26 @@ _MARKS = (
     (codecs.BOM_UTF16_BE, "utf-16-be", "UTF-16 text"),
 )
 _UNIT = re.compile(rf"\bunits?\s*[:=]\s*[\"']?({'|'.join(UNIT_WORDS)})\b", re.IGNORECASE)
-"""A comment that names one: '# File units = inches', 'comment unit: mm'."""
+"""A comment with a unit: '# File units = inches', 'comment unit: mm'."""
 _PROGRAMS = re.compile(r"\b(?:(SketchUp|Blender|Rhino)|(FreeCAD|AutoCAD|Revit|dsfab))\b", re.IGNORECASE)
-"""What have y up in the OBJ files that they write unasked, and what z."""
-SAYING = 4096
-"""Letters at the beginning of a file among which comments tell of it as a whole."""
+"""Programs whose OBJ files have y up by default (first group), or z."""
+
 BLOCK = 1 << 20
-"""Letters that are made into lines together, between two looks at the clock."""
+"""Letters that are split into lines together, between two checks of the time."""
 
 
 @dataclass(frozen=True)
 class TextFile:
-    """The text of a file with plain line ends, what is doubtful about it, and whether its last line has an end."""
+    """The text of a file with plain line ends, doubts about it, and whether its last line has an end."""
 
     text: str
     doubts: tuple[str, ...]
     ended: bool
 
     def numbered(self, budget: Budget) -> Iterator[tuple[int, str]]:
-        """Lines and their numbers from 1. Raises SurfaceError once reading takes too long."""
+        """Yield the line numbers from 1, and the lines. Raises SurfaceError if reading takes too long."""
         number, at, text = 0, 0, self.text
-        while at <= len(text):  # some lines at a time: a list of all takes several times the file
+        while at <= len(text):  # in blocks, because a list of all lines takes several times the file
             end = text.find("\n", at + BLOCK)
             end = len(text) if end < 0 else end
             budget.require_time()
@@ -202,23 +194,21 @@ class TextFile:
             at = end + 1
 
     def cut_off(self, last: str) -> tuple[str, ...]:
-        """A doubt about a last line without an end, `last` being what it should be part of; none if it has one."""
+        """Return a doubt about a last line without an end, which should be part of `last`; nothing if it has an end."""
         return () if self.ended else (f"the last line has no end: the file may be cut off within {last}",)
 
 
 def may_lack_digits(word: str, count: int) -> bool:
-    """Whether a whole number at the end of a file, which counts from 1 to `count`, may have lost its last digits: there
-    are none with more unless ten times as many are counted."""
+    """Return whether a whole number from 1 to `count` at the end of a file may have lost its last digits. It cannot if
+    another digit would exceed `count`."""
     if not (word.isascii() and word.isdigit()):
         return True
     return len(word) <= len(str(count)) and 10 * int(word) <= count  # Python reads no number of 5000 digits
 
 
 def text_file(data: bytes) -> TextFile:
-    """The text in `data`: UTF-8, or what a byte order mark or zeros between the letters say.
-
-    Bytes that are no text become a sign that no number has. Raises MalformedFileError for UTF-16 that is cut off.
-    """
+    """Return the text in `data`: UTF-8, or the encoding of a byte order mark or of zeros between the letters. Invalid
+    bytes become a letter that no number has. Raises MalformedFileError for incomplete UTF-16."""
     encoding, doubt, skipped = "utf-8", "", 0
     for mark, name, word in _MARKS:
         if data.startswith(mark):
@@ -239,9 +229,9 @@ def text_file(data: bytes) -> TextFile:
 
 @dataclass(frozen=True)
 class Said:
-    """What comments at the beginning of a file say of its numbers; None where they do not.
+    """Declarations in comments at the beginning of a file; None for missing ones.
 
-    unit : a key of METRES_PER.    up : "y" or "z", which the program that wrote the file has up unasked.
+    unit : a key of METRES_PER.    up : "y" or "z", the default up axis of the program that wrote the file.
     """
 
     unit: str | None = None
@@ -249,8 +239,8 @@ class Said:
 
 
 def said_in_comments(text: str, marks: tuple[str, ...]) -> Said:
-    """The unit and the vertical axis in comments at the beginning of a file, lines that begin with `marks`."""
-    said = "\n".join(line for line in text[:SAYING].split("\n") if line.lstrip().startswith(marks))
+    """Return the unit and the up axis from comments, which begin with `marks`, in the first 4096 letters of a file."""
+    said = "\n".join(line for line in text[:4096].split("\n") if line.lstrip().startswith(marks))
     unit, program = _UNIT.search(said), _PROGRAMS.search(said)
     return Said(
         None if unit is None else UNIT_WORDS[unit[1].lower()],
@@ -259,31 +249,32 @@ def said_in_comments(text: str, marks: tuple[str, ...]) -> Said:
 
 
 def float_of(word: str) -> float:
-    """A number; raises ValueError for what Python alone takes for one (1_0)."""
+    """Return a number; raises ValueError, also for Python's own notation (1_0)."""
     if "_" in word:
         raise ValueError
     return float(word)
 
 
 def whole_number(word: str) -> int:
-    """A whole number; raises ValueError for what Python alone takes for one (1_0)."""
+    """Return a whole number; raises ValueError, also for Python's own notation (1_0)."""
     if "_" in word:
         raise ValueError
     return int(word)
 
 
 FLAT = 2e-4
-"""How far the sides of a polygon may be off the curve, as a share of the curve's size."""
-FINEST = 1024
-"""Points at most between two knots of a curve."""
+"""Largest distance of a polygon's sides from its curve, as a share of the curve's size."""
+
 LARGEST = 1e12
-"""Larger numbers are no lengths and no angles, and some that foreign libraries count down from would take for ever."""
+"""Larger numbers are no lengths or angles, and foreign libraries may loop endlessly on them."""
 
 
 @dataclass(frozen=True, eq=False)
 class Drawing:
-    """What is drawn: layer and points (k, 3) of each curve, in the drawing's unit; the layers; the unit, if it says;
-    layer and place (1, 3) of each point that is drawn."""
+    """Content of a drawing, in its unit: layer and points (k, 3) of each curve; the layers; the unit, or None; layer
+    and
+    place (1, 3) of each point.
+    """
 
     runs: tuple[tuple[str, Floats], ...]
     layers: tuple[str, ...]
@@ -293,10 +284,10 @@ class Drawing:
 
 @dataclass(frozen=True)
 class DrawingBudget:
-    """How much a drawing of outlines may take: nobody draws doors and supports with more.
+    """Limits of a drawing of outlines, far beyond the size of drawn doors and supports.
 
-    bytes, entities (those of a block count each time that it is inserted), points of all curves, seconds; depth of
-    blocks within blocks.  started : when the reading began, seconds of the process's clock.
+    bytes, entities (those of a block count at each insertion), points of all curves, seconds; depth of nested blocks.
+    started : start of reading, seconds of the process's clock.
     """
 
     bytes: int = 50_000_000
@@ -319,16 +310,17 @@ class DrawingBudget:
 
 
 _APART = "put the outlines into a drawing of their own"
-"""What to do about any of the limits."""
+"""Remedy for any of the limits."""
 
 
 def flattened(spans: Floats, at: Callable[[Floats], Floats]) -> Floats:
-    """(k, 3) points `at` the ends of spans (s,) of a curve and at as many between as it takes to be within `FLAT`."""
+    """Return points (k, 3) of `curve` at the ends of spans (s,) and, within 1024 a span, enough between to be within
+    `FLAT`."""
     count = 4
     while True:
         t = np.interp(np.arange(2 * count * (len(spans) - 1) + 1) / (2 * count), np.arange(len(spans)), spans)
         points = at(t)
         off = np.linalg.norm(points[1::2] - (points[:-1:2] + points[2::2]) / 2, axis=1).max()
-        if off <= FLAT * np.linalg.norm(np.ptp(points, axis=0)) or count >= FINEST:
+        if off <= FLAT * np.linalg.norm(np.ptp(points, axis=0)) or count >= 1024:
             return np.asarray(points[::2])
         count *= 2

@@ -18,17 +18,15 @@ UNITS = {
     "Millimeters": "mm", "Centimeters": "cm", "Decimeters": "dm", "Meters": "m", "Kilometers": "km",
     "Inches": "in", "Feet": "ft",
 }  # fmt: skip
-"""Names of rhino3dm."""
+"""Units by their names in rhino3dm."""
 MARKS = ("Point", "TextDot", "PolylineCurve", "LineCurve", "ArcCurve", "NurbsCurve", "PolyCurve", "Light")
-"""What is drawn beside a surface and needs no word."""
+"""Objects beside a surface that need no remark."""
 
 
 def read_rhino(path: Path, budget: DrawingBudget) -> Drawing:
-    """The curves of a 3DM file, blocks opened, its layers and its unit.
-
-    Raises SurfaceError without the library and beyond the budget, MalformedFileError for what is no 3DM file. The
-    library may crash on a damaged file: `apart.read_rhino_apart` reads what comes from elsewhere.
-    """
+    """Return the curves of a 3DM file, with blocks expanded, its layers and its unit. Raises SurfaceError without the
+    library and beyond the budget, MalformedFileError for another file. The library may crash on a damaged file;
+    `separate_process.read_rhino_apart` is safe for foreign files."""
     require_rhino()
     import rhino3dm
 
@@ -46,10 +44,8 @@ def read_rhino(path: Path, budget: DrawingBudget) -> Drawing:
 
 
 def read_rhino_meshes(path: Path, budget: DrawingBudget) -> TriangleFile:
-    """The meshes of a 3DM file, blocks opened, and those that it was saved with of surfaces; none joined with another.
-
-    Raises SurfaceError for a file with surfaces alone that were saved without meshes, and as `read_rhino` does.
-    """
+    """Return the meshes of a 3DM file and the saved meshes of its surfaces, with blocks expanded and nothing joined.
+    Raises SurfaceError for a file whose surfaces were saved without meshes, and as `read_rhino` does."""
     model = _model(path)
     V, F, count, bare, others = list[Floats](), list[Ints](), 0, 0, 0
     for _, thing, place in _Model.things_of(model, budget):
@@ -71,7 +67,7 @@ def read_rhino_meshes(path: Path, budget: DrawingBudget) -> TriangleFile:
 
 
 def _meshes(thing: Any) -> list[Any] | None:
-    """The meshes of what is drawn; [] for what is no surface, None for a surface that was saved without one."""
+    """Return the meshes of an object; [] if it is no surface, None for a surface that was saved without a mesh."""
     import rhino3dm
 
     if isinstance(thing, rhino3dm.Mesh):
@@ -86,7 +82,6 @@ def _meshes(thing: Any) -> list[Any] | None:
 
 
 def _mesh_arrays(mesh: Any) -> tuple[Floats, Ints]:
-    """V (n, 3) and F (m, 3) of a mesh, quads cut along their shorter diagonals."""
     V = np.array([[p.X, p.Y, p.Z] for p in mesh.Vertices], dtype=np.float64).reshape(-1, 3)
     quads = np.array([mesh.Faces[k] for k in range(len(mesh.Faces))], dtype=np.int64).reshape(-1, 4)
     sizes = np.where(quads[:, 2] == quads[:, 3], 3, 4)
@@ -95,7 +90,6 @@ def _mesh_arrays(mesh: Any) -> tuple[Floats, Ints]:
 
 
 def _model(path: Path) -> Any:
-    """The model in a file; raises MalformedFileError for what is none."""
     import rhino3dm
 
     model = rhino3dm.File3dm.Read(str(path))
@@ -105,8 +99,8 @@ def _model(path: Path) -> Any:
 
 
 class _Model:
-    """Walks through what is drawn and counts it: what a block holds lies among all objects, and is drawn where the
-    block is inserted, moved by its matrix."""
+    """Iterator over the drawn objects that counts them. The content of a block is among all objects, and is drawn where
+    the block is inserted, moved by its matrix."""
 
     def __init__(self, model: Any, budget: DrawingBudget) -> None:
         self.model, self.budget, self.count = model, budget, 0
@@ -114,13 +108,12 @@ class _Model:
 
     @classmethod
     def things_of(cls, model: Any, budget: DrawingBudget) -> Iterator[tuple[str, Any, Floats]]:
-        """Layer, geometry and matrix (4, 4) of everything that is drawn; raises SurfaceError beyond the budget."""
+        """Yield layer, geometry and matrix (4, 4) of all drawn objects; raises SurfaceError beyond the budget."""
         budget.require("entities", len(model.Objects))
         drawn = (thing for thing in model.Objects if not thing.Attributes.IsInstanceDefinitionObject)
         return cls(model, budget).things(drawn, np.eye(4), 0)
 
     def things(self, things: Iterable[Any], place: Floats, depth: int) -> Iterator[tuple[str, Any, Floats]]:
-        """The same of some objects, moved by a matrix (4, 4)."""
         import rhino3dm
 
         if depth > self.budget.depth:
@@ -135,7 +128,8 @@ class _Model:
                 yield self.layers.get(thing.Attributes.LayerIndex, ""), thing.Geometry, place
 
     def _block(self, number: Any) -> list[Any]:
-        """What a block holds; raises MalformedFileError for one that is not in the file, as of a linked one."""
+        """Return the content of a block; raises MalformedFileError if it is not in the file, like that of a linked
+        block."""
         block = self.model.InstanceDefinitions.FindId(number)
         inside = [self.model.Objects.FindId(one) for one in block.GetObjectIds()] if block else []
         if not inside or None in inside:
@@ -145,12 +139,10 @@ class _Model:
 
 
 def _moved(points: Floats, place: Floats) -> Floats:
-    """Points (k, 3) moved by a matrix (4, 4)."""
     return np.asarray(points @ place[:3, :3].T + place[:3, 3])
 
 
 def _matrix(moved: Any) -> Floats:
-    """(4, 4) of Rhino's transformation."""
     return np.array([[getattr(moved, f"M{i}{j}") for j in range(4)] for i in range(4)], dtype=np.float64)
 
 
@@ -161,7 +153,7 @@ def require_rhino() -> None:
 
 
 def _points(curve: Any) -> Floats:
-    """(k, 3) points of a curve, as many as it takes to be within `FLAT` of it; the corners of a polyline."""
+    """Return points (k, 3) of a curve, enough to be within `FLAT` of it; the corners of a polyline."""
     line = curve.TryGetPolyline()
     if curve.IsPolyline() and line is not None:
         return np.array([[p.X, p.Y, p.Z] for p in line])
@@ -169,18 +161,10 @@ def _points(curve: Any) -> Floats:
     return flattened(spans, lambda t: np.array([[p.X, p.Y, p.Z] for p in map(curve.PointAt, t)]))
 
 
-ACROSS = 2e-4
-"""Largest distance of a triangle from a curved face, as a share of the diagonal of the bounding box."""
-ANGLE = 0.2
-"""Largest turn from one triangle to the next, radians."""
-
-
 def read_occt(path: Path) -> TriangleFile:
-    """The triangles of all faces; those of neighbours stand at the same places and are not joined.
-
-    STEP files are turned into millimetres by OCCT; BREP files do not say their unit. Raises MalformedFileError for what
-    OCCT cannot read, and for a file without faces.
-    """
+    """Return the triangles of all faces; those of neighbours have the same places and are not joined. OCCT converts
+    STEP files into millimetres; BREP files do not declare their unit. Raises MalformedFileError for files that OCCT
+    cannot read, and for a file without faces."""
     from OCP.Bnd import Bnd_Box
     from OCP.BRepBndLib import BRepBndLib
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
@@ -192,7 +176,8 @@ def read_occt(path: Path) -> TriangleFile:
     faces = TopExp_Explorer(shape, TopAbs_FACE)
     if not faces.More() or box.IsVoid():
         raise MalformedFileError("it holds no faces, only curves or points")
-    BRepMesh_IncrementalMesh(shape, ACROSS * box.SquareExtent() ** 0.5, False, ANGLE, False)
+    # triangles within this share of the diagonal of the box, 0.2 radians between neighbours
+    BRepMesh_IncrementalMesh(shape, 2e-4 * box.SquareExtent() ** 0.5, False, 0.2, False)
     V, F, count, lost = list[Floats](), list[Ints](), 0, 0
     while faces.More():
         points, corners = _triangles(faces.Current())
@@ -208,7 +193,6 @@ def read_occt(path: Path) -> TriangleFile:
 
 
 def _shape(path: Path) -> Any:
-    """What a file holds."""
     from OCP.Message import Message
 
     Message.DefaultMessenger_s().ChangePrinters().Clear()
@@ -231,7 +215,6 @@ def _shape(path: Path) -> Any:
 
 
 def _triangles(face: Any) -> tuple[Floats, Ints]:
-    """V (n, 3) and F (m, 3) of a face, as seen from its outside."""
     from OCP.BRep import BRep_Tool
     from OCP.TopAbs import TopAbs_REVERSED
     from OCP.TopLoc import TopLoc_Location

@@ -1,5 +1,8 @@
-"""Files that foreign libraries read, in a process of their own: rhino3dm crashes on some damaged files of 7 kB, and
-takes 6.7 GB or half a minute for others; OCCT may take any time for a surface, and end the process."""
+"""Separate process for the readers of 3DM, STEP and BREP files, with limits on time and memory.
+
+rhino3dm crashes on some damaged files of 7 kB, and takes 6.7 GB or half a minute for others. OCCT may take any time for
+a surface, and may end the process.
+"""
 
 import importlib.util
 import io
@@ -19,23 +22,21 @@ from dsfab.surface.files.rhino_and_step import read_occt, read_rhino, read_rhino
 
 GIB = 2**30
 MEMORY = {"drawing": GIB, "meshes": GIB, "cad": 4 * GIB}
-"""Bytes of addresses beyond those that the process has before it reads."""
+"""Bytes of address space beyond that of the process before it reads."""
 SECONDS = {"drawing": 3, "meshes": 6, "cad": 60}
-"""Of the processor for a small file; as many more for each `EACH` bytes."""
-EACH = 10_000_000
-JOINED = 1e-7
-"""Points of two CAD faces on their common edge are this near each other, as a share of the largest side."""
+"""Seconds of the processor for a small file, and again for each 10 MB."""
 PROGRAM = "from dsfab.surface.files.separate_process import main; main()"
 WHOSE = {"drawing": "Rhino's library", "meshes": "Rhino's library", "cad": "OCCT"}
 
 
 def read_rhino_apart(path: Path, budget: DrawingBudget) -> Drawing:
-    """As `read_rhino`, and raises MalformedFileError where the library crashes or takes too much."""
+    """Return the drawing of `read_rhino`; raises MalformedFileError also if the library crashes or exceeds its
+    limits."""
     require_rhino()
     try:
         said = json.loads(_said("drawing", path, budget.seconds))
     except subprocess.TimeoutExpired:
-        budget.require_time()  # it says that it took too long
+        budget.require_time()  # raises the error for too long
         raise
     _raise(said)
     runs, points = (
@@ -46,7 +47,7 @@ def read_rhino_apart(path: Path, budget: DrawingBudget) -> Drawing:
 
 
 def read_3dm(path: Path, budget: Budget) -> TriangleFile:
-    """The meshes of a 3DM file, vertices at exactly the same place made one. Raises as `read_rhino_apart` does."""
+    """Return the meshes of a 3DM file with coincident vertices merged. Raises as `read_rhino_apart` does."""
     require_rhino()
     found = _triangles("meshes", path, budget)
     V, F = equal_merged(found.V, found.F)
@@ -54,16 +55,16 @@ def read_3dm(path: Path, budget: Budget) -> TriangleFile:
 
 
 def read_cad(path: Path, budget: Budget) -> TriangleFile:
-    """The faces of a STEP or BREP file as triangles, joined along common edges. Raises as `read_rhino_apart` does."""
+    """Return the faces of a STEP or BREP file as triangles, joined along common edges. Raises as `read_rhino_apart`
+    does."""
     found = _triangles("cad", path, budget)
-    V, became = merged(found.V, JOINED)
+    V, became = merged(found.V, 1e-7)  # as near are the points of two faces on their common edge
     F = became[found.F]
     whole = (np.roll(F, 1, axis=1) != F).all(axis=1)
     return TriangleFile(V, F[whole], found.unit, found.metres, found.doubts, found.dropped)
 
 
 def _triangles(kind: str, path: Path, budget: Budget) -> TriangleFile:
-    """What the program reads, checked against the budget."""
     try:
         answer = _said(kind, path, budget.seconds + SECONDS[kind])
     except subprocess.TimeoutExpired:
@@ -76,8 +77,7 @@ def _triangles(kind: str, path: Path, budget: Budget) -> TriangleFile:
 
 
 def _said(kind: str, path: Path, most: float) -> bytes:
-    """What the program writes; raises MalformedFileError where it ends early."""
-    seconds = int(SECONDS[kind] * (1 + path.stat().st_size / EACH))
+    seconds = int(SECONDS[kind] * (1 + path.stat().st_size / 10_000_000))
     command = [sys.executable, "-P", "-c", PROGRAM, kind, str(path.resolve()), str(seconds)]
     found = os.environ | {"PYTHONPATH": os.pathsep.join(one for one in sys.path if one)}
     done = subprocess.run(command, capture_output=True, env=found, timeout=most, check=False)
@@ -94,7 +94,7 @@ def _raise(said: dict[str, Any]) -> None:
 
 
 def main() -> None:
-    """The program: what is read, the file and its seconds as arguments; the answer is a line of JSON, of meshes an .npz
+    """Run the program; arguments: kind of file, path, seconds. The answer is a line of JSON; for meshes it is an .npz
     file with that line in it."""
     kind, path, seconds = sys.argv[1:]
     _limit(int(seconds), MEMORY[kind])
@@ -127,7 +127,7 @@ def _meshes(kind: str, path: Path) -> tuple[dict[str, Any], Any, Any]:
 
 
 def _limit(seconds: int, memory: int) -> None:
-    """Less memory and time for this process, where the system knows such limits (not on Windows)."""
+    """Limit memory and time of this process, where the system supports it (not on Windows)."""
     if importlib.util.find_spec("resource") is None:
         return
     import resource

@@ -19,7 +19,7 @@ from dsfab.surface.clean.seams import equal_merged
 from dsfab.surface.files.reading import Budget, MalformedFileError, TriangleFile, text_file
 
 HEAD, EACH = 84, 50
-"""Bytes of the header with the number of triangles behind it, and of each triangle."""
+"""Bytes of the header with the number of triangles, and of each triangle."""
 _RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attribute", "<u2")])
 _VERTEX = r"vertex\s+(\S+)\s+(\S+)\s+(\S+)\s+"
 _FACET = re.compile(
@@ -28,16 +28,13 @@ _FACET = re.compile(
 )
 _BETWEEN = re.compile(r"\s*(?:end\s*solid|solid)\b[^\n]*?(?=\n|\sfacet\s|\Z)", re.IGNORECASE)
 CHUNK = 1 << 14
-"""Triangles of a text file between two looks at the clock."""
+"""Triangles of a text file between two checks of the time."""
 
 
 def read_stl(data: bytes, budget: Budget) -> TriangleFile:
-    """The triangles, corners at exactly the same place made one: they have the same bits everywhere.
-
-    Many binary files begin with "solid" as those in text do, so the length decides.
-
-    Raises MalformedFileError for a file that is cut off or neither, SurfaceError beyond the budget.
-    """
+    """Return the triangles, with corners at exactly the same place merged, because they have the same bits everywhere.
+    Many binary files begin with "solid" like text files, so the length decides. Raises MalformedFileError for a file
+    that is incomplete or neither, SurfaceError beyond the budget."""
     count = struct.unpack_from("<I", data, 80)[0] if len(data) >= HEAD else -1
     whole = HEAD + EACH * count
     looks_like_text = b"facet" in data[:2000].replace(b"\0", b"").lower() or len(data) < HEAD
@@ -89,20 +86,13 @@ def _number(word: str) -> float:
 
 
 def _line(text: str, at: int) -> int:
-    """The number, from 1, of the line of the first letter behind `at`."""
+    """Return the number, from 1, of the line of the first letter behind position `at`."""
     return text.count("\n", 0, at) + text[at:].count("\n", 0, len(text) - at - len(text[at:].lstrip())) + 1
 
 
-_MICROMETRE = 1e-6
-"""Metres; 3MF alone knows this unit."""
 _UNITS = {"MicroMeter": "um", "MilliMeter": "mm", "CentiMeter": "cm", "Meter": "m", "Inch": "in", "Foot": "ft"}
 
-TIGHTEST = 60
-"""Bytes for each byte of the packed file: numbers pack to a tenth, the same triangle over and over to a hundredth."""
-SMALL = 1 << 24
-"""Bytes that any file may unpack to."""
-DEEPEST = 100
-"""Objects made of objects made of objects."""
+
 _PARTS = re.compile(rb"<(/?)(?:[\w.-]+:)?(object|component|item)\b([^>]*)>")
 _TRIANGLE = re.compile(rb"[<:]triangle\s")
 _ATTRIBUTE = re.compile(rb"""\b(id|objectid|path)\s*=\s*["']([^"']*)["']""")
@@ -112,10 +102,8 @@ Key = tuple[str, bytes]
 
 
 def read_3mf(path: Path, data: bytes, budget: Budget) -> TriangleFile:
-    """All objects that the build plate holds, moved to their places.
-
-    Raises MalformedFileError for a file that is damaged, SurfaceError beyond the budget, both before lib3mf sees it.
-    """
+    """Return all objects on the build plate, moved to their places. Raises MalformedFileError for a damaged file,
+    SurfaceError beyond the budget, both before lib3mf reads it."""
     plate = _Plate(data, budget)
     budget.require_triangles(plate.triangles())
     import lib3mf
@@ -127,7 +115,7 @@ def read_3mf(path: Path, data: bytes, budget: Budget) -> TriangleFile:
         parts = list(_meshes(model.MergeToModel()))
     except lib3mf.ELib3MFException as error:
         raise MalformedFileError(f"lib3mf refuses it with code {error._code}") from None
-    metres = _MICROMETRE if unit == "um" else metres_per(unit)
+    metres = 1e-6 if unit == "um" else metres_per(unit)
     offsets = np.cumsum([0, *(len(V) for V, _ in parts)])[:-1].tolist()
     V = np.concatenate([np.empty((0, 3)), *(V for V, _ in parts)])
     F = np.concatenate([np.empty((0, 3), dtype=np.int64), *(F + n for (_, F), n in zip(parts, offsets, strict=True))])
@@ -137,7 +125,6 @@ def read_3mf(path: Path, data: bytes, budget: Budget) -> TriangleFile:
 
 
 def _meshes(model: Any) -> Iterator[tuple[Floats, Ints]]:
-    """V (n, 3) and F (m, 3) of each mesh."""
     objects = model.GetMeshObjects()
     while objects.MoveNext():
         mesh = objects.GetCurrentMeshObject()
@@ -147,7 +134,7 @@ def _meshes(model: Any) -> Iterator[tuple[Floats, Ints]]:
 
 
 class _Plate:
-    """What takes memory in a file: triangles of objects, what they are made of, and the plate's items."""
+    """Content of a file that takes memory: triangles and components of objects, and the items on the plate."""
 
     def __init__(self, data: bytes, budget: Budget) -> None:
         self.own: dict[Key, int] = {}
@@ -177,11 +164,10 @@ class _Plate:
                 whose.append((path, values.get(b"objectid", b"")))
 
     def triangles(self) -> int:
-        """Of all items of the plate, with what they are made of."""
         return sum(self._of(item, 0) for item in self.items)
 
     def _of(self, key: Key, depth: int) -> int:
-        if depth > DEEPEST:
+        if depth > 100:
             raise MalformedFileError("an object of it is made of itself, or of objects in over 100 levels")
         self.used.add(key)
         if key not in self._known:
@@ -191,11 +177,12 @@ class _Plate:
 
 
 def _models(data: bytes, budget: Budget) -> Iterator[tuple[str, bytes]]:
-    """Names and texts of the parts of a file that hold objects, once all parts are known to be small and whole."""
+    """Yield names and texts of the parts of a file with objects, after a check that all parts are small and sound."""
     try:
         with zipfile.ZipFile(io.BytesIO(data)) as packed:
             size = sum(entry.file_size for entry in packed.infolist())
-            if size > max(SMALL, TIGHTEST * len(data)):
+            # numbers shrink to a tenth, the same triangle over and over to a hundredth
+            if size > max(1 << 24, 60 * len(data)):
                 raise MalformedFileError(f"it unpacks to {size / len(data):,.0f} times its size, which no mesh does")
             budget.require_bytes(size, "bytes once it is unpacked")
             for entry in packed.infolist():

@@ -19,15 +19,15 @@ LimitState = Literal["ULS", "SLS", ""]
 """Ultimate and serviceability limit state."""
 
 COMBINED = "combined"
-"""What [diffusion] follow says for all cases at once; no case and no combination may have this name."""
+"""Value of [diffusion] follow for all cases at once; no case and no combination may have this name."""
 
 
 @dataclass(frozen=True)
 class Combination:
     """A sum of cases: `[[surface.combination]]  name = "uls"  factors = { dead = 1.35, snow = 1.5 }`.
 
-    factors     : case -> what its loads are multiplied with; cases that are not named take no part.
-    limit_state : ULS, what stress and buckling are judged in; SLS, displacements; empty: both.
+    factors     : case -> factor on its loads; other cases take no part.
+    limit_state : ULS, for stress and buckling; SLS, for displacements; empty: both.
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
@@ -37,23 +37,21 @@ class Combination:
 
     @property
     def formula(self) -> str:
-        """The sum in words: '1.35 dead + 1.5 snow'."""
+        """The sum as text: '1.35 dead + 1.5 snow'."""
         return " + ".join(f"{factor:.5g} {case}" for case, factor in self.factors.items())
 
 
 def case_names(loads: Sequence[Load]) -> list[str]:
-    """Names of the cases, in the order in which the loads first name them."""
+    """Return the names of the cases, in the order in which the loads first name them."""
     return list(dict.fromkeys(load.case for load in loads))
 
 
 def load_cases(
     surface: Surface, supports: Sequence[Support], loads: Sequence[Load], weight: float = 0.0
 ) -> dict[str, LoadCase]:
-    """The `LoadCase.build` of each case. All have the same supports and the same `loaded`: the vertices under a
-    concentrated load of any case, since the pattern has to carry them all.
-
-    Raises SurfaceError as `LoadCase.build` does, and names the case when there are several.
-    """
+    """Return the `LoadCase.build` of each case, all with the same supports. `loaded` is also the same: vertices under a
+    concentrated load of any case, because the pattern has to carry them all. Raises SurfaceError as `LoadCase.build`
+    does, with the name of the case if there are several."""
     names = case_names(loads)
     if len(names) < 2:
         return {name: LoadCase.build(surface, supports, loads, weight) for name in names or ["load"]}
@@ -68,7 +66,7 @@ def load_cases(
 
 
 def together(cases: Mapping[str, LoadCase], factors: Mapping[str, float] | None = None) -> LoadCase:
-    """Cases that act at the same time, each multiplied with its factor: all of them once when left out."""
+    """Return the sum of cases that act at the same time, with their factors; by default all cases once."""
     first = next(iter(cases.values()))
     taken = dict.fromkeys(cases, 1.0) if factors is None else factors
     force = np.sum([factor * cases[name].force for name, factor in taken.items()], axis=0)
@@ -86,7 +84,7 @@ Psi = tuple[Share, Share, Share]
 PSI: dict[str, Psi] = {
     "imposed A": (0.7, 0.5, 0.3),  # homes
     "imposed B": (0.7, 0.5, 0.3),  # offices
-    "imposed C": (0.7, 0.7, 0.6),  # where people meet
+    "imposed C": (0.7, 0.7, 0.6),  # congregation areas
     "imposed D": (0.7, 0.7, 0.6),  # shops
     "imposed E": (1.0, 0.9, 0.8),  # stores
     "imposed F": (0.7, 0.7, 0.6),  # vehicles up to 30 kN
@@ -116,24 +114,22 @@ ActionKind = Literal[
 ]
 
 OF_LOADS: dict[str, ActionKind] = {"self_weight": "permanent", "cladding": "permanent", "snow": "snow", "wind": "wind"}
-"""What loads of some kinds are; of others only whoever made the preset knows."""
+"""Kinds of actions for kinds of loads; for other loads the preset has to state it."""
 
 ONE_AT_A_TIME = ("snow", "snow high", "wind", "temperature")
-"""Cases of these kinds stand for one another: wind blows from one side at a time."""
-
-MOST = 200
-"""Combinations, at most."""
+"""Kinds whose cases exclude each other: wind blows from one side at a time."""
 
 
 @dataclass(frozen=True)
 class DesignFactors:
-    """gamma, xi and psi of a national annex: `[surface.factors]  variable = 1.6  psi = { snow = [0.6, 0.3, 0.0] }`.
+    """Factors gamma, xi and psi of a national annex: `[surface.factors]  variable = 1.6  psi = { snow = [0.6, 0.3,
+    0.0] }`.
 
-    permanent  : gamma_G of permanent loads that are unfavourable.
-    favourable : gamma_G of those that are favourable, as weight is against wind.
+    permanent  : gamma_G of unfavourable permanent loads.
+    favourable : gamma_G of favourable ones, like weight against wind.
     variable   : gamma_Q.
     reduction  : xi, of permanent loads in 6.10b.
-    psi        : psi_0, psi_1 and psi_2 of kinds of actions whose own are not those of Table A1.1.
+    psi        : psi_0, psi_1 and psi_2 of kinds of actions that differ from Table A1.1.
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
@@ -146,8 +142,6 @@ class DesignFactors:
 
 @dataclass(frozen=True)
 class _Variable:
-    """A variable action that may take part."""
-
     case: str
     kind: str
     psi: Psi
@@ -156,7 +150,7 @@ class _Variable:
 def action_mistakes(
     loads: Sequence[Load], actions: Mapping[str, ActionKind], rule: CombinationRule | None
 ) -> Iterator[str]:
-    """What is wrong with the kinds of cases, as 'key = value: what is allowed'."""
+    """Yield the faults in the kinds of cases, as 'key = value: allowed values'."""
     cases = case_names(loads)
     for case in actions:
         if case not in cases:
@@ -174,9 +168,10 @@ def action_mistakes(
             )
     if all(case in actions or OF_LOADS.get(_kind(loads, case)) for case in cases):
         count = len(en1990_combinations(loads, actions, rule, DesignFactors()))
-        if count > MOST:
+        limit = 200
+        if count > limit:
             yield (
-                f"surface.combinations = {rule!r}: {len(cases)} cases make {count} combinations, over {MOST}; put "
+                f"surface.combinations = {rule!r}: {len(cases)} cases make {count} combinations, over {limit}; put "
                 "loads that act together into one case, or write [[surface.combination]]"
             )
 
@@ -184,11 +179,9 @@ def action_mistakes(
 def en1990_combinations(
     loads: Sequence[Load], actions: Mapping[str, ActionKind], rule: CombinationRule, factors: DesignFactors
 ) -> list[Combination]:
-    """All combinations of the cases of loads, no two with the same factors; ultimate limit states first.
-
-    Each selection of variable cases takes part, of kinds that stand for one another one case at most, and each of them
-    leads in turn. Weight that is favourable is combined with wind only: other loads press down as it does.
-    """
+    """Return all combinations of the cases of loads, with distinct factors; ultimate limit states come first. Each
+    selection of variable cases takes part, with at most one case of mutually exclusive kinds, and each case leads in
+    turn. Favourable weight is combined with wind only, because other loads press down too."""
     permanent, groups = _permanent_and_groups(loads, actions, factors.psi)
     found: dict[tuple[str, tuple[tuple[str, float], ...]], Combination] = {}
     for chosen in product(*groups):
@@ -203,7 +196,7 @@ def en1990_combinations(
 def _of_order(
     permanent: Sequence[str], order: Sequence[_Variable], rule: CombinationRule, factors: DesignFactors
 ) -> Iterator[Combination]:
-    """The combinations in which the first of the variable actions leads."""
+    """Yield the combinations in which the first of the variable actions leads."""
     gamma = factors.variable
     lead = [gamma * (1.0 if not k else one.psi[0]) for k, one in enumerate(order)]
     behind = [gamma * one.psi[0] for one in order]
@@ -219,7 +212,7 @@ def _of_order(
         "SLS-quasi": [one.psi[2] for one in order],
     }
     for name, (weight, variable) in (uls | {name: (1.0, shares) for name, shares in sls.items()}).items():
-        if variable and not variable[0]:  # what leads is nothing here: others lead without it
+        if variable and not variable[0]:  # the leading action has no effect; another order covers the rest
             continue
         acting = {one.case: factor for one, factor in zip(order, variable, strict=True) if factor}
         taken = dict.fromkeys(permanent, weight) | acting
@@ -232,7 +225,7 @@ def _of_order(
 def _permanent_and_groups(
     loads: Sequence[Load], actions: Mapping[str, ActionKind], psi: Mapping[ActionKind, Psi]
 ) -> tuple[list[str], list[list[_Variable | None]]]:
-    """Permanent cases; and of each group of variable ones the choices: none of them, or one."""
+    """Return the permanent cases, and the choices in each group of variable cases: none, or one case."""
     permanent: list[str] = []
     groups: dict[str, list[_Variable | None]] = {}
     for case in case_names(loads):
@@ -246,5 +239,4 @@ def _permanent_and_groups(
 
 
 def _kind(loads: Sequence[Load], case: str) -> str:
-    """The kind of the first load of a case."""
     return next(load.kind for load in loads if load.case == case)

@@ -16,19 +16,19 @@ from dsfab.surface.mesh import Surface
 from dsfab.surface.orientation import one_sided_pieces, require_two_sides
 
 EDGE_ON = 1e-12
-"""Faces whose normal has a smaller part along a direction are parallel to it."""
+"""Share of a normal along a direction below which the face counts as parallel to it."""
 
 
 @dataclass(frozen=True)
 class Snow:
     """A load in pascals per *plan* area, which falls along `direction` (any length): s A |n . d| d on each face.
 
-    At angles where snow slides off, make it smaller or pick less: s is what lies on the ground plan, shape factor and
-    all [EN 1991-1-3, 5.2]. Open sheets carry it whichever way their normals point, so pick the upper part of one that
-    overhangs; on closed surfaces only the faces that look against `direction` carry.
+    s is the load on the ground plan with its shape factor [EN 1991-1-3, 5.2]; reduce it, or pick less, where snow
+    slides
+    off. Open sheets carry it whatever their normals, so pick the upper part of an overhanging sheet. On closed surfaces
+    only faces that look against `direction` carry.
 
-    covered : whether something covers the openings of the structure and carries it to the ribs; else it lies on these
-              alone.
+    covered : whether a cover of the openings carries it to the ribs; otherwise it lies on the ribs alone.
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
@@ -41,7 +41,7 @@ class Snow:
     covered: bool = True
 
     def traction(self, surface: Surface, weight: float = 0.0) -> Floats:
-        """(m, 3) Pa on each face; times the areas it sums to `pressure` times the plan area of the faces."""
+        """Return the traction (m, 3), Pa; times the areas it sums to `pressure` times the plan area of the faces."""
         _require_pressure("snow", self.pressure)
         d = unit_vector(self.direction, "a load of kind 'snow'")
         towards = -(outward_normals(surface) @ d)
@@ -53,7 +53,7 @@ class Snow:
         return np.asarray(self.pressure * np.maximum(plan, 0.0)[:, None] * d)
 
     def on(self, surface: Surface, weight: float) -> Floats:
-        """(n, 3) newtons."""
+        """Return the forces (n, 3), newtons."""
         return to_corners(surface, self.traction(surface) * surface.areas[:, None])
 
 
@@ -61,15 +61,16 @@ class Snow:
 class Wind:
     """Wind of velocity pressure q, Pa, that blows towards `direction`: a pressure -c q n on each face, with
 
-        c = windward (-n . d)   where the outside meets the wind (pressed in),
-        c = -leeward (n . d)    where it is turned away (sucked out).
+        c = windward (-n . d)   where the outside faces the wind (pressure),
+        c = -leeward (n . d)    where it faces away (suction).
 
-    The outside is where the normals point; on closed surfaces it is outside whichever way they point. The defaults give
-    the walls across the wind their coefficients +0.8 and -0.5 [EN 1991-1-4:2005, table 7.1, zones D and E, h/d = 1]
-    and fade with the cosine to the sides. This is a first estimate for choosing a pattern: suction along roofs and side
-    walls, and the inside of open halls, are not in it; give those as a `pressure` on picked faces.
+    Normals point to the outside; on closed surfaces the outside does not depend on them. The defaults give the walls
+    across the wind their coefficients +0.8 and -0.5 [EN 1991-1-4:2005, table 7.1, zones D and E, h/d = 1], and fade
+    with
+    the cosine to the sides. This is a first estimate for choosing a pattern. It leaves out suction along roofs and side
+    walls, and pressure inside open halls; add these as a `pressure` on picked faces.
 
-    covered : as of snow; an open lattice has other coefficients too, for what blows through it [EN 1991-1-4, 7.11].
+    covered : as for snow; an open lattice also has other coefficients [EN 1991-1-4, 7.11].
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
@@ -84,7 +85,7 @@ class Wind:
     covered: bool = True
 
     def traction(self, surface: Surface, weight: float = 0.0) -> Floats:
-        """(m, 3) Pa on each face."""
+        """Return the traction (m, 3) on each face, Pa."""
         _require_pressure("wind", self.pressure)
         picked = picked_faces(surface, self.at, "wind")
         require_two_sides(surface, picked, "a load of kind 'wind'")
@@ -99,17 +100,17 @@ class Wind:
         return np.asarray(-self.pressure * c[:, None] * n)
 
     def on(self, surface: Surface, weight: float) -> Floats:
-        """(n, 3) newtons."""
+        """Return the forces (n, 3), newtons."""
         return to_corners(surface, self.traction(surface) * surface.areas[:, None])
 
 
 def outward_normals(surface: Surface) -> Floats:
-    """(m, 3) the faces' normals, turned round when they point into a closed surface."""
+    """Return the normals (m, 3) of the faces, reversed if they point into a closed surface."""
     return -surface.normals if surface.is_closed and surface.volume < 0 else surface.normals
 
 
 def picked_faces(surface: Surface, at: Picker, kind: str) -> Bools:
-    """(m,) the faces whose corners are all picked; raises SurfaceError when there are none."""
+    """Return the faces (m,) whose corners are all picked; raises SurfaceError if none are."""
     faces = surface.faces_of(at.vertices(surface))
     if not faces.any():
         raise SurfaceError(
@@ -119,7 +120,7 @@ def picked_faces(surface: Surface, at: Picker, kind: str) -> Bools:
 
 
 def to_corners(surface: Surface, on_face: Floats) -> Floats:
-    """(n, 3) a third of each face's force (m, 3) at each of its corners."""
+    """Return a third of each face's force (m, 3) at each of its corners, summed (n, 3)."""
     corners = np.repeat(on_face / 3, 3, axis=0)
     at = surface.F.ravel()
     return np.stack([np.bincount(at, corners[:, i], minlength=surface.n) for i in range(3)], axis=1)
@@ -131,17 +132,18 @@ def _require_pressure(kind: str, pressure: float) -> None:
 
 
 AREAS = ("weight", "bare", "covered")
-"""The parts that are spread over faces."""
+"""Parts of loads that are spread over faces."""
 
 
 @dataclass(frozen=True, eq=False)
 class LoadParts:
-    """Forces at the vertices of a surface, and tractions on its faces; on the uncut surface all of a face is loaded.
+    """Forces at the vertices of a surface, and tractions on its faces; on the uncut surface the loads cover whole
+    faces.
 
     point   : (n, 3) newtons: forces and lines.
-    weight  : (m, 3) Pa, of the sheet itself: where there is no material, there is none.
+    weight  : (m, 3) Pa, of the sheet itself, in proportion to its material.
     bare    : (m, 3) Pa that act on material alone: snow and wind on an open lattice.
-    covered : (m, 3) Pa that act on openings too, which something covers: glass, a membrane, boards.
+    covered : (m, 3) Pa that also act on openings with a cover: glass, a membrane, boards.
     """
 
     point: Floats
@@ -157,33 +159,31 @@ class LoadParts:
 
     @classmethod
     def total(cls, parts: Mapping[str, Self], factors: Mapping[str, float]) -> Self:
-        """The sum of the named parts, each multiplied with its factor."""
+        """Return the sum of the parts, each times its factor."""
         weight = {name: factors.get(name, 0.0) for name in parts}
         sums = (np.sum([f * getattr(parts[k], on) for k, f in weight.items()], axis=0) for on in ("point", *AREAS))
         return cls(*sums)
 
     @property
     def traction(self) -> Floats:
-        """(m, 3) Pa of all that is spread."""
+        """Traction (m, 3) of all spread loads, Pa."""
         return np.asarray(self.weight + self.bare + self.covered)
 
     def forces(self, surface: Surface) -> Floats:
-        """(n, 3) newtons: a third of each face's force at each of its corners."""
+        """Return the forces (n, 3), newtons: a third of each face's force at each of its corners."""
         traction = self.traction
         return self.point + to_corners(surface, traction * surface.areas[:, None]) if traction.any() else self.point
 
     def on_share(self, weight: float | Floats = 1.0, bare: float | Floats = 1.0) -> Self:
-        """With what acts on material multiplied by shares of it, one for all or (m,)."""
+        """Return the parts with loads on material multiplied by shares of it, a number or (m,)."""
         shares = (np.asarray(share, dtype=np.float64).reshape(-1, 1) for share in (weight, bare))
         return replace(self, **{on: getattr(self, on) * share for on, share in zip(AREAS, shares, strict=False)})
 
 
 @dataclass(frozen=True)
 class Force:
-    """A force in newtons, the whole of it, spread over the picked vertices in proportion to their areas.
-
-    On a single vertex it is a point force.
-    """
+    """A total force in newtons, spread over the picked vertices in proportion to their areas; on one vertex a point
+    force."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     at: Picker
@@ -193,7 +193,7 @@ class Force:
     name: Name = ""
 
     def on(self, surface: Surface, weight: float) -> Floats:
-        """(n, 3) newtons; they sum to `force`."""
+        """Return the forces (n, 3), newtons; they sum to `force`."""
         if not any(self.force):
             raise SurfaceError("a load of kind 'force' is zero; give force = [fx, fy, fz] in newtons")
         share = np.where(self.at.vertices(surface), surface.vertex_areas, 0.0)
@@ -208,7 +208,7 @@ class Pressure:
 
     A constant pressure gives each corner a third of its face's force: the consistent load of linear triangles.
 
-    covered : whether something covers the openings of the structure and carries it to the ribs (see `Snow`).
+    covered : whether a cover of the openings carries it to the ribs (see `Snow`).
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
@@ -220,11 +220,11 @@ class Pressure:
     covered: bool = True
 
     def traction(self, surface: Surface, weight: float = 0.0) -> Floats:
-        """(m, 3) Pa on each face."""
+        """Return the traction (m, 3) on each face, Pa."""
         return (-self.pressure * surface.faces_of(self.at.vertices(surface)))[:, None] * surface.normals
 
     def on(self, surface: Surface, weight: float) -> Floats:
-        """(n, 3) newtons; they sum to -pressure times the vector area of the faces."""
+        """Return the forces (n, 3), newtons; they sum to -pressure times the vector area of the faces."""
         if self.pressure == 0:
             raise SurfaceError("a load of kind 'pressure' is zero; give pressure in pascals")
         faces = picked_faces(surface, self.at, "pressure")
@@ -235,8 +235,7 @@ class Pressure:
 
 @dataclass(frozen=True)
 class SelfWeight:
-    """The weight of the sheet, towards `direction` (any length): of the whole of it while it is uncut and directions
-    are sought, and of what is left of it once it is cut."""
+    """The weight of the sheet, towards `direction` (any length): first of the uncut sheet, later of the cut sheet."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     direction: Vector = (0.0, 0.0, -1.0)
@@ -245,7 +244,8 @@ class SelfWeight:
     name: Name = ""
 
     def on(self, surface: Surface, weight: float) -> Floats:
-        """(n, 3) newtons for a sheet of `weight` newtons per square metre; they sum to weight times area."""
+        """Return the forces (n, 3), newtons, of a sheet of `weight` newtons per square metre; they sum to weight times
+        area."""
         if not weight > 0:
             raise SurfaceError(
                 f"a load of kind 'self_weight' needs a sheet that weighs something (it is {weight:g} N/m2); give the "
@@ -254,18 +254,16 @@ class SelfWeight:
         return weight * surface.vertex_areas[:, None] * unit_vector(self.direction, "a load of kind 'self_weight'")
 
     def traction(self, surface: Surface, weight: float = 0.0) -> Floats:
-        """(m, 3) Pa on each face of a sheet of `weight` newtons per square metre."""
+        """Return the traction (m, 3) on each face of a sheet of `weight` newtons per square metre, Pa."""
         along = weight * unit_vector(self.direction, "a load of kind 'self_weight'")
         return np.broadcast_to(along, (surface.m, 3))
 
 
 @dataclass(frozen=True)
 class Cladding:
-    """The weight of what covers the surface, glass, a membrane or boards: a permanent load in pascals of the surface's
-    own area, on openings too, which it carries to the ribs; towards `direction` (any length).
-
-    It lies on the faces whose corners are all picked.
-    """
+    """The weight of a cover (glass, a membrane, boards): a permanent load in pascals of the surface's own area. It acts
+    towards `direction` (any length) on the faces whose corners are all picked, on openings too, which it carries to the
+    ribs."""
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     pressure: Real
@@ -276,7 +274,7 @@ class Cladding:
     name: Name = ""
 
     def traction(self, surface: Surface, weight: float = 0.0) -> Floats:
-        """(m, 3) Pa on each face."""
+        """Return the traction (m, 3) on each face, Pa."""
         if not self.pressure > 0:
             raise SurfaceError(
                 f"a load of kind 'cladding' needs a positive pressure in pascals, not {self.pressure:g}; its weight "
@@ -286,7 +284,7 @@ class Cladding:
         return picked_faces(surface, self.at, "cladding")[:, None] * along
 
     def on(self, surface: Surface, weight: float) -> Floats:
-        """(n, 3) newtons; they sum to pressure times the area of the faces."""
+        """Return the forces (n, 3), newtons; they sum to pressure times the area of the faces."""
         return to_corners(surface, self.traction(surface) * surface.areas[:, None])
 
 
@@ -307,7 +305,8 @@ class Line:
     name: Name = ""
 
     def on_edges(self, surface: Surface) -> Floats:
-        """(e, 3) newtons per metre; times the lengths it sums to `per_metre` times the length of the line."""
+        """Return the load (e, 3), newtons per metre; times the lengths it sums to `per_metre` times the length of the
+        line."""
         if not any(self.per_metre):
             raise SurfaceError("a load of kind 'line' is zero; give per_metre = [fx, fy, fz] in newtons per metre")
         line: Bools = np.asarray(self.at.vertices(surface)[surface.edges.ends].all(axis=1))
@@ -322,7 +321,7 @@ class Line:
         return np.asarray(line[:, None] * np.array(self.per_metre))
 
     def on(self, surface: Surface, weight: float) -> Floats:
-        """(n, 3) newtons."""
+        """Return the forces (n, 3), newtons."""
         ends = surface.edges.ends
         length = np.linalg.norm(surface.V[ends[:, 1]] - surface.V[ends[:, 0]], axis=1)
         force = np.zeros((surface.n, 3))
@@ -334,7 +333,7 @@ Load = Annotated[Force | Pressure | SelfWeight | Cladding | Line | Snow | Wind, 
 
 
 def load_parts(surface: Surface, loads: Sequence[Load], weight: float = 0.0) -> LoadParts:
-    """Loads by what they act on.
+    """Return the loads in parts by what they act on.
 
     weight : of the sheet, newtons per square metre, as for `LoadCase.build`. Raises SurfaceError as that does.
     """
@@ -356,13 +355,13 @@ class LoadCase:
 
     fixed  : (n, 3) True where a vertex may not move along x, y, z.
     force  : (n, 3) force on each vertex, newtons.
-    loaded : (n,) True at the vertices under a concentrated load (a force or a line; not what is spread over faces),
-             which the pattern may protect with `keep`.
-    spring : (n, 3) stiffness of elastic supports along x, y, z, newtons per metre; none when left out.
-    clamped: (e,) edges that may not turn about themselves; empty, as when left out, for none.
-    fixed_edges : (e, 3) True where an edge may not move between its ends either; empty, as when left out, where the
-             held vertices alone say so (`spanned_edges`).
-    parts  : what the forces are made of, by what it acts on; None where all of it acts on the vertices themselves.
+    loaded : (n,) True at the vertices under a concentrated load (a force or a line, not a load on faces), which the
+             pattern may protect with `keep`.
+    spring : (n, 3) stiffness of elastic supports along x, y, z, newtons per metre; by default none.
+    clamped: (e,) edges that may not rotate about themselves; empty, as by default, for none.
+    fixed_edges : (e, 3) True where an edge may not move between its ends either; empty, as by default, if the supported
+             vertices decide (`spanned_edges`).
+    parts  : the forces by what they act on; None if all act on the vertices themselves.
     """
 
     fixed: Bools
@@ -385,12 +384,13 @@ class LoadCase:
 
     @classmethod
     def build(cls, surface: Surface, supports: Sequence[Support], loads: Sequence[Load], weight: float = 0.0) -> Self:
-        """The load case of all supports and loads together.
+        """Return the load case of all supports and loads together.
 
         weight : of the sheet, newtons per square metre (density x thickness x gravity), for self-weight.
 
-        Raises SurfaceError without a support or a load, for pickers that pick nothing, for loads that are zero, and
-        when every load is on directions that are held.
+        Raises SurfaceError without a support or a load, for pickers without vertices, for loads that are zero, and if
+        every
+        load acts in fixed directions.
         """
         if not supports:
             raise SurfaceError("the surface has no support; add a [[surface.support]] that holds some vertices")
@@ -413,41 +413,42 @@ class LoadCase:
                 loaded[surface.edges.ends[load.on_edges(surface).any(axis=1)]] = True
         spring = np.sum([support.springs(surface) for support in supports], axis=0)
         clamped = np.logical_or.reduce([support.clamped(surface) for support in supports])
-        # a free edge from one support to the next is held as its ends are, by elements with a middle too
+        # a free edge between supported ends is supported too, for elements with nodes in the middle
         between = fixed[surface.edges.ends].all(axis=1) & surface.edges.boundary[:, None]
         between = np.logical_or.reduce([between, *(support.fixed_edges(surface) for support in supports)])
         return cls(fixed, force, loaded, spring, clamped, between, load_parts(surface, loads, weight))
 
     @property
     def held(self) -> Bools:
-        """(n,) vertices with any support, springs among them."""
+        """Vertices (n,) with any support, springs included."""
         return np.asarray((self.fixed | (self.spring > 0)).any(axis=1))
 
     @property
     def point(self) -> Floats:
-        """(n, 3) newtons that act on the vertices themselves, of forces and lines."""
+        """Forces (n, 3) of forces and lines, which act on the vertices themselves, newtons."""
         return self.force if self.parts is None else self.parts.point
 
     def loading(self, force: Floats, loaded: Bools | None = None) -> Self:
-        """The same supports under other forces (n, 3), newtons, on the vertices."""
+        """Return the same supports under other forces (n, 3), newtons, on the vertices."""
         return replace(self, force=force, loaded=self.loaded if loaded is None else loaded, parts=None)
 
     def with_parts(self, surface: Surface, parts: LoadParts) -> Self:
-        """The same supports under other loads."""
+        """Return the same supports under other parts of loads."""
         return replace(self, force=parts.forces(surface), parts=parts)
 
     def under(self, surface: Surface, loads: Sequence[Load], weight: float) -> Self:
-        """The same supports under these loads; `weight` of the sheet, newtons per square metre."""
+        """Return the same supports under other loads; `weight` of the sheet, newtons per square metre."""
         return self.with_parts(surface, load_parts(surface, loads, weight))
 
     def of_thickness(self, surface: Surface, share: float) -> Self:
-        """The same on a sheet that is `share` times as thick: it weighs as much less."""
+        """Return the load case on a sheet of `share` times the thickness, with its smaller weight."""
         if self.parts is None or share == 1:
             return self
         return self.with_parts(surface, self.parts.on_share(weight=share))
 
     def on_share(self, surface: Surface, share: Floats) -> Self:
-        """The same where shares (m,) of the faces are there, which carry themselves and what acts on them alone."""
+        """Return the load case where only shares (m,) of the faces exist, which carry themselves and the loads on
+        them."""
         if self.parts is None:
             return self
         return self.with_parts(surface, self.parts.on_share(share, share))

@@ -13,20 +13,19 @@ from dsfab.surface.loads.pickers import Extent, pierced
 from dsfab.surface.mesh import Surface
 
 EVEN = 0.002
-"""How far the edges that follow a curved line may be off it, as a share of the `Extent.width`."""
+"""Largest distance of edges from the curved line that they follow, as a share of `Extent.width`."""
 NEAR = 0.25
-"""Vertices move onto the line if that is nearer along an edge than this share of it."""
-BISECTIONS = 48
-"""Steps by which it is found where an edge meets the line: as far as digits go."""
+"""Share of an edge within which its end moves along it onto the line."""
+
 LOOKED = 7
-"""Points between the ends of an edge at which it is looked for the line."""
+"""Number of points between the ends of an edge that are tested against the line."""
 
 
 @dataclass(frozen=True, eq=False)
 class Outlined:
-    """A surface some of whose vertices lie on outlines.
+    """A surface with vertices on outlines.
 
-    on    : (n,) vertices on the line that is being drawn.    fixed : (n,) those on earlier ones, which stay.
+    on    : (n,) vertices on the current line.    fixed : (n,) vertices on earlier lines, which stay.
     """
 
     surface: Surface
@@ -34,7 +33,7 @@ class Outlined:
     fixed: Bools
 
     def halved(self, edges: Bools, places: Floats | None = None) -> "Outlined":
-        """With marked edges (e,) divided in their middle, or at places (k, 3) that lie on the line."""
+        """Divide marked edges (e,) in their middle, or at places (k, 3) on the line."""
         old = self.surface
         V, F, _ = halved(old.V, old.F, old.edges, edges)
         count = len(V) - old.n
@@ -45,17 +44,17 @@ class Outlined:
         return Outlined(Surface(V, F), np.append(self.on, new), np.append(self.fixed, between))
 
     def moved(self, vertices: Ints, places: Floats) -> "Outlined":
-        """With vertices (k,) on the line, at places (k, 3)."""
+        """Move vertices (k,) onto the line, to places (k, 3)."""
         V, on = self.surface.V.copy(), self.on.copy()
         V[vertices], on[vertices] = places, True
         return replace(self, surface=Surface(V, self.surface.F), on=on)
 
     def depth(self, extent: Extent) -> Floats:
-        """(n,) how deep vertices are in an extent: 0 on the line."""
+        """Return the depth (n,) of the vertices in an extent, 0 on the line."""
         return np.where(self.on, 0.0, extent.depth(self.surface.V))
 
     def divided(self, faces: Ints, places: Floats, on: bool) -> "Outlined":
-        """With faces (k,) divided in three around places (k, 3) in them."""
+        """Divide faces (k,) in three around places (k, 3) in them."""
         s, count = self.surface, len(faces)
         new = s.n + np.arange(count)
         stay = np.delete(s.F, faces, axis=0)
@@ -67,7 +66,8 @@ class Outlined:
 
 
 class EdgeCrossings(NamedTuple):
-    """Edges (k,) that the line crosses, ascending, how far along (k,), 0 at their first end to 1, and where (k, 3)."""
+    """Edges (k,) that the line crosses, ascending, their shares (k,), 0 at the first end to 1, and the places (k,
+    3)."""
 
     edge: Ints
     share: Floats
@@ -75,10 +75,8 @@ class EdgeCrossings(NamedTuple):
 
 
 def edge_crossings(made: Outlined, extent: Extent) -> EdgeCrossings:
-    """Where the line crosses edges between what is within and what is not, by bisection.
-
-    An edge from the line to one side of it may begin on the other side: there it crosses the line once more.
-    """
+    """Return the crossings of the line with edges between its inside and its outside, by bisection. An edge from the
+    line to its one side may begin on the other side; then it crosses the line again."""
     s, depth = made.surface, made.depth(extent)
     sign = np.sign(depth[s.edges.ends])
     edge = np.flatnonzero(sign.prod(axis=1) < 0)
@@ -94,7 +92,7 @@ def edge_crossings(made: Outlined, extent: Extent) -> EdgeCrossings:
     edge, start, sides = edge[order], start[order], sides[order]
     a, b = s.V[s.edges.ends[edge]].transpose(1, 0, 2)
     low, high = start, np.where(sign[edge, 1] == 0, 0.0, 1.0)
-    for _ in range(BISECTIONS if len(edge) else 0):
+    for _ in range(48 if len(edge) else 0):  # to the last digit
         middle = (low + high) / 2
         same = np.sign(extent.depth(a + middle[:, None] * (b - a))) == sides
         low, high = np.where(same, middle, low), np.where(same, high, middle)
@@ -103,8 +101,10 @@ def edge_crossings(made: Outlined, extent: Extent) -> EdgeCrossings:
 
 
 def _other_side(s: Surface, extent: Extent, edges: Ints, end: int, sign: Floats) -> Floats:
-    """(k,) the share of edges (k,), from an end (0 or 1) on the line, up to which they are on the side that `sign` (k,)
-    of their other end is not; 0 where they nowhere are."""
+    """Return the share of edges (k,), from an end (0 or 1) on the line, up to which they are on the wrong side, or 0.
+
+    sign : (k,) of the side of their other end.
+    """
     a, b = s.V[s.edges.ends[edges, end]], s.V[s.edges.ends[edges, 1 - end]]
     found = np.zeros(len(edges))
     for t in np.arange(1, LOOKED + 1) / (LOOKED + 1):
@@ -113,27 +113,15 @@ def _other_side(s: Surface, extent: Extent, edges: Ints, end: int, sign: Floats)
     return found
 
 
-SMOOTH = 0.2
-"""Vertices move only where faces around them lean from the step by less than this sine: creases stay."""
-TOUCHING = 0.05
-"""Vertices that may not move are on the line if that is nearer along an edge than this share of it."""
-HELD = 1e-6
-"""A corner of the line has its vertex if one on it is nearer than this share of the surface's size."""
-TRIES = 64
-"""Places at most where a crease meets a surface."""
-SMALLEST = 0.3
-"""No face becomes smaller than this share of itself, or turns, because its corners move onto the line."""
-
-
 def with_corners(made: Outlined, extent: Extent) -> Outlined:
-    """With a vertex at each corner of the line: where a crease of the extent meets the surface."""
+    """Create a vertex at each corner of the line, where a crease of the extent meets the surface."""
     close = EVEN * extent.width
     for a, b in extent.creases:
-        for _ in range(TRIES):
+        for _ in range(64):
             faces, t = pierced(made.surface, a, b)
             places = a + t[:, None] * (b - a)
             held = made.surface.V[made.on]
-            new = [k for k, p in enumerate(places) if not (lengths(held - p) <= HELD * made.surface.size).any()]
+            new = [k for k, p in enumerate(places) if not (lengths(held - p) <= 1e-6 * made.surface.size).any()]
             if not new:
                 break
             made = _with_vertex(made, int(faces[new[0]]), places[new[0]], close)
@@ -141,8 +129,7 @@ def with_corners(made: Outlined, extent: Extent) -> Outlined:
 
 
 def _with_vertex(made: Outlined, face: int, place: Floats, close: float) -> Outlined:
-    """With a vertex on the line at a place (3,) in a face: a corner that moves, a side that is divided, or a new one
-    within."""
+    """Create a vertex on the line at a place (3,) in a face: a moved corner, a divided side, or a new vertex inside."""
     s = made.surface
     share = _shares(s.V[s.F[face]], place)
     corner, side = int(share.argmax()), (int(share.argmin()) + 1) % 3
@@ -157,7 +144,6 @@ def _with_vertex(made: Outlined, face: int, place: Floats, close: float) -> Outl
 
 
 def _shares(corners: Floats, place: Floats) -> Floats:
-    """(3,) barycentric coordinates of a place (3,) in a triangle (3, 3)."""
     sides = np.roll(corners, -1, axis=0), np.roll(corners, -2, axis=0)
     normal = np.cross(corners[1] - corners[0], corners[2] - corners[0])
     parts = np.cross(sides[0] - place, sides[1] - place) @ normal
@@ -165,7 +151,7 @@ def _shares(corners: Floats, place: Floats) -> Floats:
 
 
 def snapped(made: Outlined, extent: Extent) -> tuple[Outlined, int]:
-    """With vertices that are close to the line moved onto it, each along one of its edges; and how many moved."""
+    """Move vertices close to the line onto it, each along one of its edges; return also their number."""
     s, crossed = made.surface, edge_crossings(made, extent)
     ends, size = s.edges.ends[crossed.edge], s.edge_lengths[crossed.edge]
     vertex = np.concatenate([ends[:, 0], ends[:, 1]])
@@ -189,21 +175,21 @@ def snapped(made: Outlined, extent: Extent) -> tuple[Outlined, int]:
 
 
 def _free(made: Outlined, vertices: Ints, places: Floats, close: float) -> Bools:
-    """(k,) whether vertices may go to places (k, 3): none that is fixed, and the surface and its boundary stay where
-    they are, within a distance in metres."""
+    """Return which vertices (k,) may move to places (k, 3): not fixed, and without moving the surface or its boundary.
+
+    tolerance : metres. Vertices at creases stay, where a face leans from the step by more than a sine of 0.2.
+    """
     s, around = made.surface, _FacesAt.of(made.surface)
     found = ~(made.fixed | made.on)[vertices]
     for k in np.flatnonzero(found):
         v, step = int(vertices[k]), places[k] - s.V[vertices[k]]
         faces = around.at(v)
-        leaning = np.abs(s.normals[faces] @ step) <= max(close, SMOOTH * float(np.linalg.norm(step)))
+        leaning = np.abs(s.normals[faces] @ step) <= max(close, 0.2 * float(np.linalg.norm(step)))
         found[k] = leaning.all() and _straight(s, v, faces, step, close)
     return np.asarray(found)
 
 
 class _FacesAt(NamedTuple):
-    """The faces around each vertex of a surface."""
-
     order: Ints
     start: Ints
 
@@ -217,7 +203,6 @@ class _FacesAt(NamedTuple):
 
 
 def _straight(s: Surface, vertex: int, faces: Ints, step: Floats, close: float) -> bool:
-    """Whether a vertex that goes a step (3,) leaves the boundary where it is."""
     edges = np.unique(s.edges.of[faces])
     edges = edges[s.edges.boundary[edges] & (s.edges.ends[edges] == vertex).any(axis=1)]
     sides = s.V[s.edges.ends[edges]].sum(axis=1) - 2 * s.V[vertex]
@@ -226,42 +211,35 @@ def _straight(s: Surface, vertex: int, faces: Ints, step: Floats, close: float) 
 
 
 def _spoilt(s: Surface, V: Floats) -> Bools:
-    """(m,) faces that turn or shrink too much where vertices go to V (n, 3)."""
+    """Return the faces (m,) that turn or shrink too much if the vertices move to V (n, 3)."""
     a, b, c = (V[s.F[:, k]] for k in range(3))
     area = np.einsum("mi,mi->m", np.cross(b - a, c - a), s.normals) / 2
-    return np.asarray(area < SMALLEST * s.areas)
+    return np.asarray(area < 0.3 * s.areas)
 
 
 def touched(made: Outlined, extent: Extent) -> Outlined:
-    """With vertices that are very close to the line, and could not move, on it as they are."""
+    """Mark vertices very close to the line, which could not move, as vertices on it."""
     s, crossed = made.surface, edge_crossings(made, extent)
     ends, share = s.edges.ends[crossed.edge], crossed.share
-    near = np.concatenate([ends[share < TOUCHING, 0], ends[share > 1 - TOUCHING, 1]])
+    near = np.concatenate([ends[share < 0.05, 0], ends[share > 1 - 0.05, 1]])
     on = made.on.copy()
     on[near] |= np.abs(extent.depth(s.V[near])) <= EVEN * extent.width
     return replace(made, on=on)
 
 
-ROUNDS = 24
-"""How often edges are halved at most."""
-MOVES = 3
-"""How often vertices are moved: each time faces are looked at anew."""
-SAME = 1e-9
-"""Vertices that are off the line by less than this share of the surface's size are on it."""
-
-
 def with_outline(surface: Surface, extent: Extent, fixed: Bools) -> Outlined:
-    """The surface with edges along the line in which an extent meets it; the vertices that it had come first.
+    """Return the surface with edges along the line in which an extent meets it; its old vertices come first.
 
-    fixed : (n,) vertices that stay where they are, on earlier outlines.
+    fixed : (n,) vertices on earlier outlines, which stay in place.
 
-    Corners of the line are vertices; its curves are followed within `EVEN`. Raises SurfaceError for a line that is so
-    fine that too many faces are needed.
+    Corners of the line are vertices; edges follow its curves within `EVEN`. Raises SurfaceError for a line that is so
+    fine
+    that it needs too many faces.
     """
     made = Outlined(surface, np.zeros(surface.n, dtype=bool), fixed)
     made = with_corners(_fine(made, extent, _coarse), extent)
-    made = replace(made, on=made.on | (np.abs(extent.depth(made.surface.V)) <= SAME * surface.size))
-    for _ in range(MOVES):
+    made = replace(made, on=made.on | (np.abs(extent.depth(made.surface.V)) <= 1e-9 * surface.size))
+    for _ in range(3):
         made = _fine(made, extent, _uneven)
         made, count = snapped(made, extent)
         if not count:
@@ -277,13 +255,11 @@ def with_outline(surface: Surface, extent: Extent, fixed: Bools) -> Outlined:
 
 
 def _outline(made: Outlined, extent: Extent) -> Bools:
-    """(e,) the edges on the line, and those that may be on earlier ones."""
     return made.fixed[made.surface.edges.ends].all(axis=1) | _between(made.surface, extent)
 
 
 def _fine(made: Outlined, extent: Extent, marks: Callable[[Outlined, Extent], Bools]) -> Outlined:
-    """With edges halved until none is marked."""
-    for _ in range(ROUNDS):
+    for _ in range(24):
         edges = marks(made, extent)
         if not edges.any():
             break
@@ -299,7 +275,8 @@ def _fine(made: Outlined, extent: Extent, marks: Callable[[Outlined, Extent], Bo
 
 
 def _coarse(made: Outlined, extent: Extent) -> Bools:
-    """(e,) edges that are longer than the extent is wide, of faces near the line: it may slip through these."""
+    """Return the edges (e,) near the line that are longer than the extent is wide, because it could slip through
+    them."""
     s = made.surface
     depth, size, of = np.abs(made.depth(extent)), s.edge_lengths, s.edges.of
     near = depth[s.F].min(axis=1) <= size[of].max(axis=1)
@@ -309,7 +286,7 @@ def _coarse(made: Outlined, extent: Extent) -> Bools:
 
 
 def _uneven(made: Outlined, extent: Extent) -> Bools:
-    """(e,) edges that the line crosses more than once, and sides of faces in which it is no straight line."""
+    """Return the edges (e,) that the line crosses more than once, and sides of faces in which it is not straight."""
     s, even = made.surface, EVEN * extent.width
     depth, size = made.depth(extent), s.edge_lengths
     ends = s.edges.ends
@@ -328,7 +305,6 @@ def _uneven(made: Outlined, extent: Extent) -> Bools:
 
 
 def _between(s: Surface, extent: Extent) -> Bools:
-    """(e,) edges between a face within an extent and one outside of it."""
     one, two = s.edges.pairs.T // 3
     within, found = extent.depth(s.centroids) > 0, np.zeros(len(s.edges.ends), dtype=bool)
     found[s.edges.count == 2] = within[one] != within[two]
@@ -336,7 +312,8 @@ def _between(s: Surface, extent: Extent) -> Bools:
 
 
 def _turns_back(depth: Floats) -> Bools:
-    """(k,) whether depths (p, k) along edges change their sign more than once, or touch 0 between equal signs."""
+    """Return whether (k,) depths (p, k) along edges change their sign more than once, or touch 0 between equal
+    signs."""
     sign = np.sign(depth)
     low, high = np.minimum.accumulate(sign), np.maximum.accumulate(sign)
     fell, rose = (high > 0) & (sign < 0), (low < 0) & (sign > 0)
@@ -348,7 +325,7 @@ def _turns_back(depth: Floats) -> Bools:
 
 
 def _chords(made: Outlined, extent: Extent) -> tuple[Ints, Floats]:
-    """(k,) faces that the line crosses, and (k,) how far from it the middle of the straight way through each is."""
+    """Return the faces (k,) that the line crosses, and the distance (k,) of the middle of their chords from it."""
     s, crossed = made.surface, edge_crossings(made, extent)
     place = np.full((len(s.edges.ends), 3), np.nan)
     place[crossed.edge] = crossed.place
@@ -360,8 +337,8 @@ def _chords(made: Outlined, extent: Extent) -> tuple[Ints, Floats]:
 
 
 def _no_flat_faces(made: Outlined, extent: Extent) -> Outlined:
-    """With faces whose corners are all on lines divided, along an edge that is on none if there is one: a field that is
-    0 on the lines would not tell them apart."""
+    """Divide faces whose corners are all on lines, along an inner edge if there is one. A field that is 0 on the lines
+    could not distinguish their sides otherwise."""
     s, inner = made.surface, ~_outline(made, extent)
     flat = np.flatnonzero((made.on | made.fixed)[s.F].all(axis=1))
     length = np.where(inner, s.edge_lengths, 0.0)[s.edges.of[flat]]

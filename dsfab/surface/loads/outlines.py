@@ -35,17 +35,10 @@ from dsfab.surface.loads.pickers import (
 from dsfab.surface.mesh import Surface, nearest
 from dsfab.surface.topology import spanned_edges
 
-BEND = 15.0
-"""Degrees from which on a polygon has a corner; by less turn the sides that stand for a curve."""
-LOOKED = 4_000_000
-"""Pairs of a point and a side that are looked at together."""
-
 
 def depth_in(loops: Sequence[Floats], P: Floats) -> Floats:
-    """(p,) distance of points P (p, 2) from polygons (k, 2), in their unit; positive within, negative outside.
-
-    Within is what an odd number of the polygons is around: one in another is an island.
-    """
+    """Return the distance (p,) of points P (p, 2) from polygons (k, 2), in their unit; positive inside, negative
+    outside. A point is inside if it is within an odd number of polygons: a polygon in another is an island."""
     start = np.concatenate(loops)
     end = np.concatenate([np.roll(loop, -1, axis=0) for loop in loops])
     space = np.zeros((2 * len(start), 3))
@@ -58,8 +51,9 @@ def depth_in(loops: Sequence[Floats], P: Floats) -> Floats:
 
 
 def _within(start: Floats, end: Floats, P: Floats) -> Bools:
-    """(p,) whether a ray from points P (p, 2) along x crosses an odd number of sides, from start to end (s, 2)."""
-    odd, some = np.zeros(len(P), dtype=bool), max(LOOKED // len(start), 1)
+    """Return whether (p,) a ray from points P (p, 2) along x crosses an odd number of sides, from start to end (s,
+    2)."""
+    odd, some = np.zeros(len(P), dtype=bool), max(4_000_000 // len(start), 1)  # in blocks, to save memory
     rise = np.where(end[:, 1] == start[:, 1], 1.0, end[:, 1] - start[:, 1])
     for k in range(0, len(P), some):
         x, y = P[k : k + some].T[:, :, None]
@@ -70,26 +64,28 @@ def _within(start: Floats, end: Floats, P: Floats) -> Bools:
 
 
 def without_repeats(P: Floats) -> Floats:
-    """The corners (k, d) of a polygon without those at the place of the one before, the first after the last too."""
+    """Return the corners (k, d) of a closed polygon without consecutive duplicates."""
     return np.asarray(P[(np.roll(P, 1, axis=0) != P).any(axis=1)])
 
 
 def enclosed_area(P: Floats) -> float:
-    """Area within a polygon (k, 2), positive however it runs, in its unit squared."""
+    """Return the positive area of a polygon (k, 2), in its unit squared."""
     (x, y), (u, v) = P.T, np.roll(P, -1, axis=0).T
     return float(abs(x @ v - u @ y) / 2)
 
 
 def bends(P: Floats) -> Bools:
-    """(k,) the corners of a polygon (k, 2) at which it turns by `BEND` or more."""
+    """Return the corners (k,) of a polygon (k, 2) at which it turns by 15 degrees or more; smaller turns belong to
+    curves."""
     came, goes = P - np.roll(P, 1, axis=0), np.roll(P, -1, axis=0) - P
     cross = came[:, 0] * goes[:, 1] - came[:, 1] * goes[:, 0]
     angle = np.abs(np.arctan2(cross, np.einsum("ki,ki->k", came, goes)))
-    return np.asarray(angle >= np.radians(BEND))
+    return np.asarray(angle >= np.radians(15.0))
 
 
 def self_crossing(P: Floats) -> tuple[int, int, Floats] | None:
-    """The first two sides of a polygon (k, 2) that cross or touch, neighbours apart, and where (2,); None: none do."""
+    """Return the first two sides of a polygon (k, 2) that cross or touch, without neighbours, and the place (2,), or
+    None."""
     k, Q = len(P), np.roll(P, -1, axis=0)
     for i in range(k - 2):
         j = np.arange(i + 2, k - (i == 0))
@@ -108,30 +104,27 @@ def self_crossing(P: Floats) -> tuple[int, int, Floats] | None:
 
 
 def _turns(a: Floats, b: Floats, c: Floats) -> Floats:
-    """Twice the signed areas of triangles (..., 2)."""
     u, v = b - a, c - a
     return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
 
 
 LEVEL = float(np.cos(np.radians(1)))
-"""A curve whose plane is within a degree of horizontal is seen from above."""
+"""A curve whose plane is within a degree of horizontal is projected from above."""
 ONE_PLANE = 1e-3
-"""Curves are in one plane if they are off it by less than this share of their size."""
-SIGHTS = 48
-"""Lines of sight at most through a curve, to see which part of a surface is nearest to it."""
+"""Share of their size within which curves are in one plane."""
 
 
 class OutlineError(SurfaceError, ValueError):
-    """An outline that is none; being a ValueError too, pydantic collects it with the key that it is at."""
+    """Error for an invalid outline; as a ValueError, pydantic collects it with its key."""
 
 
 @dataclass(frozen=True)
 class PlanPolygon:
-    """What lies within a polygon seen from above: `{ pick = "plan", polygon = [[0, 0], [2, 0], [2, 1]] }`.
+    """The space inside a polygon seen from above: `{ pick = "plan", polygon = [[0, 0], [2, 0], [2, 1]] }`.
 
-    polygon : its corners, x and y, metres.    low, high : z, metres, between which it picks; no limit where left out.
+    polygon : its corners, x and y, metres.    low, high : limits on z, metres; by default none.
 
-    Raises OutlineError for a polygon without area or that crosses itself, and for heights the wrong way round.
+    Raises OutlineError for a polygon without area or that crosses itself, and for heights in the wrong order.
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
@@ -146,7 +139,7 @@ class PlanPolygon:
             raise OutlineError(f"low = {self.low:g} is not below high = {self.high:g}; swap them")
 
     def extent(self, surface: Surface) -> Extent:
-        """The prism over the polygon, as high as the surface or as `low` and `high` say."""
+        """Return the prism over the polygon, up to the height of the surface or to `low` and `high`."""
         P, z = without_repeats(np.array(self.polygon)), surface.V[:, 2]
         low = -np.inf if self.low is None else self.low
         high = np.inf if self.high is None else self.high
@@ -162,23 +155,23 @@ class PlanPolygon:
         return Extent(depth, np.array([*uprights, *around]).reshape(-1, 2, 3), _width(P))
 
     def vertices(self, surface: Surface) -> Bools:
-        """(n,) the picked vertices; raises SurfaceError when there are none."""
+        """Return the picked vertices (n,); raises SurfaceError if none are."""
         return within_reach(self, surface, -self.extent(surface).depth(surface.V), 0.0)
 
 
 @dataclass(frozen=True)
 class ClosedCurves:
-    """What lies within closed curves of a drawing: `{ pick = "curve", file = "door.dxf", layer = "door" }`.
+    """The space inside closed curves of a drawing: `{ pick = "curve", file = "door.dxf", layer = "door" }`.
 
-    Horizontal ones are seen from above, all others along the normal of their own plane: a door is drawn in elevation.
+    Horizontal curves are projected from above, all others along the normal of their plane, like a door in elevation.
 
-    file   : DXF or 3DM; relative paths start at the preset's folder, in Python at the current one.
-    layer  : the layer that they are on; left out, all.    unit : of the file's numbers; left out, as it says.
-    curves : their points in place of a file, metres: each curve a polygon.
-    depth  : metres that they reach to both sides of their plane. Left out, horizontal ones reach everywhere, others as
-             far as the part of the surface that is nearest to them: a door in the front leaves the back as it is.
+    file   : DXF or 3DM; relative paths start at the preset's folder, in Python at the current folder.
+    layer  : layer of the curves; by default all.    unit : of the file's numbers; by default the file's own.
+    curves : their points instead of a file, metres: each curve a polygon.
+    depth  : metres to both sides of their plane. By default, horizontal curves reach everywhere, others as far as the
+             nearest part of the surface: a door in the front leaves the back unchanged.
 
-    Raises OutlineError for less or more than either a file or curves.
+    Raises OutlineError unless either a file or curves are set.
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
@@ -196,13 +189,13 @@ class ClosedCurves:
             raise OutlineError("layer and unit are those of a file; curves are in metres")
 
     def loops(self) -> tuple[Floats, ...]:
-        """The curves (k, 3), metres; raises SurfaceError as `closed_curves` does."""
+        """Return the curves (k, 3), metres; raises SurfaceError as `closed_curves` does."""
         if self.file is not None:
             return closed_curves(self.file, self.layer, self.unit)
         return tuple(np.array(curve, dtype=np.float64) for curve in self.curves or ())
 
     def extent(self, surface: Surface) -> Extent:
-        """The prisms through the curves, square to their planes; raises SurfaceError for curves that are no outline."""
+        """Return the prisms through the curves, square to their planes; raises SurfaceError for invalid outlines."""
         planes: list[_Plane] = []
         for number, loop in enumerate(self.loops()):
             loop = without_repeats(loop)
@@ -215,14 +208,16 @@ class ClosedCurves:
         return Extent.union([plane.extent(surface, self.depth) for plane in planes])
 
     def vertices(self, surface: Surface) -> Bools:
-        """(n,) the picked vertices; raises SurfaceError when there are none, and as `extent` does."""
+        """Return the picked vertices (n,); raises SurfaceError if none are, and as `extent` does."""
         return within_reach(self, surface, -self.extent(surface).depth(surface.V), 0.0)
 
 
 @dataclass(frozen=True)
 class Brush:
-    """What lies within `radius` of any of the points, metres, or of the way from one to the next where the balls around
-    them overlap: what a brush has painted. Points further apart begin another stroke."""
+    """The space of a brush stroke: within `radius` of any point, metres, or of the segment to the next point.
+
+    A segment counts only if the balls around its ends overlap; points further apart begin another stroke.
+    """
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
     points: Annotated[tuple[Vector, ...], MinLen(1)]
@@ -230,7 +225,7 @@ class Brush:
     pick: Literal["brush"] = "brush"
 
     def extent(self, surface: Surface) -> Extent:
-        """The balls around the points, and the tubes between those that are one stroke."""
+        """Return the balls around the points, and the tubes between consecutive points of a stroke."""
         points, radius = np.array(self.points, dtype=np.float64), self.radius
         step, dots = lengths(np.diff(points, axis=0)), np.arange(len(points))
         ways = np.stack([dots[:-1], dots[1:]], axis=1)[(step > 0) & (step <= 2 * radius)]
@@ -242,12 +237,12 @@ class Brush:
         return Extent(depth, np.empty((0, 2, 3)), radius)
 
     def vertices(self, surface: Surface) -> Bools:
-        """(n,) the picked vertices; raises SurfaceError when there are none."""
+        """Return the picked vertices (n,); raises SurfaceError if none are."""
         return within_reach(self, surface, -self.extent(surface).depth(surface.V), 0.0)
 
 
 def check_polygon(P: Floats, name: str) -> None:
-    """Raise OutlineError for a polygon (k, 2), metres, that has no area or crosses itself; it is called `name`."""
+    """Raise OutlineError, with this name, for a polygon (k, 2), metres, that has no area or crosses itself."""
     P = without_repeats(P)
     if len(P) < 3:
         raise OutlineError(f"{name} has {len(P)} different corners; give three or more")
@@ -271,7 +266,6 @@ class _Plane:
 
     @classmethod
     def of(cls, loop: Floats, whose: str, number: int) -> "_Plane":
-        """The plane that is nearest to a curve."""
         if len(loop) < 3:
             raise SurfaceError(f"{whose}: curve {number} has {len(loop)} different points; give three or more")
         origin = loop.mean(axis=0)
@@ -286,11 +280,9 @@ class _Plane:
         return flat
 
     def seen(self, P: Floats) -> Floats:
-        """(k, 2) points (k, 3) in the plane's axes."""
         return np.asarray((P - self.origin) @ self.axes[:2].T)
 
     def off(self, P: Floats) -> Floats:
-        """(k,) how far points (k, 3) are from the plane."""
         return np.asarray((P - self.origin) @ self.axes[2])
 
     @cached_property
@@ -305,7 +297,8 @@ class _Plane:
         return _Plane(self.origin, self.axes, (*self.loops, loop))
 
     def extent(self, surface: Surface, depth: float | None) -> Extent:
-        """The prism through the curves, as deep to both sides as given, or as the nearest part of the surface."""
+        """Return the prism through the curves, with a depth to both sides, or as deep as the nearest part of the
+        surface."""
         loops, normal = [self.seen(loop) for loop in self.loops], self.axes[2]
         low, high = (-depth, depth) if depth else (-np.inf, np.inf)
         if depth is None and not self.level:
@@ -322,8 +315,8 @@ class _Plane:
         return Extent(within, foot[:, None] + ends, min(_width(flat) for flat in loops))
 
     def _nearest_part(self, surface: Surface) -> tuple[float, float]:
-        """How far the prism reaches to one side and to the other: half the way from what lines of sight through the
-        curves meet first, seen from the plane, to what they meet behind."""
+        """Return how far the prism reaches to both sides, from lines of sight through the curves. Each line first meets
+        the nearest part of the surface; the prism ends halfway between this part and the next."""
         far, normal = np.abs(self.off(surface.V)).max() + surface.size, self.axes[2]
         first, behind = list[float](), list[float]()
         for p in self._sights():
@@ -343,21 +336,21 @@ class _Plane:
         return low, (min(above) + most) / 2 if above else np.inf
 
     def _sights(self) -> Floats:
-        """(k, 3) points on the curves and halfway to their middles."""
+        """Return points (k, 3) on the curves and halfway to their middles, about 96 in all."""
         found = list[Floats]()
         for loop in self.loops:
-            some = loop[:: max(2 * len(self.loops) * len(loop) // SIGHTS, 1)]
+            some = loop[:: max(2 * len(self.loops) * len(loop) // 48, 1)]
             found += [some, (some + loop.mean(axis=0)) / 2]
         return np.concatenate(found)
 
 
 def _width(P: Floats) -> float:
-    """Half of what a polygon (k, 2) is wide where it is slender: the radius of a circle."""
+    """Return half the width of a slender polygon (k, 2): the radius of a circle."""
     return 2 * enclosed_area(P) / closed_length(P)
 
 
 def self_contained(at: Any) -> Any:
-    """A picker with the curves of its file in it; any other one as it is. Raises SurfaceError as `closed_curves`
+    """Return a picker with the curves of its file in it; others unchanged. Raises SurfaceError as `closed_curves`
     does."""
     if not isinstance(at, ClosedCurves) or at.file is None:
         return at
@@ -372,15 +365,13 @@ Picker = Annotated[
 
 
 def has_outline(at: Picker) -> bool:
-    """Whether a picker means a part of space, so that what it picks ends along a line."""
+    """Return whether a picker stands for a part of space, so that its region ends along a line."""
     return isinstance(at, PlanPolygon | ClosedCurves | Brush | Ball | Box | Side) and not getattr(at, "boundary", False)
 
 
 def extent_of(at: Picker, surface: Surface) -> Extent | None:
-    """The part of space that a picker means; None for those that mean vertices or faces.
-
-    Raises SurfaceError as `ClosedCurves.extent` does.
-    """
+    """Return the part of space that a picker stands for; None for pickers of vertices or faces. Raises SurfaceError as
+    `ClosedCurves.extent` does."""
     if isinstance(at, PlanPolygon | ClosedCurves | Brush):
         return at.extent(surface)
     if isinstance(at, Ball):
@@ -394,11 +385,11 @@ def extent_of(at: Picker, surface: Surface) -> Extent | None:
 
 
 def edges_of(at: Picker, surface: Surface) -> Bools:
-    """(e,) the edges that a picker means, besides the vertices at their ends; raises SurfaceError as the picker does.
+    """Return the edges (e,) of a picker, for its picked vertices; raises SurfaceError as the picker does.
 
-    What means the boundary means free edges alone: one within the sheet may join two of its vertices. What means a part
-    of space, or normals, means the edges with both ends in it, an outline, which may be hollow, those with their middle
-    in it as well; vertices that are named mean what they span (`spanned_edges`).
+    A picker of the boundary has free edges alone. A part of space, or a direction of normals, has the edges with both
+    ends in it. An outline, which may be hollow, also needs their middle in it. Named vertices have the edges that they
+    span (`spanned_edges`).
     """
     picked, edges = at.vertices(surface), surface.edges
     if isinstance(at, VerticesLeft):

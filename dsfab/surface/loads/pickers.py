@@ -16,19 +16,14 @@ from dsfab.surface.mesh import Surface
 from dsfab.surface.orientation import require_two_sides
 from dsfab.surface.topology import on_boundary
 
-PARALLEL = 1e-12
-"""A line whose volume with two sides of a face is under this share of their lengths runs along the face."""
-INSIDE = 1e-9
-"""Barycentric rounding: a line meets faces that it passes by this share of them."""
-
 
 @dataclass(frozen=True, eq=False)
 class Extent:
     """A part of space.
 
-    depth   : (k,) metres that points (k, 3) are within it, negative outside.
-    creases : (c, 2, 3) segments along which its walls bend; the line in which it meets a surface has corners there.
-    width   : metres, the half of it across where it is slender, roughly: what a mesh has to be finer than.
+    depth   : (k,) metres that points (k, 3) are inside it, negative outside.
+    creases : (c, 2, 3) segments along which its walls bend; its line on a surface has corners there.
+    width   : metres, about half of its width where it is slender; the mesh has to be finer.
     """
 
     depth: Callable[[Floats], Floats]
@@ -40,7 +35,7 @@ class Extent:
 
     @classmethod
     def union(cls, some: "list[Extent]") -> "Extent":
-        """What is within any of several."""
+        """Return the union of extents."""
         if len(some) == 1:
             return some[0]
         creases = np.concatenate([one.creases for one in some])
@@ -48,12 +43,12 @@ class Extent:
 
     @classmethod
     def ball(cls, center: Floats, radius: float) -> "Extent":
-        """Within a radius of a point (3,), metres."""
+        """Return the ball around a point (3,), metres."""
         return cls(lambda P: radius - np.linalg.norm(P - center, axis=1), np.empty((0, 2, 3)), radius)
 
     @classmethod
     def box(cls, low: Floats, high: Floats) -> "Extent":
-        """Between two opposite corners (3,), metres."""
+        """Return the box between two opposite corners (3,), metres."""
         corners = np.array(list(product(*np.stack([low, high], axis=1))))
         edges = [(a, b) for a, b in combinations(range(8), 2) if (a ^ b).bit_count() == 1]
         middle, half = (low + high) / 2, (high - low) / 2
@@ -66,24 +61,23 @@ class Extent:
 
     @classmethod
     def below(cls, direction: Floats, height: float, width: float) -> "Extent":
-        """Where the product with a unit direction (3,) is under a height, metres."""
+        """Return the space whose product with a unit direction (3,) is below a height, metres."""
         return cls(lambda P: height - P @ direction, np.empty((0, 2, 3)), width)
 
 
 def pierced(surface: Surface, a: Floats, b: Floats) -> tuple[Ints, Floats]:
-    """(k,) faces that the segment from a to b (3,), metres, meets, and (k,) how far along it, 0 to 1, in this order.
-
-    A face that it runs along counts as not met [Moeller and Trumbore 1997].
-    """
+    """Return the faces (k,) that the segment from a to b (3,), metres, meets, and their shares (k,), 0 to 1, in order.
+    Faces parallel to the segment do not count [Moeller and Trumbore 1997]."""
     P, Q, R = (surface.V[surface.F[:, k]] for k in range(3))
     ray, u, v = np.broadcast_to(b - a, P.shape), Q - P, R - P
     normal, to = cross(ray, v), a - P
     volume = np.einsum("mi,mi->m", u, normal)
-    least = PARALLEL * np.linalg.norm(b - a) * np.linalg.norm(u, axis=1) * np.linalg.norm(v, axis=1)
+    inside = -1e-9  # rounding of barycentric coordinates
+    least = 1e-12 * np.linalg.norm(b - a) * np.linalg.norm(u, axis=1) * np.linalg.norm(v, axis=1)
     safe = np.where(np.abs(volume) > least, volume, np.inf)
     one, side = np.einsum("mi,mi->m", to, normal) / safe, cross(to, u)
     two, t = np.einsum("mi,mi->m", ray, side) / safe, np.einsum("mi,mi->m", v, side) / safe
-    met = np.isfinite(safe) & (one >= -INSIDE) & (two >= -INSIDE) & (one + two <= 1 + INSIDE) & (t >= 0) & (t <= 1)
+    met = np.isfinite(safe) & (one >= inside) & (two >= inside) & (one + two <= 1 - inside) & (t >= 0) & (t <= 1)
     faces = np.flatnonzero(met)
     order = np.argsort(t[faces], kind="stable")
     return faces[order], t[faces[order]]
@@ -94,13 +88,11 @@ Vector = tuple[Real, Real, Real]
 CaseName = Annotated[str, StringConstraints(pattern=r"^[A-Za-z0-9][A-Za-z0-9_.-]*$")]
 
 TOUCH = 1e-6
-"""Share of the surface's size by which a picker reaches further than it says: coordinates are rounded."""
+"""Tolerance of a picker, as a share of the surface's size, because coordinates are rounded."""
 
-LONGEST = 160
-"""Characters of a value that are shown in a message: polygons go on and on."""
 
 STRICT: ConfigDict = {"extra": "forbid"}
-"""pydantic: refuse keys that a table does not have."""
+"""pydantic: refuse unknown keys."""
 
 
 class _HasPick(Protocol):
@@ -116,7 +108,7 @@ class All:
     pick: Literal["all"] = "all"
 
     def vertices(self, surface: Surface) -> Bools:
-        """(n,) the picked vertices."""
+        """Return the picked vertices (n,)."""
         return np.ones(surface.n, dtype=bool)
 
 
@@ -125,7 +117,7 @@ class Box:
     """The vertices in the box with two opposite corners, metres, its walls included.
 
     relative : whether the corners are shares of the surface's own box, 0 to 1 along each axis.
-    boundary : whether vertices of free edges alone are picked.
+    boundary : whether to pick vertices of free edges alone.
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
@@ -136,11 +128,11 @@ class Box:
     pick: Literal["box"] = "box"
 
     def corners(self, surface: Surface) -> Floats:
-        """(2, 3) the corners, metres."""
+        """Return the corners (2, 3), metres."""
         return _placed([self.min, self.max], surface, self.relative)
 
     def vertices(self, surface: Surface) -> Bools:
-        """(n,) the picked vertices; raises SurfaceError when there are none or min is beyond max."""
+        """Return the picked vertices (n,); raises SurfaceError if none are, or if min is beyond max."""
         low, high = self.corners(surface)
         if (low > high).any():
             raise SurfaceError(f"{picker_words(self)} has min beyond max; swap them")
@@ -165,12 +157,12 @@ class Ball:
     pick: Literal["ball"] = "ball"
 
     def metres(self, surface: Surface) -> tuple[Floats, float]:
-        """The centre (3,) and the radius, metres."""
+        """Return the centre (3,) and the radius, metres."""
         scale = surface.size if self.relative else 1.0
         return _placed([self.center], surface, self.relative)[0], self.radius * scale
 
     def vertices(self, surface: Surface) -> Bools:
-        """(n,) the picked vertices; raises SurfaceError when there are none."""
+        """Return the picked vertices (n,); raises SurfaceError if none are."""
         center, radius = self.metres(surface)
         return within_reach(self, surface, np.linalg.norm(surface.V - center, axis=1), radius)
 
@@ -190,11 +182,11 @@ class Side:
     pick: Literal["side"] = "side"
 
     def reach(self, surface: Surface) -> float:
-        """The depth, metres."""
+        """Return the depth, metres."""
         return self.depth * (float(np.ptp(surface.V[:, "xyz".index(self.axis)])) if self.relative else 1.0)
 
     def vertices(self, surface: Surface) -> Bools:
-        """(n,) the picked vertices: at least one always."""
+        """Return the picked vertices (n,), at least one."""
         x = surface.V[:, "xyz".index(self.axis)]
         away = x - x.min() if self.end == "min" else x.max() - x
         return within_reach(self, surface, away, self.reach(surface))
@@ -213,11 +205,11 @@ class Nearest:
     pick: Literal["nearest"] = "nearest"
 
     def places(self, surface: Surface) -> Floats:
-        """(k, 3) the points, metres."""
+        """Return the points (k, 3), metres."""
         return _placed(self.points, surface, self.relative)
 
     def vertices(self, surface: Surface) -> Bools:
-        """(n,) the picked vertices, the first of those equally near; raises SurfaceError when no point is given."""
+        """Return the picked vertices (n,), the first of equally near ones; raises SurfaceError without points."""
         picked = np.zeros(surface.n, dtype=bool)
         for point in self.places(surface):
             picked[np.linalg.norm(surface.V - point, axis=1).argmin()] = True
@@ -233,7 +225,7 @@ class Boundary:
     pick: Literal["boundary"] = "boundary"
 
     def vertices(self, surface: Surface) -> Bools:
-        """(n,) the picked vertices; raises SurfaceError when the surface has no such loop."""
+        """Return the picked vertices (n,); raises SurfaceError if the surface has no such loop."""
         loops = surface.loops
         if not loops:
             raise SurfaceError(f"{picker_words(self)} picks no vertex: the surface is closed; use another picker")
@@ -258,7 +250,7 @@ class Facing:
     pick: Literal["facing"] = "facing"
 
     def vertices(self, surface: Surface) -> Bools:
-        """(n,) the picked vertices; raises SurfaceError when there are none."""
+        """Return the picked vertices (n,); raises SurfaceError if none are."""
         require_two_sides(surface, np.ones(surface.m, dtype=bool), picker_words(self))
         d, N = unit_vector(self.direction, picker_words(self)), surface.vertex_normals
         degrees = np.degrees(np.arctan2(np.linalg.norm(np.cross(N, d), axis=1), N @ d))
@@ -276,7 +268,7 @@ class Vertices:
     pick: Literal["vertices"] = "vertices"
 
     def vertices(self, surface: Surface) -> Bools:
-        """(n,) the picked vertices; raises SurfaceError for an index that the surface does not have."""
+        """Return the picked vertices (n,); raises SurfaceError for an index that the surface does not have."""
         indices = np.array(self.indices, dtype=np.int64)
         bad = indices[(indices < 0) | (indices >= surface.n)]
         if len(bad):
@@ -291,20 +283,21 @@ class Vertices:
 
 @dataclass(frozen=True)
 class VerticesLeft(Vertices):
-    """What voids have left of what another picker means: vertices, and the edges between them by their `ends`, the
-    smaller first."""
+    """The rest of another picker after voids: vertices, and the edges between them by their `ends`, the smaller
+    first.
+    """
 
     ends: tuple[tuple[int, int], ...] = ()
 
     def edges(self, surface: Surface) -> Bools:
-        """(e,) the edges."""
+        """Return the edges (e,)."""
         table = surface.edges.ends
         ends = np.array(self.ends, dtype=np.int64).reshape(-1, 2)
         return np.isin(table[:, 0] * surface.n + table[:, 1], ends[:, 0] * surface.n + ends[:, 1])
 
 
 def unit_vector(direction: Vector, whose: str) -> Floats:
-    """(3,) the direction at length 1; raises SurfaceError for the zero vector."""
+    """Return the direction (3,) at length 1; raises SurfaceError for the zero vector."""
     d = np.array(direction, dtype=np.float64)
     length = np.linalg.norm(d)
     if not np.isfinite(length) or length == 0:
@@ -313,15 +306,15 @@ def unit_vector(direction: Vector, whose: str) -> Floats:
 
 
 def _placed(points: Sequence[Vector], surface: Surface, relative: bool) -> Floats:
-    """(k, 3) points in metres, of those that are or of shares of the surface's box."""
+    """Return points (k, 3) in metres, from metres or from shares of the surface's box."""
     P = np.array(points, dtype=np.float64).reshape(-1, 3)
     low, high = surface.V.min(axis=0), surface.V.max(axis=0)
     return low + P * (high - low) if relative else P
 
 
 def within_reach(picker: _HasPick, surface: Surface, away: Floats, reach: float) -> Bools:
-    """(n,) the vertices that are `away` (n,) at most `reach`, both in metres; raises SurfaceError when there are
-    none."""
+    """Return the vertices (n,) whose distance `away` (n,) is at most `reach`, metres; raises SurfaceError if none
+    are."""
     picked = away <= reach + TOUCH * surface.size
     return _some(picker, surface, picked, f"; the nearest vertex is {away.min() - reach:.4g} m outside")
 
@@ -334,7 +327,7 @@ def _some(picker: _HasPick, surface: Surface, picked: Bools, why: str) -> Bools:
 
 
 def picker_words(picker: _HasPick) -> str:
-    """The picker as its table says it, without what was left out; of long lists the beginning."""
+    """Return the picker as in its table, without defaults and with long values shortened."""
     given = ((f.name, getattr(picker, f.name)) for f in fields(picker))  # type: ignore[arg-type]
     values = ", ".join(
         f"{name} = {_short(value)}"
@@ -345,6 +338,5 @@ def picker_words(picker: _HasPick) -> str:
 
 
 def _short(value: object) -> str:
-    """A value as Python writes it; a path as text."""
     text = repr(str(value) if isinstance(value, Path) else value)
-    return text if len(text) <= LONGEST else f"{text[:LONGEST]}..."
+    return text if len(text) <= 160 else f"{text[:160]}..."  # polygons may have thousands

@@ -1,7 +1,7 @@
-"""`PatternRegion`: what a person draws on a surface, `[[pattern.region]]` in a preset: solid, void, or with a band.
+"""`PatternRegion`: a region of the surface, `[[pattern.region]]` in a preset: solid, void, or with a solid band.
 
-The mesh is cut along the outlines of regions before anything is solved: statics, pattern, sheet and solid all have
-edges there, and a void is a hole in the surface for each of them.
+The mesh is cut along the outlines of regions before any analysis, so that statics, pattern, sheet and solid all have
+edges there. A void is a hole in the surface for each of them.
 """
 
 from collections.abc import Iterator, Sequence
@@ -22,20 +22,20 @@ from dsfab.surface.topology import corner_fans, edge_table
 
 
 class RegionError(SurfaceError, ValueError):
-    """A region that contradicts itself; being a ValueError too, pydantic collects it with the key that it is at."""
+    """Error for a region that contradicts itself; as a ValueError, pydantic collects it with its key."""
 
 
 @dataclass(frozen=True)
 class PatternRegion:
-    """A part of the surface with a will of its own.
+    """A part of the surface with its own treatment.
 
-    at    : where it is. Its edge is a line for the pickers plan, curve, brush, ball, box and side; the others mean
-            vertices, and it runs halfway between those that are picked and those that are not.
-    do    : keep, it is solid; void, there is nothing; rim, it has a solid band inside of its edge.
-    width : of the band, metres along the surface; left out, that of pattern.rim, or an eighth of the region's.
-    name  : what messages call it.
+    at    : its picker. The pickers plan, curve, brush, ball, box and side have a line as edge; for the others, the edge
+            runs halfway between picked and other vertices.
+    do    : keep, it is solid; void, it is empty; rim, it has a solid band inside of its edge.
+    width : of the band, metres along the surface; by default that of pattern.rim, or an eighth of the region's.
+    name  : for messages.
 
-    Raises RegionError for a width of what has no band, and for a band of what has no outline.
+    Raises RegionError for a width without a band, and for a band without an outline.
     """
 
     __pydantic_config__: ClassVar[Any] = STRICT
@@ -54,28 +54,26 @@ class PatternRegion:
             )
 
     def faces(self, surface: Surface) -> Bools:
-        """(m,) the faces in the region, of a surface that is cut along its outline (see `with_regions`).
-
-        Raises SurfaceError as its picker does.
-        """
+        """Return the faces (m,) in the region, of a surface that is cut along its outline (see `with_regions`). Raises
+        SurfaceError as its picker does."""
         extent = extent_of(self.at, surface)
         return surface.faces_of(self.at.vertices(surface)) if extent is None else extent.depth(surface.centroids) > 0
 
     def cut_as(self, other: "PatternRegion") -> bool:
-        """Whether a surface is cut alike for both."""
+        """Return whether both regions cut a surface in the same way."""
         return (self.at, self.do == "void") == (other.at, other.do == "void")
 
 
 def region_key(regions: Sequence[PatternRegion], k: int) -> str:
-    """What a message calls a region: 'pattern.region.0 (door)'."""
+    """Return the name of a region for messages: 'pattern.region.0 (door)'."""
     return f"pattern.region.{k}" + (f" ({regions[k].name})" if regions[k].name else "")
 
 
 class RegionedSurface(NamedTuple):
     """A surface that is cut along the outlines of regions.
 
-    surface : without the voids.             taken    : (k,) the area that each void took from it, m2.
-    whole   : the same with the voids.       vertices : (n,) the number in it of each vertex of the surface.
+    surface : without the voids.             taken    : (k,) the area of each void, m2.
+    whole   : the same with the voids.       vertices : (n,) the index in `whole` of each vertex of `surface`.
     """
 
     surface: Surface
@@ -85,13 +83,9 @@ class RegionedSurface(NamedTuple):
 
 
 def with_regions(surface: Surface, regions: Sequence[PatternRegion]) -> RegionedSurface:
-    """The surface with edges along the outlines of regions, and without those that are void.
-
-    The vertices of the surface come first in the `whole` one, with the numbers that they had.
-
-    Raises SurfaceError, which names the region, for one that is nowhere on the surface, and for voids that take all of
-    it.
-    """
+    """Return the surface with edges along the outlines of regions, and without voids. The old vertices come first in
+    `whole`, with their old numbers. Raises SurfaceError, which names the region, for a region that is nowhere on the
+    surface, and for voids that take all of it."""
     extents, nothing = _extents(surface, regions), np.zeros(surface.n, dtype=bool)
     made = Outlined(surface, nothing, nothing)
     for k in _voids_first(regions):
@@ -112,7 +106,7 @@ def with_regions(surface: Surface, regions: Sequence[PatternRegion]) -> Regioned
 def _without_voids(
     whole: Surface, regions: Sequence[PatternRegion], extents: Sequence[Extent | None], picked: Bools
 ) -> RegionedSurface:
-    """A surface that is cut along outlines, without the voids; picked (k, n) are vertices in those without outline."""
+    """Remove the voids of a surface that is cut along outlines; picked (k, n) are vertices in voids without outline."""
     taken, gone = np.zeros(len(regions)), np.zeros(whole.m, dtype=bool)
     marks = np.zeros((len(regions), whole.n), dtype=bool)
     marks[:, : picked.shape[1]] = picked
@@ -134,13 +128,12 @@ def _without_voids(
 
 
 def _voids_first(regions: Sequence[PatternRegion]) -> list[int]:
-    """The numbers of regions in the order in which they take their part of the surface."""
+    """Return the indices of regions in the order in which they take their part of the surface."""
     return sorted(range(len(regions)), key=lambda k: regions[k].do != "void")
 
 
 @contextmanager
 def _named(regions: Sequence[PatternRegion], k: int) -> Iterator[None]:
-    """The key of a region before what is said of it."""
     try:
         yield
     except SurfaceError as error:
@@ -148,7 +141,6 @@ def _named(regions: Sequence[PatternRegion], k: int) -> Iterator[None]:
 
 
 def _extents(surface: Surface, regions: Sequence[PatternRegion]) -> list[Extent | None]:
-    """The parts of space that regions are, as the surface is before any of them is cut."""
     found = list[Extent | None]()
     for k, region in enumerate(regions):
         with _named(regions, k):
@@ -162,7 +154,7 @@ def _how_far(surface: Surface, extent: Extent | None) -> str:
 
 
 def _compact(F: Ints) -> tuple[Ints, Ints]:
-    """The vertices that faces (m, 3) use, and the faces on them; where they touch in a point, they part."""
+    """Return the vertices that faces (m, 3) use, and the faces on them, separated where they touch in a point."""
     used, F = np.unique(F, return_inverse=True)
     F = F.reshape(-1, 3)
     fans = corner_fans(F, edge_table(F))

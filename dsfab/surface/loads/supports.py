@@ -16,14 +16,13 @@ from dsfab.surface.loads.pickers import STRICT, Vector
 from dsfab.surface.mesh import Surface
 
 LONGEST = 40
-"""Characters of a name: it stands in a column of a table."""
+"""Characters of a name, which must fit into a column of a table."""
 
 SIGNS = " _-.,/+"
-"""What a name may have besides letters and digits, of any language."""
+"""Characters that a name may have besides letters and digits of any language."""
 
 
 def _plain(name: str) -> str:
-    """The name itself; raises ValueError for one that would break a line or a table."""
     allowed = len(name) <= LONGEST and name == name.strip() and all(c.isalnum() or c in SIGNS for c in name)
     if not allowed:
         raise ValueError(
@@ -34,7 +33,7 @@ def _plain(name: str) -> str:
 
 
 Name = Annotated[str, AfterValidator(_plain)]
-"""What people call a support or a load; empty for no name. It changes no result."""
+"""User's name of a support or a load; empty for none. It changes no result."""
 
 
 class _Support(Protocol):
@@ -48,12 +47,12 @@ class _Load(_Support, Protocol):
 
 
 def support_names(supports: Sequence[_Support]) -> list[str]:
-    """Their names; 'support 2' for the second one without its own."""
+    """Return the names of supports, with 'support 2' for the second one if it has none."""
     return [support.name or f"support {number}" for number, support in enumerate(supports, 1)]
 
 
 def load_names(loads: Sequence[_Load]) -> list[str]:
-    """Their names; their kinds for those without: 'snow', or 'snow 1' and 'snow 2' where there are several."""
+    """Return the names of loads, with their kinds for those without: 'snow', or 'snow 1' and 'snow 2' for several."""
     kinds = [load.kind.replace("_", " ") for load in loads]
     several = Counter(kind for kind, load in zip(kinds, loads, strict=True) if not load.name)
     numbers = {kind: count(1) for kind in several}
@@ -67,22 +66,21 @@ Hold = Literal["xyz", "xy", "xz", "yz", "x", "y", "z", ""]
 
 
 class SupportError(SurfaceError, ValueError):
-    """A support that contradicts itself; being a ValueError too, pydantic collects it with the key that it is at."""
+    """Error for a support that contradicts itself; as a ValueError, pydantic collects it with its key."""
 
 
 @dataclass(frozen=True)
 class Support:
     """Vertices that may not move: `[[surface.support]]  at = { pick = "side", axis = "z", end = "min" }  hold = "xyz"`.
 
-    hold   : the directions that are held, of the surface's own axes: all of them when it is left out, none when there
-             is a `spring` instead.
-    spring : stiffness along x, y and z, newtons per metre: the whole of it, shared over the picked vertices in
-             proportion to their areas as a force is. 0 leaves a direction free (or to `hold`).
-    clamp  : whether the edges that the picker means (`edges_of`) cannot turn about themselves either. Edges across an
-             ear of the mesh (a face with two boundary edges) lie inside and stay free.
-    name   : what people call it, wherever supports are listed; it changes no result.
+    hold   : fixed directions, along the surface's own axes: by default all, or none if there is a `spring`.
+    spring : total stiffness along x, y and z, newtons per metre, spread over the picked vertices in proportion to their
+             areas. 0 leaves a direction free (or to `hold`).
+    clamp  : whether the edges of the picker (`edges_of`) cannot rotate about themselves either. Edges across an ear of
+             the mesh (a face with two boundary edges) lie inside and stay free.
+    name   : for lists of supports; it changes no result.
 
-    Raises SupportError for a support that holds nothing, a negative spring, or one along a held direction.
+    Raises SupportError for a support without effect, a negative spring, or a spring along a fixed direction.
     """
 
     __pydantic_config__: ClassVar[ConfigDict] = STRICT
@@ -110,15 +108,16 @@ class Support:
             )
 
     def fixed(self, surface: Surface) -> Bools:
-        """(n, 3) what it holds rigidly."""
+        """Return the rigidly fixed directions (n, 3) of the vertices."""
         return np.asarray(self.at.vertices(surface)[:, None] & np.array([axis in (self.hold or "") for axis in "xyz"]))
 
     def fixed_edges(self, surface: Surface) -> Bools:
-        """(e, 3) what it holds rigidly between the ends of edges: a finer mesh has vertices there."""
+        """Return the directions (e, 3) that are fixed between the ends of edges, where a finer mesh has vertices."""
         return np.asarray(edges_of(self.at, surface)[:, None] & np.array([axis in (self.hold or "") for axis in "xyz"]))
 
     def springs(self, surface: Surface) -> Floats:
-        """(n, 3) newtons per metre; they sum to `spring`. Raises SurfaceError on vertices without faces."""
+        """Return the stiffness (n, 3), newtons per metre; it sums to `spring`. Raises SurfaceError on vertices without
+        faces."""
         if self.spring is None:
             return np.zeros((surface.n, 3))
         share = np.where(self.at.vertices(surface), surface.vertex_areas, 0.0)
@@ -127,7 +126,7 @@ class Support:
         return np.asarray((share / share.sum())[:, None] * np.array(self.spring))
 
     def clamped(self, surface: Surface) -> Bools:
-        """(e,) edges that it keeps from turning about themselves; raises SurfaceError when `clamp` finds none."""
+        """Return the clamped edges (e,); raises SurfaceError if `clamp` has none."""
         if not self.clamp:
             return np.zeros(len(surface.edges.ends), dtype=bool)
         edges = surface.edges

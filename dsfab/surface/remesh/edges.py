@@ -22,18 +22,17 @@ from dsfab.surface.remesh.features import TOLERANCE, FeatureCurves
 from dsfab.surface.topology import EdgeTable, edge_table, faces_at, next_half_edge, on_boundary
 
 FREE, ON_CURVE, FIXED = 0, 1, 2
-"""Kinds of vertices: on the surface, on one of its curves, at rest."""
+"""Kinds of vertices: on the surface, on one of its curves, fixed."""
 
 
 @dataclass(frozen=True, eq=False)
 class NetFaces:
-    """Faces F (m, 3) of a net, and their edges, which last as long as no face changes."""
+    """Faces F (m, 3) of a net, and their edges, cached as long as no face changes."""
 
     F: Ints
 
     @cached_property
     def edges(self) -> EdgeTable:
-        """Every edge once."""
         return edge_table(self.F)
 
 
@@ -41,7 +40,7 @@ class NetFaces:
 class Net:
     """Vertices V (n, 3), metres, of kind (n,), the faces between them, and the nodes on the curves.
 
-    node  : (k,) the vertices along each curve, curve after curve.     at : (k,) their places on the curves' axis, m.
+    node  : (k,) the vertices along each curve, curve after curve.     at : (k,) their positions on the curves' axis, m.
     curve : (k,) the curve of each.     size : (n,) the wanted length of edges, metres.
     """
 
@@ -55,7 +54,7 @@ class Net:
 
     @classmethod
     def of(cls, surface: Surface, curves: FeatureCurves, size: float) -> Self:
-        """The surface itself, to be remeshed to edges of one size."""
+        """Return the surface itself as a net, to be remeshed to edges of one size."""
         kind = np.full(surface.n, FREE)
         kind[curves.vertex] = ON_CURVE
         kind[curves.fixed] = FIXED
@@ -69,45 +68,45 @@ class Net:
 
     @property
     def F(self) -> Ints:  # noqa: N802, the field's letter
-        """(m, 3) the faces."""
+        """Faces (m, 3)."""
         return self.faces.F
 
     @property
     def edges(self) -> EdgeTable:
-        """Every edge of the net once."""
+        """Table of edges."""
         return self.faces.edges
 
     @property
     def edge_sizes(self) -> Floats:
-        """(e,) the wanted lengths of the edges, metres."""
+        """Wanted lengths (e,) of the edges, metres."""
         a, b = self.edges.ends.T
         return np.asarray((self.size[a] + self.size[b]) / 2)
 
     @property
     def links(self) -> Ints:
-        """(l,) the nodes from which an edge along a curve leads to the next node."""
+        """Nodes (l,) from which an edge along a curve leads to the next node."""
         return np.flatnonzero(self.curve[1:] == self.curve[:-1])
 
     @property
     def link_ends(self) -> Ints:
-        """(l, 2) the vertices of the edges along curves."""
+        """Vertices (l, 2) of the edges along curves."""
         return np.stack([self.node[self.links], self.node[self.links + 1]], axis=1)
 
     @property
     def link_edges(self) -> Ints:
-        """(l,) which edges of the net those along curves are."""
+        """Indices (l,) of the edges along curves."""
         ends = np.sort(self.link_ends, axis=1)
         return np.searchsorted(self.edges.ends @ (self.n, 1), ends @ (self.n, 1))
 
     @property
     def along_curves(self) -> Bools:
-        """(e,) whether an edge is along a curve."""
+        """Edges (e,) along a curve."""
         marks = np.zeros(len(self.edges.ends), dtype=bool)
         marks[self.link_edges] = True
         return marks
 
     def without_lost(self) -> "Net":
-        """The same without the vertices that no face has."""
+        """Return the net without unused vertices."""
         used = np.zeros(self.n, dtype=bool)
         used[self.F] = True
         if used.all():
@@ -119,40 +118,27 @@ class Net:
         )
 
 
-LEVELS = 8
-"""Costs are told apart in so many steps: of costs that rise along a strip only its end would come first."""
-
-MIX = 2654435761
-"""Scatters numbers in a row [Knuth 1973, multiplicative hashing]: candidates of one level come in this order."""
-
-
 def independent(touched: Ints, cost: Floats, n: int, beside: Ints | None = None) -> Bools:
-    """(c,) candidates of less cost than all others near them, so that no two touch the same vertex.
+    """Return the candidates (c,) of less cost than all others near them, so that no two touch the same vertex.
 
-    touched : (c, k) vertices of each candidate.   cost : (c,), told apart in `LEVELS`.
-    beside  : (e, 2) edges of the mesh: where given, no two touch neighbours either.
+    touched : (c, k) vertices of each candidate.   cost : (c,), rounded to eight levels, because costs that rise along a
+              strip would select its end only. A hash orders each level [Knuth 1973, multiplicative hashing].
+    edges   : (e, 2) edges of the mesh; with these, no two candidates touch neighbours either.
     """
     if not len(cost):
         return np.zeros(0, dtype=bool)
     spread = np.ptp(cost)
-    level = np.floor(LEVELS * ((cost - cost.min()) / spread)) if spread else np.zeros(len(cost))
-    order = np.lexsort((np.arange(len(cost)) * MIX % 2**32, level))
+    level = np.floor(8 * ((cost - cost.min()) / spread)) if spread else np.zeros(len(cost))
+    order = np.lexsort((np.arange(len(cost)) * 2654435761 % 2**32, level))
     return winners(order, touched, n, beside)
 
 
 LONGEST = 4 / 3
-"""Times the wanted length, from which an edge is halved: its halves are nearer to it [Botsch and Kobbelt 2004]."""
-
-COMPARABLE = 0.7
-"""An edge is halved in one step with the longest of its faces where it is at least this share of it."""
-
-NEEDLE = 0.35
-"""Twofold area over the longest edge squared, 0.87 of the best face, below which only the longest edge is halved: with
-both long edges of a needle halved the parts are as bad."""
+"""Ratio to the wanted length from which an edge is halved; its halves are nearer to it [Botsch and Kobbelt 2004]."""
 
 
 def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
-    """The net with its long edges halved once, those along curves also where they miss the curve; itself if none is.
+    """Return the net with its long edges halved once, or itself; edges along curves also if they miss the curve.
 
     edge : metres, to which the tolerance is relative.
     """
@@ -166,19 +152,22 @@ def with_long_edges_halved(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def _leading(net: Net, long: Bools, length: Floats) -> Bools:
-    """(e,) the long edges that are among the longest of their faces."""
+    """Return the long edges (e,) that are among the longest of their faces. They have 70 % of the longest edge. In a
+    needle (twofold area over longest edge squared below 0.35; at best 0.87) only the longest counts, because halving
+    both long edges leaves parts as bad."""
     faces = np.flatnonzero(faces_at(net.edges.of, long))
     edge = net.edges.of[faces]
     of = np.where(long, length, -1.0)[edge]
-    flat = lengths(area_vectors(net.V, net.F[faces])) < NEEDLE * row_max(length[edge]) ** 2
-    behind = long[edge] & (of < (np.where(flat, 1.0, COMPARABLE) * row_max(of))[:, None])
+    flat = lengths(area_vectors(net.V, net.F[faces])) < 0.35 * row_max(length[edge]) ** 2
+    behind = long[edge] & (of < (np.where(flat, 1.0, 0.7) * row_max(of))[:, None])
     leading = long.copy()
     leading[edge[behind]] = False
     return leading
 
 
 def _halved(net: Net, curves: FeatureCurves, halves: Bools, most: Floats) -> Net:
-    """Marked edges (e,) halved; those along curves at places (l,) of the axis, or in the middle where these are nan."""
+    """Halve marked edges (e,); those along curves at positions (l,) of the axis, or in the middle where these are
+    nan."""
     V, F, _ = halved(net.V, net.F, net.edges, halves)
     new = len(V) - net.n
     size = np.concatenate([net.size, net.edge_sizes[halves]])
@@ -203,18 +192,12 @@ def _halved(net: Net, curves: FeatureCurves, halves: Bools, most: Floats) -> Net
 
 
 SHORTEST = 4 / 5
-"""Times the wanted length, below which an edge is collapsed [Botsch and Kobbelt 2004]."""
-
-TURN = 0.7
-"""No face turns by more than the angle of this cosine, about 45 degrees."""
-
-ROUND = 0.2
-"""Least twofold area of a face over its longest edge squared, 0.87 of the best face, or that of the worst around."""
+"""Ratio to the wanted length below which an edge is collapsed [Botsch and Kobbelt 2004]."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Collapses:
-    """Vertices `gone` (c,) that are put together with vertices `kept` (c,) at places `goal` (c, 3), metres."""
+    """Vertices `gone` (c,) to be merged with vertices `kept` (c,) at places `goal` (c, 3), metres."""
 
     kept: Ints
     gone: Ints
@@ -224,8 +207,8 @@ class _Collapses:
         return _Collapses(self.kept[which], self.gone[which], self.goal[which])
 
 
-def with_short_edges_collapsed(net: Net, curves: FeatureCurves, edge: float, batches: int) -> Net:
-    """The net with its short edges collapsed in so many batches; `edge`, metres, is what the tolerance refers to."""
+def with_short_edges_collapsed(net: Net, curves: FeatureCurves, edge: float, batches: int = 12) -> Net:
+    """Return the net with its short edges collapsed in batches; the tolerance is relative to `edge`, metres."""
     for batch in range(batches):
         collapses, cost = _candidates(net, curves, edge, backwards=batch % 2 == 1)
         pairs = np.stack([collapses.kept, collapses.gone], axis=1)
@@ -238,10 +221,8 @@ def with_short_edges_collapsed(net: Net, curves: FeatureCurves, edge: float, bat
 
 
 def _candidates(net: Net, curves: FeatureCurves, edge: float, backwards: bool) -> tuple[_Collapses, Floats]:
-    """Collapses of short edges that keep topology and curves, and their costs (c,).
-
-    A free vertex goes to any other, two to their middle, one on a curve along that only, a fixed one nowhere.
-    """
+    """Return collapses of short edges that preserve topology and curves, and their costs (c,). A free vertex goes to
+    any other, two free ones to their middle, a vertex on a curve along it, a fixed one nowhere."""
     edges = net.edges
     cost = edge_lengths(net.V, edges.ends) / net.edge_sizes
     chosen = np.flatnonzero(cost < SHORTEST)
@@ -259,8 +240,8 @@ def _candidates(net: Net, curves: FeatureCurves, edge: float, backwards: bool) -
 
 
 def _keeps_curves(net: Net, curves: FeatureCurves, kept: Ints, gone: Ints, edge: float) -> Bools:
-    """(c,) whether a vertex on a curve may go to a neighbour on it: the longer edge stays near the curve, is not too
-    long and not there yet."""
+    """Return which vertices (c,) on a curve may go to a neighbour on it. The longer edge must stay near the curve, must
+    not be too long and must not exist."""
     position = np.zeros(net.n, dtype=np.int64)
     position[net.node] = np.arange(len(net.node))
     k = np.clip(position[gone], 1, max(len(net.node) - 2, 1))
@@ -277,7 +258,7 @@ def _keeps_curves(net: Net, curves: FeatureCurves, kept: Ints, gone: Ints, edge:
 
 
 def _keeps_faces(net: Net, collapses: _Collapses) -> Bools:
-    """(c,) whether the faces around stay as they lie, get no edge that is too long and do not become needles."""
+    """Return the collapses (c,) that turn no face by over 45 degrees, and create no long edges or new needles."""
     onto, of = np.arange(net.n), np.full(net.n, -1)
     onto[collapses.gone] = collapses.kept
     of[collapses.kept] = of[collapses.gone] = np.arange(len(collapses.kept))
@@ -290,33 +271,30 @@ def _keeps_faces(net: Net, collapses: _Collapses) -> Bools:
     stays = has_three_corners(after)
     before, after, which = before[stays], after[stays], which[stays]
     old, new = area_vectors(net.V, before), area_vectors(V, after)
-    turned = np.einsum("mi,mi->m", old, new) < TURN * lengths(old) * lengths(new)
+    turned = np.einsum("mi,mi->m", old, new) < 0.7 * lengths(old) * lengths(new)
     too_long = _longest(V, after) > np.maximum(LONGEST * net.size[after].mean(axis=1), _longest(net.V, before))
-    fine = _least(_roundness(V, after), which, count) >= np.minimum(ROUND, least)
+    fine = _least(_roundness(V, after), which, count) >= np.minimum(0.2, least)
     fine[which[turned | too_long]] = False
     return np.asarray(fine)
 
 
 def _least(values: Floats, of: Ints, count: int) -> Floats:
-    """(c,) the least of the values (k,) of each of so many things `of` (k,)."""
     least = np.full(count, np.inf)
     np.minimum.at(least, of, values)
     return least
 
 
 def _roundness(V: Floats, F: Ints) -> Floats:
-    """(m,) twofold areas over longest edges squared: 0.87 of the best face."""
+    """Return twofold areas (m,) over longest edges squared; at best 0.87."""
     return np.asarray(lengths(area_vectors(V, F)) / _longest(V, F) ** 2)
 
 
 def _longest(V: Floats, F: Ints) -> Floats:
-    """(m,) the longest edge of each face, metres."""
     a, b, c = V[F.T]
     return row_max(np.stack([lengths(b - a), lengths(c - b), lengths(a - c)], axis=1))
 
 
 def _merged(net: Net, collapses: _Collapses) -> Net:
-    """The net with vertices put together; those that are gone stay in its list."""
     V, onto, size = net.V.copy(), np.arange(net.n), net.size.copy()
     V[collapses.kept] = collapses.goal
     onto[collapses.gone] = collapses.kept
@@ -330,15 +308,12 @@ def _merged(net: Net, collapses: _Collapses) -> Net:
     )
 
 
-FLAT = 0.8
-"""Both new faces turn by less than the angle of this cosine, about 37 degrees, from the two old ones."""
-
 SOUND = np.radians(25)
-"""An edge is not turned where that leaves an angle below this which is less than the least before."""
+"""Radians; an edge is not flipped if the least angle afterwards is below this and below the least before."""
 
 
 def with_edges_flipped(net: Net, by_valence: bool, rounds: int) -> Net:
-    """The net with edges that are not along curves turned; in so many rounds at most."""
+    """Return the net with edges flipped, except along curves, in a number of rounds at most."""
     angles = np.empty(0) if by_valence else _face_angles(net.V, net.F)
     for _ in range(rounds):
         edges = net.edges
@@ -359,7 +334,7 @@ def with_edges_flipped(net: Net, by_valence: bool, rounds: int) -> Net:
 
 
 def _valence_gain(net: Net, quad: Ints) -> Floats:
-    """(q,) by how much the squared differences from the best number of edges shrink, of vertices that are free."""
+    """Return the decrease (q,) of the squared differences from the best number of edges, over movable vertices."""
     edges = net.edges
     valence = np.bincount(edges.ends.ravel(), minlength=net.n)
     best = np.where(net.kind == FREE, 6, valence)
@@ -373,32 +348,34 @@ def _valence_gain(net: Net, quad: Ints) -> Floats:
 
 
 def _delaunay_gain(angles: Floats, pairs: Ints) -> Floats:
-    """(q,) by how much the angles opposite edges exceed half a turn together, radians; of faces with angles (m, 3), the
-    edges having half-edges pairs (q, 2)."""
+    """Return by how much (q,) the angles opposite edges together exceed half a turn, radians.
+
+    angles : (m, 3) of the faces.   pairs : (q, 2) half-edges of the edges.
+    """
     one, two = angles.ravel()[next_half_edge(pairs.T, 2)]
     return np.asarray(one + two - np.pi - 1e-6)
 
 
 def _face_angles(V: Floats, F: Ints) -> Floats:
-    """(m, 3) the angles at the corners of faces F (m, 3), radians."""
     return np.stack([angle_at(V, F[:, c], F[:, (c + 1) % 3], F[:, (c + 2) % 3]) for c in range(3)], axis=1)
 
 
 def _sound(V: Floats, quad: Ints) -> Bools:
-    """(q,) whether the turned edge's faces lie like the old ones, and are no worse where they are bad."""
+    """Return the edges (q,) whose new faces lie like the old ones within 37 degrees, and are no worse where they are
+    bad."""
     a, b, c, d = quad.T
     old, new = ((a, b, c), (b, a, d)), ((a, d, c), (d, b, c))
     before = area_vectors(V, np.stack(old[0], axis=1)) + area_vectors(V, np.stack(old[1], axis=1))
     fine = np.ones(len(quad), dtype=bool)
     for face in new:
         after = area_vectors(V, np.stack(face, axis=1))
-        fine &= np.einsum("qi,qi->q", before, after) > FLAT * lengths(before) * lengths(after)
+        fine &= np.einsum("qi,qi->q", before, after) > 0.8 * lengths(before) * lengths(after)
     least = [np.minimum(*(row_min(_face_angles(V, np.stack(face, axis=1))) for face in faces)) for faces in (old, new)]
     return np.asarray(fine & (least[1] > np.minimum(SOUND, least[0])))
 
 
 def angle_at(V: Floats, at: Ints, one: Ints, two: Ints) -> Floats:
-    """(q,) the angle at a vertex between two others, radians."""
+    """Return the angles (q,) at vertices between two others, radians."""
     u, v = V[one] - V[at], V[two] - V[at]
     x, y, z = u.T
     r, s, t = v.T
@@ -406,30 +383,26 @@ def angle_at(V: Floats, at: Ints, one: Ints, two: Ints) -> Floats:
     return np.asarray(np.arctan2(twice, x * r + y * s + z * t))
 
 
-BLUNT = 150.0
-"""Degrees at the tip of a triangle with two border edges from which that is an ear."""
-
-
 def with_ears_turned(surface: Surface) -> Surface:
-    """The surface whose ears, flat triangles with all three corners on a curved border, share their tip with the face
-    behind: the edge between both is turned.
+    """Return the surface whose ears share their tip with the face behind, by flipping the edge between.
 
-    A mesh of a disc has them where a grid's corner or a Delaunay triangulation comes to lie on the border. Such a one
-    spans two chords of the border alone, and the sheet seems to have a crease there that its shape has not.
+    An ear is a flat triangle with two border edges and over 150 degrees at its tip, all three corners on a curved
+    border. Meshes of a disc have ears where a corner of a grid lies on the border. An ear spans two chords of the
+    border, which seems like a crease that the shape does not have.
     """
     edges, n = surface.edges, surface.n
     pairs = np.concatenate([edges.pairs, edges.pairs[:, ::-1]])
     bare = edges.boundary[edges.of].reshape(-1, 3).sum(axis=1) == 2
     quad = quads(surface.F, pairs)
     a, b, c, d = quad.T
-    alike = surface.F.ravel()[pairs[:, 1]] == b  # two faces that are turned alike run along their edge both ways
+    alike = surface.F.ravel()[pairs[:, 1]] == b  # true for faces of the same orientation
     ear = bare[pairs[:, 0] // 3] & ~bare[pairs[:, 1] // 3] & alike & has_new_diagonal(quad, edges, n)
-    ear &= angle_at(surface.V, c, a, b) > np.radians(BLUNT)
-    for one, two in ((a, b), (b, a)):  # both new faces lie like the old ones
+    ear &= angle_at(surface.V, c, a, b) > np.radians(150.0)
+    for one, two in ((a, b), (b, a)):  # neither new face turns over
         ear &= angle_at(surface.V, one, two, c) + angle_at(surface.V, one, two, d) < np.pi
     chosen = np.flatnonzero(ear)
     behind = pairs[chosen, 1] // 3
-    chosen = chosen[np.unique(behind, return_index=True)[1]]  # of two ears at one face the first
+    chosen = chosen[np.unique(behind, return_index=True)[1]]  # the first of two ears at a face
     if not len(chosen):
         return surface
     return Surface(surface.V, with_other_diagonals(surface.F, pairs[chosen], quad[chosen]))

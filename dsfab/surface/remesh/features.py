@@ -12,32 +12,21 @@ from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import connected
 
 TOLERANCE = 1 / 50
-"""Of the edge: how far the new boundaries and creases may be from those of the input."""
+"""Largest distance of new boundaries and creases from those of the input, as a share of the edge."""
 
 CORNER = 30.0
-"""Degrees by which a curve turns at a vertex from which that is a corner."""
+"""Degrees of turn of a curve at a vertex from which the vertex is a corner."""
 
 DULL = 0.6 * CREASE
-"""Degrees between the mean normals on both sides of a crease below which that is one of a few faces only."""
-
-FRAGMENT = 2.0
-"""Times that length: shorter creases that are dull are slivers or noise. A longer one is a small step of the design."""
-
-AROUND = 128
-"""How many faces within the length of an edge, at most, make the mean normals."""
-
-NOISY = 2.0
-"""Times the mean edge of the file: normals are averaged over as much, however short the new edges are, for noise is as
-wide as the file's own faces."""
+"""Degrees between the mean normals on both sides of a crease, below which only a few faces form it."""
 
 FINE = 1 / 80
-"""Of the box's diagonal, which `NOISY` does not go beyond: a file of longer edges is drawn, not scanned, and a bend
-between two of its faces is meant."""
+"""Share of the box's diagonal that limits the width of noise: a file with longer edges is designed, not scanned."""
 
 
 class Passes(NamedTuple):
-    """Vertices (k,) in which just two of some edges meet, which (k, 2), by how much (k,) they turn there, radians, and
-    the length (k,) of the shorter one, metres."""
+    """Vertices (k,) in which just two edges meet, these edges (k, 2), their turn (k,), radians, and the shorter length
+    (k,), metres."""
 
     vertex: Ints
     edges: Ints
@@ -46,7 +35,7 @@ class Passes(NamedTuple):
 
 
 def smooth_passes(V: Floats, ends: Ints) -> Passes:
-    """The vertices of V (n, 3) in which two of the edges (e, 2) meet, smoothly or not."""
+    """Return the vertices of V (n, 3) in which two of the edges (e, 2) meet."""
     order = np.argsort(ends.ravel(), kind="stable")
     vertex = ends.ravel()[order]
     start = np.flatnonzero(np.diff(vertex, prepend=-1))
@@ -60,19 +49,20 @@ def smooth_passes(V: Floats, ends: Ints) -> Passes:
 
 
 def design_features(surface: Surface, edge: float) -> Bools:
-    """(e,) boundaries, seams and creases, without short pieces of creases that are sharp on a few faces only: the edges
-    of slivers and the noise of scans, at the scale of new edges of `edge` metres or of a scan's own."""
+    """Return the boundaries, seams and creases (e,), without short dull pieces of creases from slivers or noise.
+    Normals are averaged over the new `edge`, metres, or over twice the mean edge of a scan, the width of its noise.
+    Dull pieces shorter than twice that length go; a longer one is a small step of the design."""
     sharp = sharp_edges(surface)
     marks = border_edges(surface) | sharp
     crease = np.flatnonzero(sharp)
-    scale = max(edge, min(NOISY * surface.mean_edge, FINE * surface.size))
-    short = crease[_stretches(surface, crease) < FRAGMENT * scale]
+    scale = max(edge, min(2 * surface.mean_edge, FINE * surface.size))
+    short = crease[_stretches(surface, crease) < 2 * scale]
     marks[short[_mean_bends(surface, short, scale) < np.radians(DULL)]] = False
     return marks
 
 
 def _stretches(surface: Surface, crease: Ints) -> Floats:
-    """(c,) the length of the smooth curve of creases (c,) that each is part of, metres."""
+    """Return the length (c,) of the smooth curve of creases (c,) that contains each, metres."""
     ends = surface.edges.ends[crease]
     passes = smooth_passes(surface.V, ends)
     smooth = passes.edges[passes.turn < np.radians(CORNER)]
@@ -81,8 +71,7 @@ def _stretches(surface: Surface, crease: Ints) -> Floats:
 
 
 def _mean_bends(surface: Surface, crease: Ints, radius: float) -> Floats:
-    """(c,) angles between the mean normals of the faces around each crease (c,), on its one side and on the other,
-    radians."""
+    """Return the angles (c,) between the mean normals of the faces on both sides of each crease (c,), radians."""
     if not len(crease):
         return np.zeros(0)
     start = surface.edges.start[crease]
@@ -92,7 +81,7 @@ def _mean_bends(surface: Surface, crease: Ints, radius: float) -> Floats:
     toward /= lengths(toward)[:, :, None]
     across = toward[:, 0] - toward[:, 1]
     tree = cKDTree(surface.centroids)
-    _, near = tree.query(middle, k=min(AROUND, surface.m), distance_upper_bound=radius)
+    _, near = tree.query(middle, k=min(128, surface.m), distance_upper_bound=radius)
     near = np.concatenate([near.reshape(len(crease), -1), faces], axis=1)
     there = near < surface.m
     near = np.where(there, near, 0)
@@ -101,19 +90,15 @@ def _mean_bends(surface: Surface, crease: Ints, radius: float) -> Floats:
     u, v = (np.einsum("ck,cki->ci", weight * on, surface.normals[near]) for on in (side > 0, side <= 0))
     bend = np.arctan2(lengths(np.cross(u, v)), np.einsum("ci,ci->c", u, v))
     slight = np.minimum(lengths(u), lengths(v)) < TOLERANCE * radius * surface.edge_lengths[crease]
-    return np.where(slight, 0, bend)  # a sliver alone, at the boundary, has no direction
-
-
-KINK = 1.5
-"""Times the tolerance: a vertex of a curve that a chord of an edge past it would miss by more is a corner too."""
+    return np.where(slight, 0, bend)  # a single sliver at the boundary has no direction
 
 
 @dataclass(frozen=True, eq=False)
 class FeatureCurves:
-    """The boundaries and creases of a surface: curves between corners, one after another on one axis of length.
+    """The boundaries and creases of a surface: curves between corners, in a row on one axis of length.
 
-    points : (p, 3) the vertices of all curves in their order, metres.   at : (p,) their places on the axis, metres.
-    curve  : (p,) the curve of each.   vertex : (p,) which vertex of the surface each is.
+    points : (p, 3) the vertices of all curves in their order, metres.   at : (p,) their positions on the axis, metres.
+    curve  : (p,) the curve of each.   vertex : (p,) the vertex of the surface.
     fixed  : (q,) vertices of the surface that stay: corners, and the extremes of its box.
     """
 
@@ -124,13 +109,13 @@ class FeatureCurves:
     fixed: Ints
 
     def place(self, at: Floats) -> Floats:
-        """(k, 3) the points at places (k,) of the axis, metres."""
+        """Return the points (k, 3) at positions (k,) on the axis, metres."""
         k = np.clip(np.searchsorted(self.at, at, side="right"), 1, len(self.at) - 1)
         t = np.clip((at - self.at[k - 1]) / (self.at[k] - self.at[k - 1]), 0, 1)[:, None]
         return (1 - t) * self.points[k - 1] + t * self.points[k]
 
     def between(self, start: Floats, end: Floats) -> tuple[Ints, Ints]:
-        """(j,) which of intervals (k,) of the axis, and (j,) points of the curves that lie inside of it."""
+        """Return the points (j,) of the curves inside intervals (k,) of the axis, with their intervals (j,) first."""
         low, high = np.searchsorted(self.at, start, side="right"), np.searchsorted(self.at, end, side="left")
         count = np.maximum(high - low, 0)
         which = np.repeat(np.arange(len(start)), count)
@@ -138,7 +123,8 @@ class FeatureCurves:
         return which, np.arange(len(which)) - first[which] + low[which]
 
     def deviation(self, start: Floats, end: Floats) -> tuple[Floats, Floats]:
-        """(k,) how far the curves leave their chords from start to end (k,), metres; (k,) where on the axis most."""
+        """Return the distance (k,) of the curves from their chords from start to end (k,), metres, and its position
+        (k,)."""
         which, point = self.between(start, end)
         far = from_segments(self.points[point], self.place(start)[which], self.place(end)[which])
         largest = np.zeros(len(start))
@@ -150,11 +136,8 @@ class FeatureCurves:
 
 
 def feature_curves(surface: Surface, edge: float) -> FeatureCurves:
-    """The boundaries, the creases and the seams of a one-sided surface, for edges of `edge` metres.
-
-    A vertex where other than two of their edges meet, where a curve turns sharply, or which is the outermost of the
-    surface in x, y or z is fixed.
-    """
+    """Return the boundaries, the creases and the seams of a one-sided surface, for edges of `edge` metres. Fixed
+    vertices are ends and branches of curves, sharp turns, and the extremes of the surface in x, y or z."""
     ends = surface.edges.ends[design_features(surface, edge)]
     extremes = np.concatenate([surface.V.argmin(axis=0), surface.V.argmax(axis=0), surface.pinches])
     corners = np.zeros(surface.n, dtype=bool)
@@ -167,23 +150,23 @@ def feature_curves(surface: Surface, edge: float) -> FeatureCurves:
     vertex, curve = np.concatenate(chains), np.repeat(np.arange(len(chains)), [len(chain) for chain in chains])
     points = surface.V[vertex]
     step = np.linalg.norm(np.diff(points, axis=0, prepend=points[:1]), axis=1)
-    step[np.diff(curve, prepend=0) > 0] = surface.size  # curves lie apart on the axis
+    step[np.diff(curve, prepend=0) > 0] = surface.size  # a gap between curves on the axis
     return FeatureCurves(points, np.cumsum(step), curve, vertex, fixed)
 
 
 def _corners(V: Floats, ends: Ints, edge: float) -> Bools:
-    """(n,) vertices of the feature edges (e, 2) that no curve passes smoothly."""
+    """Return the vertices (n,) of the feature edges (e, 2) that no curve passes smoothly."""
     degree = np.bincount(ends.ravel(), minlength=len(V))
     corners: Bools = (degree > 0) & (degree != 2)
     passes = smooth_passes(V, ends)
     missed = np.minimum(passes.arm, edge / 2) * np.sin(passes.turn / 2)
-    corners[passes.vertex] = (passes.turn > np.radians(CORNER)) | (missed > KINK * TOLERANCE * edge)
+    corners[passes.vertex] = (passes.turn > np.radians(CORNER)) | (missed > 1.5 * TOLERANCE * edge)
     return corners
 
 
 def _chains(ends: Ints, corners: Bools) -> list[Ints]:
-    """Vertices (k,) of each curve from corner to corner along edges (e, 2); a closed one without a corner begins at
-    the first of its vertices."""
+    """Return the vertices (k,) of each curve from corner to corner along edges (e, 2). A closed curve without a corner
+    begins at its first vertex."""
     around: dict[int, list[int]] = {}
     for a, b in ends.tolist():
         around.setdefault(a, []).append(b)

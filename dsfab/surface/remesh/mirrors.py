@@ -16,29 +16,27 @@ from dsfab.surface.remesh.smoothing import NearestOnSurface, SmoothPatches
 from dsfab.surface.topology import connected, euler_characteristic, half_edges, misoriented_edges, pieces
 
 LARGEST_GROUP = 240
-"""Elements of the largest group that is accepted: twice those of the icosahedron, and some room."""
+"""Largest accepted number of elements of a group: twice those of the icosahedron."""
 SNAP = 1e-6
-"""Entries of matrices that differ by less are the same."""
+"""Largest difference between equal entries of matrices."""
 CLEAR = 1e-2
-"""Moments of inertia that differ by less than this share of the largest are the same."""
+"""Largest difference between equal moments of inertia, as a share of the largest."""
 FAR = 1e-3
-"""Points are as far as the farthest, to this share of the surface's size."""
-PLANES = 24
-"""Mirrors through an axis that are tried: through the farthest points from it, and between two of them."""
+"""Share of the surface's size within which points count as equally far."""
 
 
 def mirror(normal: Floats) -> Floats:
-    """(3, 3) the mirror across the plane with a unit normal (3,)."""
+    """Return the reflection (3, 3) across the plane with a unit normal (3,)."""
     return np.eye(3) - 2 * np.outer(normal, normal)
 
 
 def centroid(surface: Surface) -> Floats:
-    """(3,) of the area, metres."""
+    """Return the centroid (3,) of the area, metres."""
     return np.asarray(surface.areas @ surface.centroids / surface.area)
 
 
 def round_axis(surface: Surface, axes: Floats) -> Floats | None:
-    """The one of the axes, (3, 3) orthonormal rows, around which the inertia of the area is the same, or None."""
+    """Return the axis, among (3, 3) orthonormal rows, about which the inertia of the area is equal, or None."""
     x = surface.centroids - centroid(surface)
     inertia = [float(surface.areas @ (x @ axis) ** 2) for axis in axes]
     for k in range(3):
@@ -49,9 +47,9 @@ def round_axis(surface: Surface, axes: Floats) -> Floats | None:
 
 
 def far_directions(x: Floats, size: float, count: int = 1) -> Floats:
-    """(k, 3) unit directions from the axis to the points that are farthest from it, of x (n, 3) across the axis.
+    """Return the unit directions (k, 3) to the points x (n, 3) farthest from the axis, which is their origin.
 
-    count : how many points there are to be, at least; those that are as far as the last are taken too.
+    count : least number of points; points as far as the last one count too.
     """
     distance = lengths(x)
     least = np.partition(distance, -count)[-count]
@@ -60,15 +58,15 @@ def far_directions(x: Floats, size: float, count: int = 1) -> Floats:
 
 
 def planes_through(axis: Floats, far: Floats) -> Iterator[Floats]:
-    """Normals of mirrors through an axis that may take directions far (k, 3) to each other."""
-    for direction in far[:PLANES]:
+    """Yield normals of mirrors through an axis that may exchange the directions far (k, 3), of the first 24."""
+    for direction in far[:24]:
         for through in (far[0] + direction, np.cross(axis, far[0] + direction)):
             if (length := np.linalg.norm(through)) > CLEAR:
                 yield np.cross(axis, through / length)
 
 
 def generated_group(generators: Sequence[Floats], largest: int = LARGEST_GROUP) -> Floats:
-    """(g, 3, 3) all products of rotations and mirrors, the identity first; raises OverflowError for too many."""
+    """Return all products (g, 3, 3) of rotations and mirrors, the identity first; raises OverflowError for too many."""
     found = np.empty((largest + 1 + len(generators), 3, 3))
     found[0], count, walked = np.eye(3), 1, 0
     while walked < count:
@@ -84,22 +82,19 @@ def generated_group(generators: Sequence[Floats], largest: int = LARGEST_GROUP) 
 
 
 ALIKE = 1 / 20
-"""Of the edge: images of a surface's points may be off it by this much, as files round and facets miss it."""
+"""Largest distance of a surface from its mirror image, as a share of the edge, because files are rounded."""
 ROUND = (0.7, 1.9)
-"""Radians: what also has mirrors turned by these is as round as a dome, and two of its mirrors are taken."""
+"""Radians; a surface with mirrors at these angles too is as round as a dome, and two of its mirrors suffice."""
 MOST = 16
-"""Sides that mirrors through an axis may make of a surface, where they meet in angles of 22.5 degrees: faces there
-would be sharper. Of more, two mirrors are taken."""
-GLANCE = 100
-"""Points that are looked at before all of them are."""
+"""Largest number of sides by mirrors through an axis, which meet at 22.5 degrees; of more, two mirrors are used."""
 
 
 @dataclass(frozen=True, eq=False)
 class Mirrors:
-    """Mirrors through the middle of a surface, of a group.
+    """A group of mirrors through the middle of a surface.
 
     centre  : (3,) in all of their planes, metres.
-    normals : (k, 3) unit, of all mirrors of the group.    group : (g, 3, 3) mirrors and turns, the identity first.
+    normals : (k, 3) unit, of all mirrors of the group.    group : (g, 3, 3) mirrors and rotations, the identity first.
     """
 
     centre: Floats
@@ -108,9 +103,9 @@ class Mirrors:
 
     @classmethod
     def of(cls, on: NearestOnSurface, edge: float, smooth: bool) -> Self | None:
-        """Those that were found; None where there is none, or where sides of the surface are not told apart.
+        """Return the mirrors of a surface; None if it has none, or if it is not oriented.
 
-        edge   : metres, of the new mesh: a share of it makes no difference.
+        edge   : metres, of the new mesh; a share of it is the tolerance.
         smooth : whether the surface is the smooth one through its vertices.
         """
         if len(misoriented_edges(on.surface.F, on.surface.edges)):
@@ -118,7 +113,7 @@ class Mirrors:
         found = _Look(on.surface, on, edge, smooth)
         group, normals = np.eye(3)[None], list[Floats]()
         for normal in _candidates(found):
-            with suppress(OverflowError):  # of planes that fit nearly, but not together
+            with suppress(OverflowError):  # planes that fit nearly, but not together
                 group, normals = _generated([*normals, normal], 2 * MOST), [*normals, normal]
         if not normals:
             return None
@@ -128,8 +123,6 @@ class Mirrors:
 
 @dataclass(frozen=True, eq=False)
 class _Look:
-    """A surface that is compared with its images."""
-
     surface: Surface
     find: NearestOnSurface
     edge: float
@@ -137,14 +130,14 @@ class _Look:
 
     @cached_property
     def centre(self) -> Floats:
-        """(3,) the middle of the box along axes in which it is as far from the centroid as rounding is; metres."""
+        """Middle (3,) of the box, or the centroid where these differ by more than rounding; metres."""
         middle = (self.surface.V.min(axis=0) + self.surface.V.max(axis=0)) / 2
         area = centroid(self.surface)
         return np.where(np.abs(middle - area) < ALIKE * self.edge, middle, area)
 
     @cached_property
     def on(self) -> Callable[[Floats], tuple[Floats, Floats]]:
-        """Takes points (k, 3) to the nearest places (k, 3) of the surface, and to the normals (k, 3) there."""
+        """Function of points (k, 3): the nearest places (k, 3) of the surface, and its normals (k, 3)."""
         surface, find = self.surface, self.find
         patches = SmoothPatches(surface) if self.smooth else None
 
@@ -156,12 +149,11 @@ class _Look:
 
     @cached_property
     def _lines(self) -> Ints:
-        """(l, 2) ends of its boundaries and creases."""
         return self.surface.edges.ends[design_features(self.surface, self.edge)]
 
     @cached_property
     def _features(self) -> Floats:
-        """(k, 3) points on its boundaries and creases, no farther apart than an edge; metres."""
+        """Points (k, 3) on its boundaries and creases, no farther apart than an edge; metres."""
         a, b = self.surface.V[self._lines].transpose(1, 0, 2)
         count = np.ceil(lengths(b - a) / self.edge).astype(np.int64)
         of = np.repeat(np.arange(len(a)), count)
@@ -169,11 +161,12 @@ class _Look:
         return np.concatenate([a, a[of] + t[:, None] * (b - a)[of]])
 
     def holds(self, normal: Floats) -> bool:
-        """Whether the surface, its boundaries and its creases are their own images, and have the same sides there."""
+        """Return whether the surface, its boundaries and its creases are their own mirror images, with the same
+        sides."""
         s, R, limit = self.surface, mirror(normal), ALIKE * self.edge
         if np.ptp(s.V @ normal) < self.edge:
             return False
-        step = max(s.n // GLANCE, 1)
+        step = max(s.n // 100, 1)  # a sample of the vertices comes first
         for points in (s.V[::step], s.V):
             image = self._image(points, R)
             if lengths(self.on(image)[0] - image).max() > limit:
@@ -191,7 +184,7 @@ class _Look:
 
 
 def _candidates(look: _Look) -> Iterator[Floats]:
-    """Unit normals of mirrors that hold, those that all others are tried together with first."""
+    """Yield unit normals of mirrors that hold, in the order in which groups should be built."""
     surface, tried = look.surface, list[Floats]()
 
     def new(normal: Floats) -> bool:
@@ -212,7 +205,7 @@ def _candidates(look: _Look) -> Iterator[Floats]:
 
 
 def _around(look: _Look, axis: Floats) -> list[Floats]:
-    """Normals of mirrors through an axis around which the surface is nearly the same; two where it is round."""
+    """Return normals of mirrors through an axis about which the surface is nearly equal; two if it is round."""
     x = look.surface.V - look.centre
     x = x - np.outer(x @ axis, axis)
     far = far_directions(x, look.surface.size)
@@ -241,18 +234,14 @@ def _generated(normals: list[Floats], largest: int) -> Floats:
 
 
 NEAR = 1e-3
-"""Of the edge: vertices that are so near to a plane are on it, and images that are so near to each other are one."""
-SAME = 1e-9
-"""Of the surface's size: what is as near to a plane after its cut is in it, but for rounding."""
-LIKE = 0.05
-"""The length of all boundaries may change by this share: chords are shorter than curves."""
+"""Share of the edge within which vertices are on a plane, and images of vertices are one."""
 
 
 @dataclass(frozen=True, eq=False)
 class Chamber:
-    """The side of a surface on which `toward` is, of all planes of its mirrors.
+    """The part of a surface on one side of each mirror plane.
 
-    toward : (k, 3) unit normals of the planes, turned to the side.
+    toward : (k, 3) unit normals of the planes, pointing to that side.
     """
 
     whole: Surface
@@ -262,14 +251,14 @@ class Chamber:
 
     @classmethod
     def of(cls, surface: Surface, mirrors: Mirrors, edge: float) -> "Chamber":
-        """The side of a point that turns with the surface, and lies in none of the planes."""
+        """Return the side of a point that rotates with the surface and lies in none of the planes."""
         mix = np.cos(np.arange(surface.n) + 1.0) @ (surface.V - mirrors.centre)
         side = np.where(mirrors.normals @ mix < 0, -1.0, 1.0)
         return cls(surface, mirrors, side[:, None] * mirrors.normals, edge)
 
     @cached_property
     def piece(self) -> Surface | None:
-        """What of the surface is on the side; None where it has faces within the planes."""
+        """The part of the surface on the side; None if the surface has faces within the planes."""
         V, F = self.whole.V, self.whole.F
         for normal in self.toward:
             cut = _kept(V - self.mirrors.centre, F, normal, NEAR * self.edge)
@@ -279,20 +268,20 @@ class Chamber:
         return Surface(V, F) if len(F) else None
 
     def within(self, V: Floats) -> Bools:
-        """(k, p) in which of the planes points V (p, 3) are."""
-        return np.asarray(np.abs(self.toward @ (V - self.mirrors.centre).T) < SAME * self.whole.size)
+        """Return the planes (k, p) that contain the points V (p, 3), within rounding."""
+        return np.asarray(np.abs(self.toward @ (V - self.mirrors.centre).T) < 1e-9 * self.whole.size)
 
     def flat(self, V: Floats, planes: Bools) -> Floats:
-        """Points V (p, 3) moved into their planes (k, p)."""
+        """Move points V (p, 3) into their planes (k, p)."""
         found = V.copy()
-        for _ in range(2 * len(self.toward)):  # where several planes meet, in turns
+        for _ in range(2 * len(self.toward)):  # in turns, because several planes may meet
             for normal, on in zip(self.toward, planes, strict=True):
                 found[on] -= np.outer((found[on] - self.mirrors.centre) @ normal, normal)
         return found
 
     def all_sides(self, V: Floats, F: Ints) -> tuple[Surface, Ints] | None:
-        """The whole surface of the side's new vertices V (p, 3) and faces F, and (n,) which of V each vertex is an
-        image of; None where that is another surface."""
+        """Return the whole surface from the side's new vertices V (p, 3) and faces F, and the original in V of each
+        vertex (n,). None if the topology or the boundary differs."""
         n, centre = len(V), self.mirrors.centre
         images = [(V - centre) @ R.T + centre for R in self.mirrors.group]
         faces = [F[:, ::-1] if np.linalg.det(R) < 0 else F for R in self.mirrors.group]
@@ -308,7 +297,7 @@ class Chamber:
         return (found, first[order] % n) if self._same(found) else None
 
     def _same(self, found: Surface) -> bool:
-        """Whether a surface has the pieces, the holes and the edges of the whole."""
+        """Return whether a surface has the pieces, the holes and nearly the boundary length of the whole."""
         old = self.whole
 
         def facts(s: Surface) -> tuple[int, ...]:
@@ -317,11 +306,10 @@ class Chamber:
         if found.edges.count.max() > 2 or facts(found) != facts(old):
             return False
         one, two = (float(s.edge_lengths[s.edges.boundary].sum()) for s in (found, old))
-        return abs(one - two) <= LIKE * two
+        return abs(one - two) <= 0.05 * two  # chords are shorter than curves
 
 
 def _kept(x: Floats, F: Ints, normal: Floats, near: float) -> tuple[Floats, Ints] | None:
-    """Points x (n, 3) and faces on the side of a plane through the origin that its normal points to."""
     d = x @ normal
     on = np.abs(d) <= near
     x, d = x - np.outer(np.where(on, d, 0.0), normal), np.where(on, 0.0, d)

@@ -32,51 +32,35 @@ from dsfab.surface.remesh.smoothing import (
 )
 from dsfab.surface.topology import duplicate_faces, named_edges
 
-ROUNDS = 8
-"""How often edges are split, collapsed and flipped, and vertices moved."""
-
-HALVINGS = 60
-"""How often edges are halved at most in the first round."""
-
-FLIPS = 10
-"""How often edges are turned after each of these: each time those that touch no other."""
-
 SHARP = 20.0
-"""Degrees: with sharper faces than these one side and its images must be about as good as the whole made at once."""
-
-NOT_SHARPER = 0.9
-"""That is, this share of the smallest angle: a mirror along a tip halves it."""
-
-LEAST_SIDE = 100
-"""Triangles of the wanted size that a side has at least: or its edges, which are kept, leave no room for even ones."""
-
-BATCHES = 12
-"""How many batches of collapses a round has."""
+"""Smallest angle, degrees, below which the mirrored mesh must compete with one of the whole surface."""
 
 
 def remeshed(
     surface: Surface, edge: float, finest: float = 0.0, smooth: bool = False, sizes: Sequence[SizeField] = ()
 ) -> Surface:
-    """The surface with nearly equilateral triangles whose edges are about `edge` metres long.
+    """Return the surface with nearly equilateral triangles whose edges are about `edge` metres long.
 
-    finest : metres; where the surface is curved edges are shorter, down to this, so that it turns by 15 degrees along
-             one; 0 leaves that out.
-    smooth : whether new vertices lie on the smooth surface through the old ones [Vlachos et al. 2001]; else
-             they lie on its facets.
+    finest : metres; where the surface is curved, edges are shorter, down to this, so that it turns by 15 degrees along
+             an edge; 0 disables this.
+    smooth : whether new vertices lie on the smooth surface through the old ones [Vlachos et al. 2001], or on its
+             facets.
     sizes  : lengths wanted at vertices of this surface or of others that lie on it, metres; the shortest counts.
 
-    Boundaries, and creases of more than 30 degrees, are kept to a fiftieth of `edge`, their corners exactly, and so are
-    the extent in x, y and z, the number of pieces and holes, and the sides that the faces have; not creases of slivers
-    and noise, see `design_features`, nor of ears, see `with_ears_turned`. Edges are shorter than asked where
-    that takes it, and where curves lie closer together. The same surface gives the same mesh, and one that is its own
-    image in mirrors, but for a twentieth of `edge`, one that is so exactly, where all edges are wanted as long there;
-    its extent is kept to a fiftieth of `edge` then.
+    Boundaries, and creases of more than 30 degrees, stay within a fiftieth of `edge`, their corners exactly. So do the
+    extent, the number of pieces and holes, and the sides of the faces. Creases of slivers and noise go
+    (`design_features`),
+    and ears (`with_ears_turned`). Edges are shorter where this requires it, and between close curves. The same surface
+    gives the same mesh. Without `sizes`, a surface with mirror symmetries (within a twentieth of `edge`) gets an
+    exactly
+    symmetric mesh, whose extent is within a fiftieth of `edge`.
 
-    Raises SurfaceError for lengths that are none, edges that are longer than the surface or would take over `LARGEST`
-    triangles, and a surface with repeated faces or edges of more than two.
+    Raises SurfaceError for invalid lengths, edges that are longer than the surface or need over `LARGEST` triangles,
+    and a
+    surface with repeated faces or edges of more than two.
     """
     _check(surface, edge, finest)
-    mirrored = not sizes  # what is given may differ from side to side
+    mirrored = not sizes  # sizes may differ from side to side
     if finest:
         sizes = [*sizes, SizeField(surface, curvature_sizes(surface, edge, finest))]
     for one in sizes or [SizeField(surface, np.full(surface.n, edge))]:
@@ -88,22 +72,23 @@ def remeshed(
         return found
     net = _net(nearest_to, sizes, edge)
     whole = Surface(_smoothed(net, nearest_to).V if smooth else net.V, net.F)
-    return found if found and _sharpest(found) > NOT_SHARPER * _sharpest(whole) else whole
+    # a mirror along a tip would halve its angle
+    return found if found and _sharpest(found) > 0.9 * _sharpest(whole) else whole
 
 
 def _sharpest(surface: Surface) -> float:
-    """The smallest angle of a face, degrees."""
     return float(np.degrees(face_angles(surface.V, surface.F).min()))
 
 
 def _by_sides(on: NearestOnSurface, edge: float, smooth: bool, sizes: Sequence[SizeField]) -> Surface | None:
-    """One side of all mirrors of the surface made anew, and its images; None where there is no mirror, where a side is
-    too small for that, or where something of the surface would be lost."""
+    """Remesh one side of all mirrors of the surface and copy it; None without mirrors, or for a small or unlike
+    result."""
     surface = on.surface
     mirrors = Mirrors.of(on, edge, smooth)
     chamber = Chamber.of(surface, mirrors, edge) if mirrors else None
     piece = chamber.piece if chamber else None
-    if chamber is None or piece is None or piece.area < LEAST_SIDE * np.sqrt(3) / 4 * edge**2:
+    # fixed edges of a side with fewer than 100 triangles leave no room for even ones
+    if chamber is None or piece is None or piece.area < 100 * np.sqrt(3) / 4 * edge**2:
         return None
     net = _net(NearestOnSurface(piece), sizes, edge)
     planes = chamber.within(net.V)
@@ -118,14 +103,14 @@ def _by_sides(on: NearestOnSurface, edge: float, smooth: bool, sizes: Sequence[S
     whole = Net(every.V, NetFaces(every.F), net.kind[of], none, net.at[:0], none, net.size[of])
     V = with_vertices_at(whole, _on_whole(whole, on, edge, smooth), whole.at).V
     box, new = ((x.min(axis=0), x.max(axis=0)) for x in (surface.V, V))
-    with suppress(SurfaceError):  # of faces in a narrow tip, where two vertices are at the same corner
+    with suppress(SurfaceError):  # a narrow tip may have two vertices at the same corner
         return Surface(V, every.F) if np.abs(np.subtract(box, new)).max() < TOLERANCE * edge else None
     return None
 
 
 def _on_whole(net: Net, on: NearestOnSurface, edge: float, smooth: bool) -> Floats:
-    """(n, 3) the places of a net's vertices on the boundaries, creases and corners of the surface, and on its facets if
-    it is not smooth: the images of one side are a little beside them where another side's are."""
+    """Return the places (n, 3) of a net's vertices on boundaries, creases and corners, and on facets if not smooth. The
+    images of one side are a little beside the curves of another side."""
     surface = on.surface
     lines = surface.edges.ends[design_features(surface, edge)]
     goal = net.V.copy() if smooth else _places(net.V, on, smooth)
@@ -137,32 +122,32 @@ def _on_whole(net: Net, on: NearestOnSurface, edge: float, smooth: bool) -> Floa
             goal[some[near]] = found.place[near]
     for most, ends in ((surface.V.max(axis=0), goal.argmax(axis=0)), (surface.V.min(axis=0), goal.argmin(axis=0))):
         now = goal[ends, (0, 1, 2)]
-        goal[ends, (0, 1, 2)] = np.where(np.abs(now - most) < NEAR * edge, most, now)  # as a file rounds
+        goal[ends, (0, 1, 2)] = np.where(np.abs(now - most) < NEAR * edge, most, now)
     return goal
 
 
 def _net(on: NearestOnSurface, sizes: Sequence[SizeField], edge: float) -> Net:
-    """The surface made anew of even triangles on its facets."""
     curves = feature_curves(on.surface, edge)
     net = _even(Net.of(on.surface, curves, edge), curves, on, sizes, edge)
     return with_edges_flipped(net, by_valence=False, rounds=3)
 
 
 def _even(net: Net, curves: FeatureCurves, nearest: NearestOnSurface, sizes: Sequence[SizeField], edge: float) -> Net:
-    """The net after all rounds; edges are wanted `edge` metres long, or as the shortest of the sizes."""
+    """Return the net after all rounds; wanted edges are `edge` metres long, or as the shortest of the sizes."""
     chords = chord_lengths(curves, edge)
     finer = [one for one in sizes if np.ptp(one.length)]
     others = {one.surface for one in finer} - {nearest.surface}
     trees = [nearest, *map(NearestOnSurface, others)]
-    for k in range(ROUNDS):
+    rounds = 8
+    for k in range(rounds):
         base = _shortest(net.V, finer, trees) if finer else edge
         net = with_sizes(net, chords, curves, np.minimum(base, edge))
         if not k:
             net = _roughly(net, curves, edge)
         for _ in range(2):
             net = with_long_edges_halved(net, curves, edge)
-        net = with_short_edges_collapsed(net, curves, edge, BATCHES)
-        net = with_edges_flipped(net, by_valence=k < ROUNDS - 1, rounds=4)
+        net = with_short_edges_collapsed(net, curves, edge)
+        net = with_edges_flipped(net, by_valence=k < rounds - 1, rounds=4)
         net = with_even_vertices(net, curves, edge)
         net = with_even_vertices(net, curves, edge)
         net = with_vertices_on(net, nearest)
@@ -170,20 +155,21 @@ def _even(net: Net, curves: FeatureCurves, nearest: NearestOnSurface, sizes: Seq
 
 
 def _roughly(net: Net, curves: FeatureCurves, edge: float) -> Net:
-    """The net with its long edges halved until there are none, turned and collapsed in between: of needles, which long
-    edges come from, their long sides give the more points the more of them are still there."""
-    net = with_short_edges_collapsed(net, curves, edge, BATCHES)
-    for _ in range(HALVINGS):
+    """Halve long edges until none is left, with flips and collapses in between, because needles create too many
+    points."""
+    net = with_short_edges_collapsed(net, curves, edge)
+    for _ in range(60):
         finer = with_long_edges_halved(net, curves, edge)
         if finer is net:
             break
-        net = with_edges_flipped(finer, by_valence=False, rounds=FLIPS)
+        net = with_edges_flipped(finer, by_valence=False, rounds=10)
         net = with_short_edges_collapsed(net, curves, edge, batches=2)
     return net
 
 
 def _shortest(points: Floats, sizes: Sequence[SizeField], trees: Sequence[NearestOnSurface]) -> Floats:
-    """(k,) the shortest of the lengths of fields at points (k, 3), metres; one tree for all fields on a surface."""
+    """Return the shortest (k,) of the fields' lengths at points (k, 3), metres; one tree serves all fields on a
+    surface."""
     found = []
     for tree in trees:
         if mine := [one.length for one in sizes if one.surface is tree.surface]:
@@ -195,7 +181,6 @@ def _shortest(points: Floats, sizes: Sequence[SizeField], trees: Sequence[Neares
 
 
 def _smoothed(net: Net, on: NearestOnSurface) -> Net:
-    """The net with its free vertices on the smooth surface through those of the old one."""
     free = np.flatnonzero(net.kind == FREE)
     goal = net.V.copy()
     goal[free] = _places(net.V[free], on, smooth=True)
@@ -203,7 +188,7 @@ def _smoothed(net: Net, on: NearestOnSurface) -> Net:
 
 
 def _places(points: Floats, on: NearestOnSurface, smooth: bool) -> Floats:
-    """(k, 3) the places nearest to points (k, 3) on the facets, or above these on the smooth surface, metres."""
+    """Return the places (k, 3) nearest to points (k, 3) on the facets, or above them on the smooth surface, metres."""
     face, place = on(points)
     return SmoothPatches(on.surface).points(face, place) if smooth else place
 
@@ -228,7 +213,7 @@ def _check(surface: Surface, edge: float, finest: float) -> None:
 
 
 def _check_count(sizes: SizeField, finest: float) -> None:
-    """Of equilateral triangles, by their area; finest : metres, what is told."""
+    """Raise SurfaceError for too many equilateral triangles; finest : metres, for the message."""
     surface = sizes.surface
     count = (surface.areas / (np.sqrt(3) / 4 * sizes.length[surface.F].mean(axis=1) ** 2)).sum()
     if count > LARGEST:

@@ -14,25 +14,23 @@ from dsfab.surface.remesh.features import TOLERANCE, FeatureCurves
 from dsfab.surface.topology import adjacency
 
 TURNING = 15.0
-"""Degrees by which the surface may turn along an edge before it is wanted shorter."""
+"""Turn of the surface along an edge, degrees, above which edges should be shorter."""
 
 STEADY = 0.25
-"""Times its root mean square: by how much a field may change along an edge before that is wanted shorter."""
+"""Change of a field along an edge, as a share of its root mean square, above which edges should be shorter."""
 
 
 class SizeField(NamedTuple):
-    """The length of edges (n,), metres, that is wanted at the vertices of a surface, and linearly between them."""
+    """Wanted length of edges (n,), metres, at the vertices of a surface, linear between them."""
 
     surface: Surface
     length: Floats
 
 
 def curvature_sizes(surface: Surface, edge: float, finest: float) -> Floats:
-    """(n,) lengths of edges over which the surface turns by `TURNING`, between `finest` and `edge`, metres.
-
-    The largest curvature at a vertex is that of the tensor by the angles between neighbours [Cohen-Steiner and Morvan
-    2003], over the faces around its neighbours. Creases do not count.
-    """
+    """Return lengths (n,) of edges over which the surface turns by `TURNING`, between `finest` and `edge`, metres. The
+    largest curvature at a vertex is that of the tensor by the angles between neighbours [Cohen-Steiner and Morvan
+    2003], over the faces around its neighbours. Creases do not count."""
     shared = _inner_edges(surface)
     ends = surface.edges.ends[shared]
     along = surface.V[ends[:, 1]] - surface.V[ends[:, 0]]
@@ -44,12 +42,14 @@ def curvature_sizes(surface: Surface, edge: float, finest: float) -> Floats:
 
 
 def change_sizes(surface: Surface, field: Floats, edge: float, finest: float) -> Floats:
-    """(n,) lengths of edges along which tensors (m, 3, 3) in the planes of the faces change by `STEADY` times their
-    root mean square, between `finest` and `edge`, metres.
+    """Return lengths (n,) of edges over which tensors change by `STEADY`, between `finest` and `edge`, metres.
 
-    Differences along edges are those of the means around their ends [as Zienkiewicz and Zhu 1987 recover stress]; the
-    turn of the surface from one to the other does not count. The square of the gradient at a vertex is twice the mean
-    square of such slopes around it, which lie in all directions.
+    field : (m, 3, 3) tensors in the planes of the faces; `STEADY` refers to their root mean square.
+
+    Differences along edges are those of the means around their ends [as Zienkiewicz and Zhu 1987 recover stress],
+    without
+    the rotation of the surface between them. The square of the gradient at a vertex is twice the mean square of such
+    slopes around it, which lie in all directions.
     """
     at, normal, ends = _at_vertices(surface, field), surface.vertex_normals, surface.edges.ends
     a, b = ends.T
@@ -62,7 +62,7 @@ def change_sizes(surface: Surface, field: Floats, edge: float, finest: float) ->
 
 
 def _at_vertices(surface: Surface, field: Floats) -> Floats:
-    """(n, 3, 3) the means by area around each vertex of tensors (m, 3, 3), turned with the surface into its plane."""
+    """Return the means (n, 3, 3) by area around each vertex of tensors (m, 3, 3), rotated into its plane."""
     corner = surface.F.ravel()
     weighted = np.repeat(surface.areas[:, None, None] / 3 * field, 3, axis=0)
     carried = _carried(weighted, np.repeat(surface.normals, 3, axis=0), surface.vertex_normals[corner]).reshape(-1, 9)
@@ -71,20 +71,19 @@ def _at_vertices(surface: Surface, field: Floats) -> Floats:
 
 
 def _inner_edges(surface: Surface) -> Ints:
-    """(e,) edges of two faces that are no creases."""
+    """Return the edges (e,) of two faces that are no creases."""
     two = surface.edges.count == 2
     return np.asarray(np.flatnonzero(two)[~feature_edges(surface)[two]])
 
 
 def _half_edges(surface: Surface, shared: Ints) -> tuple[Ints, Ints]:
-    """The two half-edges (e,) of edges (e,)."""
     first = surface.edges.start[shared]
     order: Ints = surface.edges.order
     return order[first], order[first + 1]
 
 
 def _mean_around(surface: Surface, ends: Ints, values: Floats) -> Floats:
-    """(n, k) of values (e, k) of edges (e, 2), the sums at each vertex and its neighbours over their areas."""
+    """Return for values (e, k) of edges (e, 2) the sums (n, k) at each vertex and its neighbours over their areas."""
     n = surface.n
     around = adjacency(surface.edges, n) + eye_array(n)
     total = np.stack([np.bincount(ends.ravel(), np.repeat(x, 2), minlength=n) for x in values.T], axis=1)
@@ -92,14 +91,14 @@ def _mean_around(surface: Surface, ends: Ints, values: Floats) -> Floats:
 
 
 def _carried(tensors: Floats, normal: Floats, onto: Floats) -> Floats:
-    """(k, 3, 3) symmetric tensors in planes with unit normals (k, 3), turned into others: by rows, then by columns."""
+    """Rotate symmetric tensors (k, 3, 3) from planes with unit normals (k, 3) into others: rows, then columns."""
     normal, onto = np.repeat(normal, 3, axis=0), np.repeat(onto, 3, axis=0)
     rows = unfolded(onto, normal, tensors.reshape(-1, 3)).reshape(-1, 3, 3)
     return unfolded(onto, normal, rows.transpose(0, 2, 1).reshape(-1, 3)).reshape(-1, 3, 3)
 
 
 def _bends(surface: Surface, shared: Ints) -> Floats:
-    """(s,) angles between the normals at edges (s,) of two faces, radians, positive where these bulge."""
+    """Return the angles (s,) between the normals at edges (s,) of two faces, radians, positive at convex edges."""
     h0, h1 = _half_edges(surface, shared)
     one, two = surface.normals[h0 // 3], surface.normals[h1 // 3]
     across = surface.V[surface.F[h1 // 3, (h1 + 2) % 3]] - surface.V[surface.F.ravel()[h0]]
@@ -108,21 +107,18 @@ def _bends(surface: Surface, shared: Ints) -> Floats:
 
 
 GRADE = 0.3
-"""Metres by which the wanted length grows in a metre: neighbours differ by less than 1.3 times."""
+"""Growth of the wanted length per metre: neighbours differ by less than a factor of 1.3."""
 
 LEAST = 1 / 20
-"""Of the edge: no bend of a curve and no narrow place asks for shorter edges."""
-
-NARROW = 1.25
-"""Times the width between two curves: edges wanted there, so that one row of triangles fills it."""
+"""Least wanted length at bends of curves and narrow places, as a share of the edge."""
 
 LADDER = 0.85 ** np.arange(19)
-"""Shares of the edge that are tried as chords of a curve."""
+"""Trial lengths of the chords of a curve, as shares of the edge."""
 
 
 def with_sizes(net: Net, chords: Floats, curves: FeatureCurves, base: Floats | float) -> Net:
-    """The net with its wanted lengths: `base` (n,) or one for all, metres, no longer than the chords (p,) of its curves
-    allow, and graded."""
+    """Return the net with graded wanted lengths: `base` (n,) or a number, metres, within the chords (p,) of its
+    curves."""
     size = np.broadcast_to(np.asarray(base, dtype=np.float64), (net.n,)).copy()
     edge = float(size.max())
     least = LEAST * edge
@@ -130,15 +126,15 @@ def with_sizes(net: Net, chords: Floats, curves: FeatureCurves, base: Floats | f
         k = np.clip(np.searchsorted(curves.at, net.at), 0, len(chords) - 1)
         np.minimum.at(size, net.node, np.maximum(np.minimum(chords[k], chords[np.maximum(k - 1, 0)]), least))
     for vertex, width, slope in _narrow(net):
-        wide = width > TOLERANCE * edge  # less is a sliver
-        row = NARROW * np.maximum(width, edge * slope)[wide]
+        wide = width > TOLERANCE * edge  # narrower ones are slivers
+        row = 1.25 * np.maximum(width, edge * slope)[wide]  # one row of triangles fills the width
         np.minimum.at(size, vertex[wide], np.maximum(row, least))
     return replace(net, size=graded_sizes(net.V, net.edges.ends, size))
 
 
 def graded_sizes(V: Floats, ends: Ints, size: Floats) -> Floats:
-    """(n,) sizes, metres, that differ along no edge (e, 2) by more than `GRADE` times its length: the largest below
-    those given."""
+    """Return the largest sizes (n,) below the input, metres, that change along no edge (e, 2) by over `GRADE` times its
+    length."""
     length = GRADE * edge_lengths(V, ends)
     a, b = ends.T
     while True:
@@ -151,12 +147,9 @@ def graded_sizes(V: Floats, ends: Ints, size: Floats) -> Floats:
 
 
 def _narrow(net: Net) -> list[tuple[Ints, Floats, Floats]]:
-    """Vertices (k,) of kinds that do not leave their curves, how wide (k,) the surface is there, metres, and its slope
-    (k,) as in `_slopes`.
-
-    That is an edge from curve to curve, the height of a face between them, or an edge between corners. The face in the
-    angle of a corner is left out: it is narrow at any size.
-    """
+    """Return fixed and curve vertices (k,), the width (k,) of the surface there, metres, and its slope (k,) as in
+    `_slopes`. The width is an edge from curve to curve, the height of a face between them, or an edge between corners.
+    The face in the angle of a corner does not count, because it is narrow at any size."""
     held, edges, along = net.kind > FREE, net.edges, net.along_curves
     length = edge_lengths(net.V, edges.ends)
     on = along[edges.of]
@@ -181,11 +174,12 @@ def _narrow(net: Net) -> list[tuple[Ints, Floats, Floats]]:
 
 
 def _slopes(net: Net, one: Ints, other: Ints, width: Floats) -> Floats:
-    """(k,) how fast the surface widens from the corner in which the curves of vertices one and other (k,) meet: their
-    width (k,), metres, over their way to it along the curves; 0 where they meet in none.
+    """Return how fast (k,) the surface widens from the common corner of the curves of two vertices, else 0.
 
-        corner <   ---- at a slope of .3 it is .3 edges wide at an edge's length from its corner: edges as short fill
-                        it from there on, and shorter ones nearer to the corner would go on and on
+    That is their width (k,), metres, over their distance from the corner along the curves.
+
+        corner <   ---- at a slope of 0.3 it is 0.3 edges wide at an edge's length from its corner: edges of this length
+                        fill it from there on; shorter edges nearer to the corner would never end
     """
     corner, way = _corners(net)
     slope = np.zeros(len(one))
@@ -198,8 +192,8 @@ def _slopes(net: Net, one: Ints, other: Ints, width: Floats) -> Floats:
 
 
 def _corners(net: Net) -> tuple[Ints, Floats]:
-    """(n, 2) the vertices at the two ends of each vertex's curve, -1 off the curves, and the way (n, 2) to them along
-    it, metres; of a corner itself, twice itself."""
+    """Return the vertices (n, 2) at the ends of each vertex's curve, -1 off curves, and the distances (n, 2) along it,
+    metres. A corner has itself twice."""
     corner, way = np.full((net.n, 2), -1), np.zeros((net.n, 2))
     ends = np.searchsorted(net.curve, net.curve), np.searchsorted(net.curve, net.curve, side="right") - 1
     for i, end in enumerate(ends):
@@ -211,8 +205,8 @@ def _corners(net: Net) -> tuple[Ints, Floats]:
 
 
 def chord_lengths(curves: FeatureCurves, edge: float) -> Floats:
-    """(p,) at each point of the curves, how long a chord about it may be, metres: `edge`, or less where that would
-    leave the curve by more than half of the tolerance."""
+    """Return the length (p,) of the longest chord about each point of the curves, metres. It is `edge`, or less where
+    the chord would leave the curve by more than most of the tolerance."""
     longest = np.full(len(curves.at), edge * LADDER[-1])
     open_ = np.arange(len(curves.at))
     last = np.append(np.diff(curves.curve) > 0, True) if len(curves.at) else np.zeros(0, dtype=bool)

@@ -15,15 +15,13 @@ from dsfab.surface.remesh.features import TOLERANCE, FeatureCurves
 from dsfab.surface.topology import corner_fans
 
 CORNERS = ((0, 1), (1, 2), (2, 0))
-"""The half-edges of a face, by its corners."""
+"""Half-edges of a face, by its corners."""
 
 
 class SmoothPatches:
-    """Curved point-normal triangles on the facets of a surface [Vlachos et al. 2001, PN triangles].
-
-    The normals at a vertex on a crease are those of each side of it; along boundaries and creases the patches follow
-    the straight edges, so that curves stay where they are.
-    """
+    """Curved point-normal triangles on the facets of a surface [Vlachos et al. 2001, PN triangles]. A vertex on a
+    crease has a normal for each side. Along boundaries and creases the patches follow the straight edges, so that
+    curves stay in place."""
 
     def __init__(self, surface: Surface) -> None:
         self._V, self._F = surface.V, surface.F
@@ -32,7 +30,7 @@ class SmoothPatches:
         self._controls = _controls(surface.V[surface.F], normals, features[surface.edges.of])
 
     def points(self, face: Ints, place: Floats) -> Floats:
-        """(k, 3) the points of the patches above places (k, 3) of faces (k,), metres."""
+        """Return the points (k, 3) of the patches above places (k, 3) of faces (k,), metres."""
         P = self._V[self._F[face]]
         b = barycentric(P, place)
         controls = self._controls[face]
@@ -46,7 +44,7 @@ class SmoothPatches:
 
 
 def barycentric(P: Floats, place: Floats) -> Floats:
-    """(k, 3) coordinates of places (k, 3) in triangles P (k, 3 corners, 3)."""
+    """Return the coordinates (k, 3) of places (k, 3) in triangles P (k, 3 corners, 3)."""
     areas = np.stack(
         [lengths(np.cross(P[:, (c + 1) % 3] - place, P[:, (c + 2) % 3] - place)) for c in range(3)], axis=1
     )
@@ -54,8 +52,8 @@ def barycentric(P: Floats, place: Floats) -> Floats:
 
 
 def _controls(P: Floats, normals: Floats, straight: Bools) -> Floats:
-    """(m, 6, 3) two control points on each edge of triangles P (m, 3, 3): thirds of it, in the planes of the normals
-    (m, 3, 3) at their ends; on `straight` edges (m, 3) just thirds."""
+    """Return two control points on each edge (m, 6, 3) of triangles P (m, 3, 3). They are thirds of the edge, in the
+    planes of the normals (m, 3, 3) at its ends; on `straight` edges (m, 3) just thirds."""
     controls = np.empty((len(P), 6, 3))
     for k, ends in enumerate(CORNERS):
         for end, (i, j) in enumerate((ends, ends[::-1])):
@@ -66,8 +64,8 @@ def _controls(P: Floats, normals: Floats, straight: Bools) -> Floats:
 
 
 def _corner_normals(surface: Surface, features: Bools) -> Floats:
-    """(m, 3 corners, 3) unit normals: the mean of the faces around a vertex up to the next features (e,), weighted by
-    their angles there."""
+    """Return the unit normals (m, 3 corners, 3): means of the faces around a vertex up to the next features (e,), by
+    angle."""
     fan = corner_fans(surface.F, surface.edges, apart=features).ravel()
     count = int(fan.max()) + 1
     weighted = (face_angles(surface.V, surface.F)[:, :, None] * surface.normals[:, None]).reshape(-1, 3)
@@ -75,15 +73,8 @@ def _corner_normals(surface: Surface, features: Bools) -> Floats:
     return np.asarray((total / lengths(total)[:, None])[fan].reshape(-1, 3, 3))
 
 
-TURN = 0.5
-"""Vertices whose move would turn a face by more than the angle of this cosine, 60 degrees, stay."""
-
-RETREATS = 6
-"""How often vertices that would turn faces are put back before all of them are."""
-
-
 class NearestOnSurface:
-    """The places of a surface nearest to points, by a tree of boxes that is made once, when it is first asked."""
+    """Search for the nearest places on a surface, by a tree of boxes that is built on first use."""
 
     def __init__(self, surface: Surface) -> None:
         self.surface = surface
@@ -95,7 +86,7 @@ class NearestOnSurface:
         return tree
 
     def __call__(self, points: Floats) -> tuple[Ints, Floats]:
-        """(k,) the faces nearest to points (k, 3), and the places (k, 3) on them, metres."""
+        """Return the faces (k,) nearest to points (k, 3), and the places (k, 3) on them, metres."""
         if not len(points):
             return np.zeros(0, dtype=np.int64), points
         _, face, place = self._tree.squared_distance(self.surface.V, self.surface.F, np.ascontiguousarray(points))
@@ -103,8 +94,8 @@ class NearestOnSurface:
 
 
 def with_even_vertices(net: Net, curves: FeatureCurves, edge: float) -> Net:
-    """The net with free vertices moved within their tangent planes to the means of their faces, weighted by the faces'
-    areas in wanted lengths squared, and those on curves to even steps along these."""
+    """Move free vertices within their tangent planes to the weighted means of their faces, others along their curves.
+    Weights are areas in units of wanted lengths squared. Vertices on curves move to even steps."""
     V, F, n = net.V, net.F, net.n
     doubled = area_vectors(V, F)
     weight = lengths(doubled) / net.size[F].mean(axis=1) ** 2
@@ -122,21 +113,20 @@ def with_even_vertices(net: Net, curves: FeatureCurves, edge: float) -> Net:
 
 
 def with_vertices_on(net: Net, nearest: NearestOnSurface) -> Net:
-    """The net with its free vertices on the surface."""
+    """Move the free vertices of the net onto the surface."""
     goal, free = net.V.copy(), np.flatnonzero(net.kind == FREE)
     goal[free] = nearest(net.V[free])[1]
     return with_vertices_at(net, goal, net.at)
 
 
 def _summed(F: Ints, values: Floats, n: int) -> Floats:
-    """(n, 3) the sums of what faces (m, 3) have, at their corners."""
     corners = F.ravel()
     return np.stack([np.bincount(corners, np.repeat(x, 3), minlength=n) for x in values.T], axis=1)
 
 
 def _even_steps(net: Net, curves: FeatureCurves, edge: float) -> Floats:
-    """(k,) places of the nodes so that the steps to both sides are as long in wanted lengths, where the edges stay
-    near the curve; every second node moves at once."""
+    """Return positions (k,) of the nodes with even steps in wanted lengths, where the edges stay near the curve. Every
+    second node moves at once."""
     at = net.at.copy()
     for parity in (0, 1):
         k = np.arange(1 + parity, max(len(at) - 1, 1 + parity), 2)
@@ -153,18 +143,20 @@ def _even_steps(net: Net, curves: FeatureCurves, edge: float) -> Floats:
 
 
 def with_vertices_at(net: Net, goal: Floats, at: Floats) -> Net:
-    """The net with its vertices at goals (n, 3), metres, and its nodes at places (k,), but where that turns a face."""
+    """Move the vertices to goals (n, 3), metres, and the nodes to positions (k,), except where a face turns by 60
+    degrees."""
     old, V = area_vectors(net.V, net.F), goal.copy()
     face = np.arange(len(net.F))
-    for k in range(RETREATS + 1):
+    retreats = 6  # rounds that put back single vertices, before all go back
+    for k in range(retreats + 1):
         new = area_vectors(V, net.F[face])
         was = old[face]
-        bad = np.einsum("mi,mi->m", was, new) < TURN * lengths(was) * lengths(new)
+        bad = np.einsum("mi,mi->m", was, new) < 0.5 * lengths(was) * lengths(new)
         if not bad.any():
             break
         back = np.unique(net.F[face[bad]])
         V[back] = net.V[back]
-        if k == RETREATS:
+        if k == retreats:
             V, at = net.V, net.at
     shifted = (V != net.V).any(axis=1)[net.node]
     return replace(net, V=V, at=np.where(shifted, at, net.at))

@@ -1,8 +1,8 @@
 """Procedural surfaces: closed-form answers for tests, and stand-ins for the models of the paper.
 
-`SHAPES` names them for presets. All are in metres with z up, normals up or outward, deterministic, and meshed with
-nearly equilateral triangles about `edge` metres wide: staggered rows, rings or a subdivided icosahedron, because a
-grid whose diagonals all run one way steers the pattern.
+`SHAPES` names them for presets. All are deterministic, in metres with z up, normals up or outward. Their triangles are
+nearly equilateral and about `edge` metres wide, in staggered rows, rings or a subdivided icosahedron, because a grid
+with parallel diagonals steers the pattern.
 """
 
 from collections.abc import Callable
@@ -29,7 +29,7 @@ FIGURES: dict[str, Callable[..., Surface]] = {
         *(bridge, twisty_tower, boys_surface),
     )
 }
-"""Stand-ins for the paper's models, remeshed: a second or more each."""
+"""Stand-ins for the paper's models, remeshed, in a second or more each."""
 
 SHAPES: dict[str, Callable[..., Surface]] = {
     **{
@@ -41,7 +41,7 @@ SHAPES: dict[str, Callable[..., Surface]] = {
     },
     **FIGURES,
 }
-"""Every shape by its name in a preset, `shape = "dome"`."""
+"""Shapes by their names in a preset, `shape = "dome"`."""
 
 __all__ = [
     "FIGURES",

@@ -9,6 +9,7 @@ from annotated_types import Ge, Gt, Le
 from dsfab.core.arrays import Bools, Floats
 from dsfab.surface.mesh import Surface
 from dsfab.surface.shapes.implicit import (
+    SHRINK,
     Field,
     Point,
     ball,
@@ -25,19 +26,17 @@ from dsfab.surface.shapes.implicit import (
 from dsfab.surface.shapes.meshing import Length, check_density, ring_faces, ring_turns, shape
 
 FOOT = 0.4
-"""Where the camel's neck is cut, in the coordinates that it is drawn in."""
+"""Height of the cut through the camel's neck, in the coordinates of its model."""
 MOUTH, HOLLOW = 0.017, 0.034
-"""About half as wide as the camel's mouth and the hollow of its ear: triangles that are wider cannot show them."""
+"""Largest triangles that show the camel's mouth and the hollow of its ear, about half of their widths."""
 
 
 def _figure(field: Field, low: Point, high: Point, size: float, edge: float) -> Surface:
-    """A field drawn at size 1, as a surface `size` times as large."""
     unit = skin(field, low, high, edge / size)
     return Surface(size * unit.V, unit.F)
 
 
 def _above_ground(field: Field, k: float) -> Field:
-    """The part of a solid over z = 0, with a flat foot whose edge is rounded by k."""
     return without(field, lambda P: P[:, 2], k)
 
 
@@ -45,8 +44,9 @@ def _above_ground(field: Field, k: float) -> Field:
 def camel_head(height: Length = 1.0, edge: Length = 0.028) -> Surface:
     """A camel's head on its neck, open at the foot of the neck: a disc, its boundary in the plane z = 0.
 
-    Edges that are longer than its mouth or its ears are wide leave out the mouth, the nostrils and the hollow of the
-    ears, and make these thicker: what is left is a head in even triangles.
+    If edges are longer than the widths of its details, the mouth, the nostrils and the hollow of the ears are left
+    out, and
+    the ears are thicker.
 
     height : from the boundary to about the tips of the ears, metres.
     """
@@ -75,7 +75,7 @@ def camel_head(height: Length = 1.0, edge: Length = 0.028) -> Surface:
 
 
 def _ear(wide: float) -> Field:
-    """A pointed leaf, at least two triangles thick, hollow in front if these are not wider than the hollow."""
+    """A pointed leaf, at least two triangles thick, with a hollow in front if triangles are small enough."""
     along = np.array([-0.45, 0.6, 0.66])
     along /= np.linalg.norm(along)
     front = np.array([0.9, 0.3, 0.2])
@@ -94,8 +94,8 @@ def _ear(wide: float) -> Field:
 def duck_ring(length: Length = 1.86, edge: Length = 0.06) -> Surface:
     """A swimming ring with the head and the tail of a duck, genus 1, looking towards -x; y is up.
 
-    length : from beak to tail, metres. A stand-in for Bob of Keenan Crane's 3D Model Repository, about as large at the
-    default.
+    length : from beak to tail, metres. A stand-in for Bob of Keenan Crane's 3D Model Repository, of its size by
+             default.
     """
 
     def ring(P: Floats) -> Floats:
@@ -117,7 +117,8 @@ def duck_ring(length: Length = 1.86, edge: Length = 0.06) -> Surface:
 
 @shape
 def mouse(length: Length = 0.12, edge: Length = 0.0028) -> Surface:
-    """A computer mouse with two buttons and a wheel, genus 0: the buttons in front at +x, the left one, at +y, down."""
+    """A computer mouse with two buttons and a wheel, genus 0: the buttons in front at +x, the left button, at +y,
+    pressed."""
     shell = blended([ellipsoid((0, 0, 0), (0.5, 0.29, 0.27)), ellipsoid((-0.12, 0, 0), (0.37, 0.27, 0.34))], 0.15)
     well = ellipsoid((0.27, 0, 0.26), (0.15, 0.07, 0.09))
     wheel = ellipsoid((0.27, 0, 0.17), (0.1, 0.045, 0.1))
@@ -126,7 +127,7 @@ def mouse(length: Length = 0.12, edge: Length = 0.0028) -> Surface:
 
 
 def _buttons(P: Floats) -> Floats:
-    """(k,) how much lower than the shell it is: in the seams around two buttons, and on the left one, pressed down."""
+    """Return the depth (k,) below the shell: in the seams around two buttons, and on the left button."""
     x, y, z = P.T
     front = x + 0.9 * y**2 - 0.03  # before the seam across
     top, before = _rising((z - 0.07) / 0.04), _rising(front / 0.04)
@@ -135,7 +136,6 @@ def _buttons(P: Floats) -> Floats:
 
 
 def _rising(t: Floats) -> Floats:
-    """From 0 to 1, smoothly, about t = 0."""
     return np.asarray(0.5 * (1 + np.tanh(t)))
 
 
@@ -170,7 +170,7 @@ def turkey(height: Length = 0.5, edge: Length = 0.016) -> Surface:
 
 
 def _feather(angle: float) -> list[Point]:
-    """Middle and tip of a tail feather at an angle from upright, the fan leaning back."""
+    """Return the middle and the tip of a tail feather at an angle from upright, the fan leaning back."""
     return [(-0.2 - 0.22 * r, 0.58 * r * np.sin(angle), 0.38 + 0.58 * r * np.cos(angle)) for r in (0.5, 1.0)]
 
 
@@ -218,7 +218,7 @@ def _arms() -> list[Field]:
 
 
 OPENINGS = (0.22, 0.5, 0.78)
-"""Heights of the tower's openings, as shares of its own."""
+"""Heights of the tower's openings, as shares of its height."""
 
 
 @shape
@@ -256,17 +256,15 @@ def bridge(
 
 
 def _both(a: Floats, b: Floats) -> Floats:
-    """The larger value with a rounded corner: the solid inside both."""
+    """Return the larger value with a rounded corner: the solid inside both."""
     return -smaller(-a, -b, 0.01)
 
 
 def _along(P: Floats, height: Floats) -> Floats:
-    """Vectors (q, 3) upwards of the given heights."""
     return np.asarray(np.outer(height, [0, 0, 1.0]))
 
 
 def _slab(u: Floats, v: Floats, half: float, rounding: float) -> Floats:
-    """A strip |u| < half, v < 0 with rounded corners."""
     q = np.stack([np.abs(u) - half, v], axis=1) + rounding
     return np.asarray(np.linalg.norm(np.maximum(q, 0), axis=1) + np.minimum(q.max(axis=1), 0) - rounding)
 
@@ -277,9 +275,9 @@ def twisty_tower(
     twist: Annotated[float, Ge(-180), Le(180)] = 120.0,
     edge: Length = 0.6,
 ) -> Surface:
-    """A slab that twists as it rises, with three openings through it one above the other, genus 3, on z = 0.
+    """A slab that twists as it rises, with three openings through it, one above the other, genus 3, on z = 0.
 
-    twist : degrees that its top is turned against its foot.
+    twist : degrees between its top and its foot.
     """
     slab = box((0, 0, 0.5), (0.19, 0.12, 0.6), 0.07)
     openings = [limb([(0, -0.5, z), (0, 0.5, z), (0, 0.6, z)], [0.085] * 3) for z in OPENINGS]
@@ -293,7 +291,7 @@ def twisty_tower(
 
 
 def _twisted(field: Field, turn: float) -> Field:
-    """The solid turned about z, by nothing at z = 0 and by `turn` radians at z = 1."""
+    """Return the solid twisted about z, from 0 at z = 0 to `turn` radians at z = 1."""
 
     def field_there(P: Floats) -> Floats:
         c, s = np.cos(turn * P[:, 2]), np.sin(turn * P[:, 2])
@@ -303,19 +301,16 @@ def _twisted(field: Field, turn: float) -> Field:
 
 
 LOWEST, HIGHEST = -0.4426307, 2.0
-"""Heights of the lowest points and of the peak in the formula's own units; the lowest are found numerically."""
-
-SHRINK = 0.9
-"""Remeshing for an edge length gives a mean edge this much longer."""
+"""Heights of the lowest points (computed numerically) and of the peak, in the formula's own units."""
 
 
 @shape
 def boys_surface(height: Length = 3.0, edge: Length = 0.16) -> Surface:
     """The parametrisation of Bryant and Kusner [Kusner 1987] over the unit disc, its peak up, standing on z = 0.
 
-    Opposite points of the unit circle have the same image: joined there, the surface would be closed and one-sided.
-    It is left open along that seam, which makes it a disc with two sides. It crosses itself, as the projective plane
-    must: three sheets meet in a triple point, and there is no solid of one thickness around it.
+    Opposite points of the unit circle have the same image: joined there, the surface would be closed and one-sided. It
+    stays open along that seam, which makes it a disc with two sides. It crosses itself, as the projective plane must:
+    three sheets meet in a triple point, and no solid of constant thickness exists around it.
     """
     check_density(4 * height**2, edge)
     chart = _Disc(height)
@@ -334,7 +329,6 @@ class _Disc:
     height: float
 
     def place(self, X: Floats) -> Floats:
-        """Points (n, 3), metres."""
         w = X[:, 0] + 1j * X[:, 1]
         a = w**6 + np.sqrt(5) * w**3 - 1
         g = np.stack(
@@ -349,7 +343,7 @@ class _Disc:
         return np.asarray(self.height * (P * [1, -1, -1] - [0, 0, LOWEST]) / (HIGHEST - LOWEST))
 
     def moved(self, X: Floats, step: Floats, border: Bools) -> Floats:
-        """The step in the disc whose image is nearest to `step`, put back on the circle or inside of it."""
+        """Return the coordinates after a step in the disc whose image is nearest to `step`, put back into the disc."""
         small = 1e-6
         here = self.place(X)
         J = np.stack([(self.place(X + small * e) - here) / small for e in np.eye(2)], axis=2)

@@ -23,49 +23,45 @@ from dsfab.surface.shapes.meshing import check_density
 from dsfab.surface.topology import EdgeTable, edge_table, manifold_faults, on_boundary, smoothing_pairs
 
 LONGEST, SHORTEST = 4 / 3, 4 / 5
-"""Edges beyond these multiples of the wanted length are split or collapsed: halves and unions are not worse."""
+"""Multiples of the wanted length above or below which edges are divided or collapsed, so that results are better."""
 
 ROUNDS, POLISH = 5, 10
 """Rounds that change the number of vertices, then rounds that only flip towards Delaunay and relax."""
 
-BATCHES = 10
-"""Collapses of one round are made in so many batches; what is left waits for the next round."""
-
 TURN = 0.3
-"""No face may turn by more than the angle of this cosine, about 70 degrees, in one step."""
-
+"""Cosine of the largest turn of a face in one step, about 70 degrees."""
 
 FOLDED = -0.5
-"""Neighbours whose normals have a smaller cosine, about 120 degrees, are a fold that no smooth surface has."""
-
-GROWTH = 2
-"""Splitting may double the faces of a mesh that was remeshed before; more never ends, for its edges span a gap."""
+"""Cosine between the normals of neighbours, about 120 degrees, below which they are a fold."""
 
 
 class MeshChart(Protocol):
-    """A smooth surface on which vertices live, by coordinates X (n, k) of its own choice."""
+    """A smooth surface that carries vertices, by coordinates X (n, k) of its own choice."""
 
     def place(self, X: Floats) -> Floats:
-        """(n, 3) the points, metres."""
+        """Return the points (n, 3), metres."""
         ...
 
     def moved(self, X: Floats, step: Floats, border: Bools) -> Floats:
-        """(n, k) the coordinates of the points moved by about step (n, 3), metres; border stays on the border."""
+        """Return the coordinates (n, k) of the points moved by about step (n, 3), metres; border stays on the
+        border."""
         ...
 
 
 def remeshed(chart: MeshChart, X: Floats, F: Ints, edge: float) -> tuple[Floats, Ints]:
-    """Vertices (n, 3) and faces of nearly equilateral triangles about `edge` metres wide, on the surface of `chart`.
+    """Return vertices (n, 3) and faces of nearly equilateral triangles about `edge` metres wide, on the surface of
+    `chart`.
 
-    X, F : any oriented manifold mesh of it, in the chart's coordinates; its genus and its boundaries are kept.
+    X, F : any oriented manifold mesh of it, in the chart's coordinates; its genus and its boundaries stay.
 
-    Raises SurfaceError when the result is no manifold, is folded, or never ends: the edge is longer than the surface's
-    details.
+    Raises SurfaceError if the result is no manifold, is folded, or never ends, because the edge is longer than details
+    of
+    the surface.
     """
     for round_ in range(ROUNDS):
         before = len(F)
         X, F = _split(chart, X, F, LONGEST * edge)
-        if round_ and len(F) > GROWTH * before:
+        if round_ and len(F) > 2 * before:
             raise _too_long("its edges span gaps of the surface")
         X, F = _collapsed(chart, X, F, SHORTEST * edge)
         for _ in range(2):
@@ -83,24 +79,21 @@ def remeshed(chart: MeshChart, X: Floats, F: Ints, edge: float) -> tuple[Floats,
 
 
 def _too_long(why: str) -> SurfaceError:
-    """Without the length: shapes are drawn at size 1, and scaled afterwards."""
+    """Return an error without the length, because shapes are modelled at size 1, and scaled afterwards."""
     return SurfaceError(f"the edge is too long for the shape's details ({why}); use a shorter one")
 
 
 def _folds(V: Floats, F: Ints) -> int:
-    """How many neighbours lie almost on each other."""
     N = _normals(V, F)[edge_table(F).pairs // 3]
     return int((np.einsum("ei,ei->e", N[:, 0], N[:, 1]) < FOLDED).sum())
 
 
 def _normals(V: Floats, F: Ints) -> Floats:
-    """(m, 3) unit normals of faces F (m, 3)."""
     N = area_vectors(V, F)
     return np.asarray(N / np.maximum(lengths(N), 1e-300)[:, None])
 
 
 def _split(chart: MeshChart, X: Floats, F: Ints, longest: float) -> tuple[Floats, Ints]:
-    """Every edge over `longest` halved, again and again; new vertices are put on the surface."""
     for _ in range(12):
         edges = edge_table(F)
         long = edge_lengths(chart.place(X), edges.ends) > longest
@@ -115,8 +108,7 @@ def _split(chart: MeshChart, X: Floats, F: Ints, longest: float) -> tuple[Floats
 
 
 def _collapsed(chart: MeshChart, X: Floats, F: Ints, shortest: float) -> tuple[Floats, Ints]:
-    """Edges under `shortest` collapsed to a point, where that keeps the topology."""
-    for _ in range(BATCHES):
+    for _ in range(10):
         edges, n, V = edge_table(F), len(X), chart.place(X)
         border = on_boundary(edges, n)
         across = border[edges.ends].all(axis=1) & ~edges.boundary
@@ -134,7 +126,7 @@ def _collapsed(chart: MeshChart, X: Floats, F: Ints, shortest: float) -> tuple[F
 def _merged(
     chart: MeshChart, X: Floats, F: Ints, V: Floats, a: Ints, b: Ints, border: Bools
 ) -> tuple[Floats, Ints, bool]:
-    """Vertices b put together with a where no face turns over; says whether there were any."""
+    """Merge vertices b with a where no face turns over; return also whether there were any."""
     goal = np.where((border[a] == border[b])[:, None], (X[a] + X[b]) / 2, X[np.where(border[a], a, b)])
     goal = chart.moved(goal, np.zeros((len(a), 3)), border[a] | border[b])
     pair = np.full(len(X), -1)
@@ -157,7 +149,7 @@ def _merged(
 
 
 def _flipped(chart: MeshChart, X: Floats, F: Ints, by_valence: bool) -> tuple[Floats, Ints]:
-    """Edges turned within their two faces: towards six edges at each vertex (four on the border), or to Delaunay."""
+    """Flip edges towards six edges at each vertex (four on the border), or towards Delaunay."""
     V = chart.place(X)
     for _ in range(8):
         edges, n = edge_table(F), len(X)
@@ -179,7 +171,7 @@ def _valence_gain(quad: Ints, edges: EdgeTable, n: int) -> Floats:
 
 
 def _delaunay_gain(P: Floats) -> Floats:
-    """How far the two angles opposite an edge exceed half a turn together, radians."""
+    """Return by how much the two angles opposite an edge together exceed half a turn, radians."""
     a, b, c, d = np.moveaxis(P, 1, 0)
     angles = [
         np.arctan2(np.linalg.norm(np.cross(a - p, b - p), axis=1), ((a - p) * (b - p)).sum(axis=1)) for p in (c, d)
@@ -188,7 +180,6 @@ def _delaunay_gain(P: Floats) -> Floats:
 
 
 def _stays_upright(V: Floats, quad: Ints) -> Bools:
-    """(q,) whether neither face turns over where the edge is turned."""
     a, b, c, d = quad.T
     before = _normals(V, np.stack([a, b, c], axis=1)) + _normals(V, np.stack([b, a, d], axis=1))
     before /= np.maximum(lengths(before), 1e-300)[:, None]
@@ -199,7 +190,6 @@ def _stays_upright(V: Floats, quad: Ints) -> Bools:
 
 
 def _relaxed(chart: MeshChart, X: Floats, F: Ints) -> Floats:
-    """Vertices moved along the surface to the mean of their neighbours; those of the border along it."""
     V, edges, n = chart.place(X), edge_table(F), len(X)
     border = on_boundary(edges, n)
     i, j = smoothing_pairs(edges, n)
@@ -213,15 +203,12 @@ def _relaxed(chart: MeshChart, X: Floats, F: Ints) -> Floats:
 
 
 Field = Callable[[Floats], Floats]
-"""Takes points (q, 3), metres; gives about the distance to a solid (q,), metres, negative inside."""
+"""Function of points (q, 3), metres: about the distance to a solid (q,), metres, negative inside."""
 
 Point = Sequence[float] | Floats
 
-GRID = 1.3
-"""Cells of the grid over the edge length: coarser ones lose details, finer ones are collapsed again."""
-
 SHRINK = 0.9
-"""Remeshing for an edge length gives a mean edge this much longer."""
+"""Correction of the edge length, because remeshing gives a longer mean edge."""
 
 
 def _norm(Q: Floats) -> Floats:
@@ -229,13 +216,16 @@ def _norm(Q: Floats) -> Floats:
 
 
 def ball(centre: Point, radius: float) -> Field:
-    """A ball: a field of P (k, 3), metres, its signed distance (k,)."""
+    """Return a ball: its signed distance (k,) for P (k, 3), metres."""
     c = np.array(centre)
     return lambda P: _norm(P - c) - radius
 
 
 def ellipsoid(centre: Point, radii: Point, axes: Floats | None = None) -> Field:
-    """axes : (3, 3) unit vectors of the radii, a row each; x, y and z when left out. First order in the distance."""
+    """Return an ellipsoid, with its distance to first order.
+
+    axes : (3, 3) unit vectors of the radii, in rows; by default x, y and z.
+    """
     c, r, R = np.array(centre), np.array(radii), np.eye(3) if axes is None else axes
 
     def field(P: Floats) -> Floats:
@@ -247,7 +237,7 @@ def ellipsoid(centre: Point, radii: Point, axes: Floats | None = None) -> Field:
 
 
 def limb(points: Sequence[Point], radii: Sequence[float], soft: float = 0.3) -> Field:
-    """A tube along a polygon whose radius runs linearly from corner to corner, with round ends.
+    """Return a tube with round ends along a polygon; its radius is linear between the corners.
 
     soft : the width over which its joints are filled, as a share of the smallest radius.
     """
@@ -270,10 +260,9 @@ def _cone(a: Point, b: Point, at_a: float, at_b: float) -> Field:
 
 
 def box(centre: Point, halves: Point, rounding: float, axes: Floats | None = None) -> Field:
-    """A box, rounded: a field of P (k, 3), metres.
+    """Return a rounded box, a field of P (k, 3), metres.
 
-    halves : half of each side, metres, with the rounding of all edges in it.    axes : (3, 3) along its sides, in
-    rows.
+    halves : half of each side, metres, roundings included.    axes : (3, 3) along its sides, in rows.
     """
     c, h, R = np.array(centre), np.array(halves) - rounding, np.eye(3) if axes is None else axes
 
@@ -285,12 +274,13 @@ def box(centre: Point, halves: Point, rounding: float, axes: Floats | None = Non
 
 
 def smaller(a: Floats, b: Floats, k: float) -> Floats:
-    """(k,) the smaller value, rounded off where they differ by less than k [polynomial smooth minimum, Quilez 2013]."""
+    """Return the smaller value (k,), rounded where they differ by less than k [polynomial smooth minimum, Quilez
+    2013]."""
     return np.asarray(np.minimum(a, b) - np.maximum(k - np.abs(a - b), 0) ** 2 / (4 * k))
 
 
 def blended(fields: Sequence[Field], k: float) -> Field:
-    """The union, its inner corners filled over a width of about k metres."""
+    """Return the union, with inner corners filled over a width of about k metres."""
 
     def field(P: Floats) -> Floats:
         value = fields[0](P)
@@ -302,12 +292,12 @@ def blended(fields: Sequence[Field], k: float) -> Field:
 
 
 def without(field: Field, cut: Field, k: float) -> Field:
-    """The part of a solid outside of another, the edge of the cut rounded by about k metres."""
+    """Return the part of a solid outside of another; the edge of the cut is rounded by about k metres."""
     return lambda P: -smaller(-field(P), cut(P), k)
 
 
 def mirrored(field: Field, axis: int = 1) -> Field:
-    """The union of a solid on the positive side of an axis with its mirror image."""
+    """Return the union of a solid on the positive side of an axis with its mirror image."""
 
     def both(P: Floats) -> Floats:
         Q = P.copy()
@@ -319,20 +309,20 @@ def mirrored(field: Field, axis: int = 1) -> Field:
 
 @dataclass(frozen=True)
 class LevelSet:
-    """Where a field vanishes, as a chart: coordinates are the points themselves. The border lies at z = floor."""
+    """The zero set of a field, as a chart whose coordinates are the points themselves. The border lies at z = floor."""
 
     field: Field
     reach: float
-    """Metres: no point is moved further at a time than half of this."""
+    """Twice the largest move of a point in one step, metres."""
     floor: float | None = None
 
     def place(self, X: Floats) -> Floats:
-        """X (n, 3) itself, metres."""
+        """Return X (n, 3) itself, metres."""
         return X
 
     def moved(self, X: Floats, step: Floats, border: Bools) -> Floats:
-        """(n, 3) X + step after two of Newton's steps along the gradient, which is found once; those of the border
-        (n,) stay on the floor."""
+        """Return X + step (n, 3) after two Newton steps along the same gradient; those of the border (n,) stay on the
+        floor."""
         P = X + step
         down = border & (self.floor is not None)
         if self.floor is not None:
@@ -348,10 +338,10 @@ class LevelSet:
 
 
 def skin(field: Field, low: Point, high: Point, edge: float, floor: float | None = None) -> Surface:
-    """The surface on which a field vanishes, in even triangles about `edge` metres wide, normals outward.
+    """Return the zero set of a field, in even triangles about `edge` metres wide, normals outward.
 
     low, high : corners of a box around the solid, metres.
-    floor     : the solid is cut at this height, and its surface open there, with the boundary in the plane.
+    floor     : height at which the solid is cut and its surface open, with the boundary in the plane.
 
     Raises SurfaceError for an edge so long that details are lost, or so short that the mesh would be endless.
     """
@@ -360,12 +350,13 @@ def skin(field: Field, low: Point, high: Point, edge: float, floor: float | None
         bottom[2] = floor
     x, y, z = size = top - bottom
     check_density(2 * float(x * y + y * z + z * x), edge)
-    cells = np.maximum(np.ceil(size / (GRID * edge)), 4).astype(int)
+    # coarser cells lose details, finer ones collapse again
+    cells = np.maximum(np.ceil(size / (1.3 * edge)), 4).astype(int)
     nodes = [np.linspace(a, b, n + 1) for a, b, n in zip(bottom, top, cells, strict=True)]
     z, y, x = np.meshgrid(nodes[2], nodes[1], nodes[0], indexing="ij")
     grid = np.stack([x.ravel(), y.ravel(), z.ravel()], axis=1)
     value = field(grid)
-    # a node on the surface itself would make triangles without area
+    # a grid node on the surface itself would create triangles without area
     value = np.where(np.abs(value) < 1e-3 * edge, 1e-3 * edge, value)
     V, F, _ = igl.marching_cubes(value, grid, *(len(n) for n in nodes), 0.0)
     if Surface(V, F).volume < 0:

@@ -16,16 +16,14 @@ from dsfab.surface.mesh import Surface
 P = ParamSpec("P")
 
 Length = Annotated[float, Gt(0), Le(POSSIBLE_SIZE[1])]
-"""Metres, within what any surface may have."""
+"""Metres, within the limits of any surface."""
 
 ROW = np.sqrt(3) / 2
 """Height of an equilateral triangle over its edge."""
 
-MOST_VERTICES = 2_000_000
-
 
 def shape(function: Callable[P, Surface]) -> Callable[P, Surface]:
-    """Check the bounds written in a shape's annotations when it is called: presets and Python meet the same door."""
+    """Decorate a shape with a check of the bounds in its annotations, for presets and Python alike."""
     bounds = {
         name: [m for m in getattr(parameter.annotation, "__metadata__", ()) if isinstance(m, (Gt, Ge, Lt, Le))]
         for name, parameter in inspect.signature(function, eval_str=True).parameters.items()
@@ -51,7 +49,6 @@ def shape(function: Callable[P, Surface]) -> Callable[P, Surface]:
 
 
 def _check(what: str, value: object, bound: object) -> None:
-    """Raise SurfaceError unless the value keeps one bound."""
     match bound:
         case Gt(gt):
             kept, words = value > gt, f"greater than {gt}"  # type: ignore[operator]
@@ -68,14 +65,14 @@ def _check(what: str, value: object, bound: object) -> None:
 
 
 def check_density(area: float, edge: float) -> None:
-    """Refuse an edge so short that the mesh of `area` square metres would be endless."""
+    """Raise SurfaceError for an edge that gives over two million vertices on `area` square metres."""
     vertices = area / (ROW * edge**2)
-    if vertices > MOST_VERTICES:
+    if vertices > 2_000_000:
         raise SurfaceError(f"edge = {edge:g} m would give about {vertices:.2g} vertices; use a longer edge")
 
 
 def pieces_of(length: float, edge: float, multiple: int = 1, least: int = 1) -> int:
-    """How many edges fit a length: a multiple, at least `least`."""
+    """Return the number of edges that fit a length: a multiple, at least `least`."""
     return max(least, multiple * round(length / (edge * multiple)))
 
 
@@ -108,8 +105,8 @@ def staggered(columns: int, rows: int) -> tuple[Floats, Ints]:
 
 
 def ring_turns(counts: Ints) -> list[Floats]:
-    """(k,) where the vertices of each ring, of `counts` (r,), are, in turns: half a step further than in a ring of
-    the same count."""
+    """Return the positions (k,) of the vertices of each ring, of `counts` (r,), in turns. A ring is shifted by half a
+    step against a ring of the same count."""
     turns, shift = [], 0.0
     for j, count in enumerate(counts):
         shift = 0.5 - shift if j and count == counts[j - 1] else 0.0
@@ -118,19 +115,16 @@ def ring_turns(counts: Ints) -> list[Floats]:
 
 
 def ring_faces(turns: list[Floats], closed: bool = False) -> Ints:
-    """(m, 3) faces between rings of vertices at shares (k,) of a turn, counter-clockwise for whoever sees the turns run
-    counter-clockwise and the later rings outside; a ring of one vertex is a pole.
-
-    Every edge of a ring gets the vertex of the other ring that is nearest to its middle. closed: the last ring is
-    joined to the first.
-    """
+    """Return faces (m, 3) between rings of vertices at shares (k,) of a turn; a ring of one vertex is a pole. The faces
+    run counter-clockwise if the turns do and later rings are outside. Every edge of a ring gets the vertex of the other
+    ring that is nearest to its middle. closed: the last ring is joined to the first."""
     start = np.cumsum([0] + [len(t) for t in turns])
     pairs = [(j, j + 1) for j in range(len(turns) - 1)] + ([(len(turns) - 1, 0)] if closed else [])
     return np.concatenate([_between(turns[a], start[a], turns[b], start[b]) for a, b in pairs])
 
 
 def _between(inner: Floats, at_inner: int, outer: Floats, at_outer: int) -> Ints:
-    """Faces of one band. Walking round, the next edge is the one whose middle comes first."""
+    """Return the faces of one band. Walking round, the next edge is that whose middle comes first."""
     middle_in, middle_out = (t + 0.5 / len(t) for t in (inner, outer))
     parts = []
     if len(inner) > 1:

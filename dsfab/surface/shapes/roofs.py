@@ -14,11 +14,8 @@ from dsfab.surface.shapes.meshing import ROW, Length, check_density, pieces_of, 
 
 @shape
 def plate(length: Length = 6.0, width: Length = 4.0, edge: Length = 0.12) -> Surface:
-    """A flat rectangle, length along x and width along y, centred on the origin at z = 0.
-
-    Staggered rows of nearly equilateral triangles with half ones at the two short sides; it mirrors onto itself
-    in x and y. Area length x width exactly.
-    """
+    """A flat rectangle, length along x and width along y, centred on the origin at z = 0. Staggered rows of nearly
+    equilateral triangles with half ones at the two short sides; symmetric in x and y. Area length x width exactly."""
     check_density(length * width, edge)
     uv, F = staggered(pieces_of(length, edge), pieces_of(width, ROW * edge, multiple=2, least=2))
     x, y = (uv - 0.5).T * [[length], [width]]
@@ -59,10 +56,11 @@ def hypar(side: Length = 8.0, rise: Length = 3.0, edge: Length = 0.22) -> Surfac
 def elliptic_paraboloid(
     length: Length = 12.0, width: Length = 8.0, rise: Length = 1.6, crown: Length = 0.8, edge: Length = 0.22
 ) -> Surface:
-    """A parabola moved along another one, over a rectangle: length along x, width along y; its corners are at z = 0.
+    """A parabola moved along another parabola, over a rectangle: length along x, width along y; its corners are at z =
+    0.
 
     rise  : height of the middle.
-    crown : height of the middles of the two long sides; those of the short ones are at rise - crown.
+    crown : height of the middles of the two long sides; those of the short sides are at rise - crown.
 
     z = rise - crown (2 x / length)^2 - (rise - crown) (2 y / width)^2. Edges are measured at the middle.
     """
@@ -83,25 +81,22 @@ def elliptic_paraboloid(
     return Surface(np.stack([u * length / 2, v * width / 2, np.where(np.abs(u * v) == 1, 0.0, z)], axis=1), F)
 
 
-GAP = 0.6
-"""Least distance between lattice and rim over the edge: about the height of a triangle between them."""
-
-
 def mesh_region(rim: Floats, inside: Callable[[Floats, float], Bools], edge: float) -> tuple[Floats, Ints]:
-    """Vertices (n, 2) and counter-clockwise faces of a region of the plane.
+    """Return vertices (n, 2) and counter-clockwise faces of a region of the plane.
 
-    rim    : (k, 2) points along the boundary about `edge` apart; they stay where they are and come first.
-    inside : says which points (q, 2) are inside by at least a distance.
+    rim    : (k, 2) points along the boundary about `edge` apart; they stay in place and come first.
+    inside : function that returns which points (q, 2) are inside by at least a distance.
 
-    A hexagonal lattice inside and the Delaunay triangles of both. Smoothing after it was tried (5 and 40 Laplacian
-    rounds with new triangles after each, nine pavilions): it made the smallest angle worse, never better.
+    Method: Delaunay triangles of the rim and a hexagonal lattice. Smoothing (5 and 40 Laplacian rounds with new
+    triangles
+    after each, nine pavilions) made the smallest angle worse, never better.
     """
     from scipy.spatial import Delaunay  # here, because it takes a tenth of a second to import
 
     reach = int(np.ceil(2 * np.abs(rim).max() / edge)) + 2
     i, j = (x.ravel() for x in np.meshgrid(np.arange(-reach, reach + 1), np.arange(-reach, reach + 1)))
     lattice = edge * np.stack([i + j / 2, j * np.sqrt(3) / 2], axis=1)
-    P = np.concatenate([rim, lattice[inside(lattice, GAP * edge)]])
+    P = np.concatenate([rim, lattice[inside(lattice, 0.6 * edge)]])  # about the height of a triangle between them
     F = Delaunay(P).simplices.astype(np.int64)
     u, v = P[F[:, 1]] - P[F[:, 0]], P[F[:, 2]] - P[F[:, 0]]
     twice = u[:, 0] * v[:, 1] - u[:, 1] * v[:, 0]
@@ -126,8 +121,8 @@ def pavilion(
     opening : height of the arches between the feet at their middle.
     foot    : width of each foot along the circle.
 
-    The sphere through crown and feet is cut by a plane for each arch. It is meshed in the stereographic plane, where
-    angles are the true ones and every arch is a circle, and mirrors onto itself through every foot. Normals up.
+    A plane for each arch cuts the sphere through crown and feet. The mesh is created in the stereographic plane, which
+    preserves angles and where every arch is a circle, and is symmetric about every foot. Normals up.
     """
     _check(span, rise, opening, feet, foot)
     radius = (span**2 / 4 + rise**2) / (2 * rise)
@@ -156,8 +151,7 @@ def _check(span: float, rise: float, opening: float, feet: int, foot: float) -> 
 
 
 class _Wedge:
-    """Half a foot and half an arch in the stereographic plane: from the middle of a foot, at angle 0, to that of an
-    arch, at angle `half`.
+    """Half a foot and half an arch in the stereographic plane, from angle 0 (foot) to angle `half` (middle of an arch).
 
                       x top      the arch is part of a circle, centre outside the shell when it bends inward
                   /    \\
@@ -177,7 +171,8 @@ class _Wedge:
         self.centre = self.to_centre * np.array([np.cos(half), np.sin(half)])
 
     def rim(self) -> tuple[Floats, Ints, Ints]:
-        """Points round the wedge, and those on the rays at angle 0 and `half`; point 0 is the crown of both."""
+        """Return points round the wedge, and those on the rays at angle 0 and `half`; point 0, the crown, is on
+        both."""
         ray = np.linspace(0, self.ground, 1 + self._count(self.ground))
         back = np.linspace(self.top, 0, 1 + self._count(self.top))[1:-1]
         foot = np.linspace(0, self.half_foot, 1 + self._count(self.ground * self.half_foot))[1:]
@@ -201,7 +196,6 @@ class _Wedge:
         return max(1, round(length / self.edge))
 
     def inside(self, P: Floats, depth: float) -> Bools:
-        """Whether points (q, 2) are inside by at least `depth`."""
         x, y = P.T
         room = [
             y,
@@ -213,12 +207,10 @@ class _Wedge:
 
 
 def _unit(angle: Floats) -> Floats:
-    """(q, 2) unit vectors at the angles."""
     return np.stack([np.cos(angle), np.sin(angle)], axis=1)
 
 
 def _all_round(P: Floats, F: Ints, axis: Ints, seam: Ints, feet: int) -> tuple[Floats, Ints]:
-    """The wedge, its mirror image, and both turned to every foot, sewn together along the two rays."""
     n = len(P)
     names = np.arange(2 * feet * n).reshape(feet, 2, n)
     names[:, 1, axis] = names[:, 0, axis]

@@ -21,10 +21,10 @@ def cylinder(radius: Length = 2.0, height: Length = 6.0, edge: Length = 0.2) -> 
 
 @shape
 def dome(span: Length = 10.0, rise: Length = 3.0, oculus: Annotated[float, Ge(0)] = 0.0, edge: Length = 0.2) -> Surface:
-    """A spherical cap: `span` across at z = 0, `rise` at the crown, with an opening of radius `oculus` there if not 0.
+    """A spherical cap: `span` across at z = 0, `rise` at the crown, with an opening of radius `oculus`, 0 for none.
 
     Area 2 pi R h for R = (span^2 / 4 + rise^2) / (2 rise), with h the height from springing to oculus. A rise of half
-    the span is a hemisphere; more makes it bulge.
+    the span is a hemisphere; a larger rise bulges.
     """
     if oculus > 0.45 * span:
         raise SurfaceError(f"dome: oculus = {oculus:g} m is wider than the dome; keep it under 0.45 x span")
@@ -90,7 +90,8 @@ def tower(
 
 
 def _superellipse(p: float) -> tuple[Floats, Floats, float]:
-    """Points at equal arc lengths of |x|^p + |y|^p = 1, from (1, 0) counter-clockwise to it again, and its length."""
+    """Return points at equal arc lengths of |x|^p + |y|^p = 1, from (1, 0) counter-clockwise back to it, and its
+    length."""
     angle = np.linspace(0, 2 * np.pi, 4 * 2048 + 1)
     c, s = np.cos(angle), np.sin(angle)
     r = (np.abs(c) ** p + np.abs(s) ** p) ** (-1 / p)
@@ -100,12 +101,9 @@ def _superellipse(p: float) -> tuple[Floats, Floats, float]:
 
 
 def revolved(r: Floats, z: Floats, edge: float, outward: bool = False) -> Surface:
-    """The surface of revolution of a profile of radii r (k,) and heights z (k,), metres, a ring per point; radius 0
-    is a pole.
-
-    Each ring gets a multiple of six vertices about `edge` apart. A profile that runs away from the axis gets normals
-    up; outward turns them over, which is away from the axis for a tube that rises.
-    """
+    """Return the surface of revolution of a profile of radii r (k,) and heights z (k,), metres, a ring per point.
+    Radius 0 is a pole. Each ring has a multiple of six vertices about `edge` apart. A profile that runs away from the
+    axis has normals up; `outward` flips them, away from the axis for a tube that rises."""
     counts: Ints = np.array([pieces_of(2 * np.pi * x, edge, multiple=6, least=6) if x else 1 for x in r])
     turns = ring_turns(counts)
     angle = 2 * np.pi * np.concatenate(turns)
@@ -117,7 +115,7 @@ def revolved(r: Floats, z: Floats, edge: float, outward: bool = False) -> Surfac
 
 @shape
 def sphere(radius: Length = 2.0, edge: Length = 0.2) -> Surface:
-    """A sphere around the origin: an icosahedron with every edge cut in f parts, pushed out to the sphere.
+    """A sphere around the origin: an icosahedron with every edge divided in f parts, projected onto the sphere.
 
     Class I subdivision [Clinton 1971] of any frequency f: 10 f^2 + 2 vertices, 20 f^2 faces. A vertex is at each pole.
     """
@@ -130,7 +128,7 @@ def sphere(radius: Length = 2.0, edge: Length = 0.2) -> Surface:
 
 
 def _icosahedron() -> tuple[Floats, Ints]:
-    """Twelve unit vectors, two at the poles and five at each latitude arctan(1/2), and the twenty faces."""
+    """Return twelve unit vectors, two at the poles and five at each latitude arctan(1/2), and the twenty faces."""
     k = np.arange(5)
     upper, lower = 2 * np.pi * k / 5, 2 * np.pi * (k + 0.5) / 5
     ring = [
@@ -145,10 +143,8 @@ def _icosahedron() -> tuple[Floats, Ints]:
 
 
 def _subdivided(corners: Floats, faces: Ints, f: int) -> tuple[Floats, Ints]:
-    """Every face cut into f^2 flat triangles; vertices on shared edges are shared.
-
-    A vertex is named by its integer weights on the corners, so that equal ones are found exactly.
-    """
+    """Divide every face into f^2 flat triangles; faces share the vertices on their edges. Integer weights on the
+    corners name a vertex, so that equal ones match exactly."""
     i, j = (x.ravel() for x in np.meshgrid(np.arange(f + 1), np.arange(f + 1), indexing="ij"))
     inside = i + j <= f
     at = np.full((f + 1, f + 1), -1)

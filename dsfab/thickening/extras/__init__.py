@@ -18,17 +18,14 @@ if TYPE_CHECKING:
     import manifold3d
 
 
-SPECK = 1e-6
-"""Pieces under this share of the solid's volume are crumbs of the cutting, and left out."""
-
 Extra = Feet | Ring | Holes | Trim | SplitBodies
 
 
 def with_extras(solid: Solid, extras: Sequence[Extra], base: Base) -> Solid:
-    """The solid after each of the extras, in their order.
+    """Apply extras to a solid, in order.
 
-    Raises SolidError for an extra that does nothing or too much, and for a result that is not a solid; intersections
-    that rounding leaves are counted in `notes`.
+    Raises SolidError for an extra that does nothing or too much, and for a result that is not a solid. `notes` counts
+    intersections that rounding leaves.
     """
     if not extras:
         return solid
@@ -43,11 +40,10 @@ def with_extras(solid: Solid, extras: Sequence[Extra], base: Base) -> Solid:
 
 
 def _proven(body: "manifold3d.Manifold", before: Solid) -> Solid:
-    """The body as a judged solid, without crumbs."""
     import manifold3d
 
     whole = body.volume()
-    parts = [part for part in body.decompose() if abs(part.volume()) > SPECK * whole]
+    parts = [part for part in body.decompose() if abs(part.volume()) > 1e-6 * whole]
     body = manifold3d.Manifold.compose(parts)
     mesh = body.to_mesh64()
     V, F = np.asarray(mesh.vert_properties)[:, :3], np.asarray(mesh.tri_verts).astype(np.int64)

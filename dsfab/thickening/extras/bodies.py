@@ -19,9 +19,9 @@ if TYPE_CHECKING:
 
 @dataclass(frozen=True, eq=False)
 class Base:
-    """What extras stand on: the uncut surface, the sheet, and which of its vertices lie between marked ones.
+    """Context of extras: the uncut surface, the sheet, and a function from marks on one to marks on the other.
 
-    between : from marks (n,) on the surface to (n',) on the sheet (see `Sheet.between`).
+    between : from marks (n,) on the surface to (n',) on the sheet (see `Sheet.vertices_between`).
     """
 
     surface: Surface
@@ -29,7 +29,7 @@ class Base:
     between: Callable[[Bools], Bools]
 
     def parts(self, marks: Bools) -> list[Floats]:
-        """The points of the sheet at marked vertices (n,), connected ones together."""
+        """Return the points of the sheet at marked vertices (n,), by connected part."""
         here = self.between(marks)
         touching = here[self.sheet.F].any(axis=1)
         if not touching.any():
@@ -43,17 +43,17 @@ class Base:
         return points
 
     def nearest(self, point: Floats) -> str:
-        """The vertex of the sheet nearest to a point (3,), metres, as text."""
+        """Return the vertex of the sheet nearest to a point (3,), metres, as text."""
         x, y, z = self.sheet.V[cKDTree(self.sheet.V).query(point)[1]]
         return f"({x:.4g}, {y:.4g}, {z:.4g})"
 
 
 ROUND = 48
-"""Sides of the prisms that stand for round holes and dowels; their area is 0.3 % under that of the circle."""
+"""Sides of the prisms for round holes and dowels; their area is 0.3 % under that of the circle."""
 
 
 def positive(extra: object, *names: str) -> None:
-    """Raises SolidError for lengths of an extra that are not positive."""
+    """Raise SolidError for lengths of an extra that are not positive."""
     for name in names:
         if not getattr(extra, name) > 0:
             raise SolidError(
@@ -62,7 +62,7 @@ def positive(extra: object, *names: str) -> None:
 
 
 def unit(vector: Vector, whose: str) -> Floats:
-    """(3,) the vector at length 1; raises SolidError for none."""
+    """(3,) the vector scaled to length 1; raises SolidError for a zero vector."""
     length = float(np.linalg.norm(vector))
     if not length > 0:
         raise SolidError(f"{whose} must have a length")
@@ -70,21 +70,21 @@ def unit(vector: Vector, whose: str) -> Floats:
 
 
 def box(low: Floats, high: Floats) -> "manifold3d.Manifold":
-    """From its lowest to its highest corner (3,)."""
+    """Return the box from its lowest to its highest corner (3,)."""
     import manifold3d
 
     return manifold3d.Manifold.cube((high - low).tolist()).translate(low.tolist())
 
 
 def united_bodies(bodies: list["manifold3d.Manifold"]) -> "manifold3d.Manifold":
-    """All that lies in one of the bodies at least."""
+    """Return the union of the bodies."""
     import manifold3d
 
     return manifold3d.Manifold.batch_boolean(bodies, manifold3d.OpType.Add)
 
 
 def drill(point: Floats, axis: Floats, diameter: float, length: float) -> "manifold3d.Manifold":
-    """A round prism of a length along an axis (3,), its middle at a point (3,), metres."""
+    """Return a round prism of a length along an axis (3,), with its middle at a point (3,), metres."""
     import manifold3d
 
     z = unit((float(axis[0]), float(axis[1]), float(axis[2])), "thickening.extra: axis")

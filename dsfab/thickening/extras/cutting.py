@@ -20,7 +20,7 @@ class Holes:
     """`kind = "holes"`: round holes through the solid.
 
     at : points on the middle of the sheet, metres.    diameter : metres.    axis : direction of the drill.
-    depth : metres, half of it on each side of the point; holes go no further, so that what lies behind stays whole.
+    depth : metres, half of it on each side of the point, so that parts behind stay whole.
     """
 
     __pydantic_config__: ClassVar[Any] = STRICT
@@ -31,7 +31,7 @@ class Holes:
     kind: Literal["holes"] = "holes"
 
     def applied(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
-        """The solid with the holes; raises SolidError for one that meets no material."""
+        """Return the solid with the holes; raises SolidError for a hole that meets no material."""
         positive(self, "diameter", "depth")
         for number, point in enumerate(self.at, 1):
             drilled = solid - drill(np.array(point), np.array(self.axis), self.diameter, self.depth)
@@ -46,9 +46,9 @@ class Holes:
 
 @dataclass(frozen=True)
 class Trim:
-    """`kind = "trim"`: cut off what lies beyond a plane, or outside of a box, or both.
+    """`kind = "trim"`: cut off material beyond a plane, or outside a box, or both.
 
-    point, normal : of the plane; what lies where the normal points to is cut off.    low, high : corners of the box.
+    point, normal : of the plane; material on the side of the normal is cut off.    low, high : corners of the box.
     """
 
     __pydantic_config__: ClassVar[Any] = STRICT
@@ -59,7 +59,7 @@ class Trim:
     kind: Literal["trim"] = "trim"
 
     def applied(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
-        """What is left of the solid on one side of the plane and inside the box; raises SolidError."""
+        """Return the solid inside the plane and the box; raises SolidError."""
         plane, corners = (self.point, self.normal), (self.low, self.high)
         if (None in plane and any(plane)) or (None in corners and any(corners)) or not (any(plane) or any(corners)):
             raise SolidError("thickening.extra 'trim' needs point and normal of a plane, or low and high of a box")
@@ -73,18 +73,14 @@ class Trim:
         return solid
 
 
-HALVINGS = 12
-"""Steps towards the innermost point of a cut face."""
-
-
 @dataclass(frozen=True)
 class SplitBodies:
     """`kind = "split"`: cut the solid into parts that fit a machine, moved apart, with holes for dowels in the cuts.
 
-    bed    : metres along x, y, z that a part may have; parts are equally large along each axis.
+    bed    : largest size of a part along x, y, z, metres; parts are equally large along each axis.
     apart  : metres between the parts.
-    dowel, deep : diameter of the dowels, and how deep they sit in each part, metres; 0 drills none. A hole is drilled
-             in every cut face, where it is widest, if that is twice as wide as the dowel at least.
+    dowel, deep : diameter of the dowels, and their depth in each part, metres; 0 drills none. Every cut face gets a
+    hole at its widest place, if that is at least twice as wide as the dowel.
     """
 
     __pydantic_config__: ClassVar[Any] = STRICT
@@ -95,7 +91,7 @@ class SplitBodies:
     kind: Literal["split"] = "split"
 
     def applied(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
-        """The solid in parts that fit the bed, apart and with holes for dowels; raises SolidError."""
+        """Return the solid in parts that fit the bed, apart and with holes for dowels; raises SolidError."""
         positive(self, "apart")
         if min(self.bed) <= 0 or self.dowel < 0 or (self.dowel > 0) != (self.deep > 0):
             raise SolidError("thickening.extra 'split' needs a bed of positive lengths; and dowel and deep, or neither")
@@ -113,12 +109,11 @@ class SplitBodies:
         return solid
 
     def _levels(self, low: float, high: float, bed: float) -> Floats:
-        """Ends and cuts along one axis."""
         count = int(np.ceil((high - low) / bed - 1e-9))
         return np.asarray(np.linspace(low, high, count + 1))
 
     def _drills(self, solid: "manifold3d.Manifold", axis: int, levels: list[Floats]) -> list["manifold3d.Manifold"]:
-        """One for each part of a face cut square to an axis whose middle is as far inside as the dowel is thick."""
+        """Drills for each part of a face cut square to an axis whose middle is as far inside as the dowel is thick."""
         turned = solid.rotate([[0, 90, 0], [90, 0, 0], [0, 0, 0]][axis])  # the axis, or its opposite, becomes z
         ups = [(2, 1), (0, 2), (0, 1)][axis]
         drills = []
@@ -145,7 +140,7 @@ def _cells(face: "manifold3d.CrossSection", u: Floats, v: Floats) -> list["manif
 
 
 def _innermost(region: "manifold3d.CrossSection", margin: float) -> Floats | None:
-    """A point about as far inside a region as can be, by halving; None where no point is `margin` from the border."""
+    """A point about as far inside a region as possible, by halving; None if no point is `margin` from the border."""
     import manifold3d
 
     def inset(by: float) -> "manifold3d.CrossSection":
@@ -154,7 +149,7 @@ def _innermost(region: "manifold3d.CrossSection", margin: float) -> Floats | Non
     if inset(margin).is_empty():
         return None
     low, high = margin, float(np.sqrt(region.area()))
-    for _ in range(HALVINGS):
+    for _ in range(12):
         half = (low + high) / 2
         low, high = (low, half) if inset(half).is_empty() else (half, high)
     largest = max(inset(low).decompose(), key=lambda part: part.area())

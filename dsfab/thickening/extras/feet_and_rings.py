@@ -21,8 +21,9 @@ if TYPE_CHECKING:
 class Feet:
     """`kind = "feet"`: a block under each part of the sheet that reaches the picked vertices, united with it.
 
-    at : what stands on feet.    height : metres below the lowest picked vertex of a part.    margin : metres around it.
-    sink : metres above that vertex: blocks must meet the sheet.    Blocks stand along z.
+    at : the vertices on feet.    height : metres below the lowest picked vertex of a part.    margin : metres around
+         it.
+    sink : metres above that vertex, because blocks must meet the sheet.    Blocks stand along z.
     """
 
     __pydantic_config__: ClassVar[Any] = STRICT
@@ -33,7 +34,7 @@ class Feet:
     kind: Literal["feet"] = "feet"
 
     def applied(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
-        """The solid with its feet; raises SolidError where none of the picked vertices is on the sheet."""
+        """Return the solid with its feet; raises SolidError if no picked vertex is on the sheet."""
         positive(self, "height", "margin", "sink")
         blocks = []
         for points in base.parts(self.at.vertices(base.surface)):
@@ -49,18 +50,15 @@ class Feet:
 
 
 STRAIGHT = 1e-9
-"""A vertex of the boundary is left out where direction and normal change by less."""
-
-SHARPEST = 0.2
-"""Least cosine of half the turn at a corner: beyond it the mitre would be five times as long as the bar is wide."""
+"""Direction and normal change by less at a straight vertex of the boundary, which is left out."""
 
 
 @dataclass(frozen=True)
 class Ring:
-    """`kind = "ring"`: a beam along boundary loops of the surface, where they ran before it was cut, united with it.
+    """`kind = "ring"`: a beam along boundary loops of the uncut surface, united with the solid.
 
     width  : metres, along the surface, half of it on each side of the boundary.    height : metres, across it.
-    at     : loops with a picked vertex get one; all of them when left out.
+    at     : loops with a picked vertex get a beam; default all loops.
     """
 
     __pydantic_config__: ClassVar[Any] = STRICT
@@ -70,12 +68,12 @@ class Ring:
     kind: Literal["ring"] = "ring"
 
     def applied(self, solid: "manifold3d.Manifold", base: Base) -> "manifold3d.Manifold":
-        """The solid with a beam along its boundaries; raises SolidError where none is picked."""
+        """Return the solid with a beam along its boundaries; raises SolidError if none is picked."""
         positive(self, "width", "height")
         marks = np.ones(base.surface.n, dtype=bool) if self.at is None else self.at.vertices(base.surface)
         loops = [loop for loop in base.surface.loops if marks[loop].any()]
         if not loops:
-            raise SolidError("thickening.extra 'ring': no boundary of the surface is there, or picked; check at")
+            raise SolidError("thickening.extra 'ring': no boundary loop of the surface has a picked vertex; check 'at'")
         beams = [_beam(base.surface, loop, self.width, self.height) for loop in loops]
         whole = united_bodies([solid, *beams])
         if len(whole.decompose()) > len(solid.decompose()):
@@ -87,7 +85,7 @@ class Ring:
 
 
 def _beam(surface: Surface, loop: Ints, width: float, height: float) -> "manifold3d.Manifold":
-    """The bar along one loop (k,), mitred at its corners; raises SolidError where it would cross itself."""
+    """The bar along one loop (k,), mitred at its corners; raises SolidError if it would cross itself."""
     import manifold3d
 
     V, F = bar(*_course(surface, loop), width, height)
@@ -103,10 +101,10 @@ def _beam(surface: Surface, loop: Ints, width: float, height: float) -> "manifol
 
 
 def _course(surface: Surface, loop: Ints) -> tuple[Floats, Floats, Floats]:
-    """Points (k, 3) where a loop bends; direction and normal (k, 3) of the sides that begin there.
+    """Points (k, 3) where a loop bends; direction and normal (k, 3) of the sides that begin at them.
 
-    The normal of a side is that of its face, seen so that the surface lies left of the loop: on a strip with one side
-    the loop runs along both of its edges, and the normal with it.
+    The normal of a side is that of its face, turned so that the surface lies left of the loop. On a strip with a single
+    side the loop runs along both of its edges, and the normal with it.
     """
     V, edges = surface.V, surface.edges
     ends = np.sort(np.stack([loop, np.roll(loop, -1)], axis=1), axis=1)
@@ -124,15 +122,16 @@ def _course(surface: Surface, loop: Ints) -> tuple[Floats, Floats, Floats]:
 
 
 def bar(P: Floats, along: Floats, normal: Floats, width: float, height: float) -> tuple[Floats, Ints]:
-    """A closed bar: vertices (4 k, 3), faces (8 k, 3), counter-clockwise from outside.
+    """Return a closed bar: vertices (4 k, 3), faces (8 k, 3), counter-clockwise from outside.
 
     P : (k, 3) the corners of its middle line.    along, normal : (k, 3) unit vectors of the sides that begin there.
     Sections lie in the planes that halve the corners, stretched so that the bar keeps its width between them.
     """
     before = np.roll(along, 1, axis=0)
+    sharpest = 0.2  # least cosine of half the turn: beyond it the mitre is five times as long as the bar is wide
     middle = before + along
-    cosine = np.maximum(np.linalg.norm(middle, axis=1) / 2, SHARPEST)
-    middle /= np.maximum(np.linalg.norm(middle, axis=1, keepdims=True), SHARPEST)
+    cosine = np.maximum(np.linalg.norm(middle, axis=1) / 2, sharpest)
+    middle /= np.maximum(np.linalg.norm(middle, axis=1, keepdims=True), sharpest)
     up = normal + np.roll(normal, 1, axis=0)
     up -= np.einsum("ki,ki->k", up, middle)[:, None] * middle
     up /= np.linalg.norm(up, axis=1, keepdims=True)

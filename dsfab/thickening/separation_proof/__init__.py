@@ -1,4 +1,9 @@
-"""Proof, without a test of pairs, that most of a thickened sheet cannot intersect itself."""
+"""Proof, without a test of pairs, that most of a thickened sheet cannot intersect itself.
+
+The surface is divided into boxes; boxes around a box are its block. The prisms of a box meet no others under two
+conditions. The box's axis sees all skins of the block from the front. The rim of the block runs once around the box's
+cylinder, outside it. Then the prisms project along the axis without overlap.
+"""
 
 from dataclasses import dataclass
 
@@ -17,8 +22,8 @@ class OffsetLayer:
     """A thickened surface before anything is removed.
 
     uncut  : an edge-manifold surface, faces consistently oriented, with half-thickness vectors D (n, 3), metres.
-    cells  : the same surface cut, all of it, with vectors `carried` (n', 3), and the face (m',) each cell lies in.
-    side   : as in `thicken`.
+    cells  : the same surface cut, all of it, with interpolated vectors `carried` (n', 3).
+    parent : (m',) the face of each cell.    side : as in `thicken`.
     """
 
     uncut: Surface
@@ -30,22 +35,19 @@ class OffsetLayer:
 
     @property
     def shift(self) -> int:
-        """By how many D the middle lies off the surface."""
+        """Distance of the middle from the surface, in D."""
         return SHIFT[self.side]
 
 
 REACH = 2
 """A block is a box and this many boxes around it on each side."""
 
-MOST_BOXES = 2e7
-"""Of the grid, empty ones too."""
-
 
 @dataclass(frozen=True, eq=False)
 class Boxes:
     """The box of each face (m,), and of each of k boxes: place in the grid (k, 3), middle, direction, radius.
 
-    grid : the box at each place, -1 where there is none, with a border of `REACH` empty ones.
+    grid : the box at each place, -1 without faces, with a border of `REACH` empty ones.
     key  : (k,) the place in the flat grid.
     """
 
@@ -58,13 +60,13 @@ class Boxes:
     key: Ints
 
     def near(self, box: Ints, step: Ints) -> Ints:
-        """The box at a step (3,) from each of the given ones, -1 where there is none."""
+        """Return the boxes at a step (3,) from boxes (k,), -1 for missing ones."""
         _, ny, nz = self.grid.shape
         return np.asarray(self.grid.ravel()[self.key[box] + (step[0] * ny + step[1]) * nz + step[2]])
 
 
 def boxes_of(layer: OffsetLayer, off: float, count: int) -> Boxes:
-    """The faces of the uncut surface in boxes that are larger than any prism."""
+    """Sort the faces of the uncut surface into about `count` boxes, all larger than any prism."""
     uncut = layer.uncut
     middle = uncut.centroids
     size = lengths(layer.D) * (1 + abs(layer.shift))
@@ -73,7 +75,8 @@ def boxes_of(layer: OffsetLayer, off: float, count: int) -> Boxes:
         arm = lengths(uncut.V.take(corner, axis=0) - middle)
         np.maximum(reach, arm + size[corner] + off, out=reach)
     low, extent = (np.array([of(column) for column in middle.T]) for of in (np.min, np.ptp))
-    least = (uncut.area / count) ** 0.5, (extent.prod() / MOST_BOXES) ** (1 / 3), extent.max() / MOST_BOXES**0.4
+    box_limit = 2e7  # boxes of the grid, empty ones too
+    least = (uncut.area / count) ** 0.5, (extent.prod() / box_limit) ** (1 / 3), extent.max() / box_limit**0.4
     width = max(2.1 * reach.max(), *least)
     place = np.floor((middle - low) / width).astype(np.int64) + REACH
     shape = place.max(axis=0) + REACH + 1
@@ -92,13 +95,13 @@ def boxes_of(layer: OffsetLayer, off: float, count: int) -> Boxes:
 
 
 def steps() -> list[Ints]:
-    """All steps to the boxes of a block, (3,) each."""
+    """Return all steps to the boxes of a block, (3,) each."""
     along = np.arange(-REACH, REACH + 1)
     return list(np.stack(np.meshgrid(along, along, along), axis=-1).reshape(-1, 3))
 
 
 CHUNK = 1 << 14
-"""Cells looked at together: as many as the processor's cache takes."""
+"""Cells processed together: this many fit the processor's cache."""
 
 Three = tuple[Floats, Floats, Floats]
 
@@ -123,10 +126,10 @@ def prisms(layer: OffsetLayer, boxes: Boxes, off: float) -> tuple[Bools, Floats,
 
 
 def _prism(upper: Floats, lower: Floats, axis: Floats, off: float) -> tuple[Bools, Floats, Floats]:
-    """Of prisms with corners (3 xyz, 3, m): folded or not, the least cosine of their skins to an axis, their reach.
+    """For prisms with corners (3 xyz, 3, m): mask of the folded ones, least cosine of their skins to an axis, reach.
 
-    They hold for corners that are off by up to `off`: a determinant of three vectors up to r long is off by 3 r^2 off,
-    and the normal of a triangle of sides up to s by 4 s off.
+    Valid for corners with errors up to e. A determinant of three vectors up to r long has an error of 3 r^2 e. The
+    normal of a triangle with sides up to s has one of 4 s e.
     """
     middle = (upper.sum(axis=1) + lower.sum(axis=1)) / 6
     A, B = lower - middle[:, None], upper - middle[:, None]
@@ -169,7 +172,7 @@ def fronts(boxes: Boxes, cosine: Floats) -> Bools:
 
 
 def once_around(layer: OffsetLayer, boxes: Boxes, good: Bools, off: float) -> Bools:
-    """(k,) boxes, of the good ones (k,), around whose cylinder the rim of the block runs once, outside."""
+    """(k,) boxes, of the accepted ones (k,), around whose cylinder the rim of the block runs once, outside."""
     uncut = layer.uncut
     thick = lengths(layer.D) * (1 + abs(layer.shift)) + off
     good, turns = good.copy(), np.zeros(len(boxes.axis), dtype=np.int64)
@@ -194,7 +197,7 @@ def once_around(layer: OffsetLayer, boxes: Boxes, good: Bools, off: float) -> Bo
 
 
 def _rims(uncut: Surface, boxes: Boxes, good: Bools) -> list[tuple[Ints, Ints]]:
-    """Pairs of a good box and a half-edge on the rim of its block: its face lies in it, the one beyond does not."""
+    """Pairs of an accepted box and a half-edge on the rim of its block, whose face is inside the block."""
     pairs = uncut.edges.pairs
     h, g = np.concatenate([pairs, pairs[:, ::-1]]).T
     here, beyond = boxes.of[h // 3], boxes.of[g // 3]
@@ -222,33 +225,23 @@ def _rims(uncut: Surface, boxes: Boxes, good: Bools) -> list[tuple[Ints, Ints]]:
     return [(box[k : k + 4 * CHUNK], edge[k : k + 4 * CHUNK]) for k in range(0, len(box), 4 * CHUNK)]
 
 
-BOXES = (1000, 8000)
-"""About how many boxes a surface is divided into, where its faces and its thickness are small enough; the second number
-only where the first leaves something open."""
-
-ROUNDING = 1e-13
-"""Share of the largest coordinate by which computed places are off, at most."""
-
-MOST_BAD = 0.05
-"""With a larger share of folded prisms nothing is proven."""
-
-
 def apart(layer: OffsetLayer) -> Bools:
-    """(m',) cells whose prism surely meets no other one, however its sides are divided by diagonals.
+    """(m',) cells whose prism surely meets no other one, for any diagonals of its sides.
 
-    This holds for the vertices as they are and as files of single precision hold them (where `is_fine`).
+    This holds for the vertices as they are and as files of single precision hold them (if `is_fine`). With more than 5
+    % folded prisms nothing is proven.
     """
     cells, uncut = layer.cells, layer.uncut
     if len(misoriented_edges(uncut.F, uncut.edges)):
         return np.zeros(cells.m, dtype=bool)
-    off = ROUNDING * float(np.abs(uncut.V).max() + np.abs(layer.D).max())
+    off = 1e-13 * float(np.abs(uncut.V).max() + np.abs(layer.D).max())
     if is_fine(uncut.V, layer.D):
         off += rounding_step(uncut.V, layer.D)
     sure = np.zeros(cells.m, dtype=bool)
-    for count in BOXES:
+    for count in (1000, 8000):  # the finer grid only where the first leaves cells open
         boxes = boxes_of(layer, off, count)
         folded, cosine, reach = prisms(layer, boxes, off)
-        if folded.mean() > MOST_BAD:
+        if folded.mean() > 0.05:
             return sure
         good = once_around(layer, boxes, fronts(boxes, cosine), off)
         sure |= good[boxes.of[layer.parent]]
@@ -260,7 +253,6 @@ def apart(layer: OffsetLayer) -> Bools:
 
 
 def _near(layer: OffsetLayer, folded: Bools, reach: Floats) -> Bools:
-    """(m',) cells whose prisms may come near a folded one."""
     middle = layer.cells.centroids + layer.shift * layer.carried[layer.cells.F].mean(axis=1)
     bad = np.flatnonzero(folded)
     size = 2.1 * reach  # around the mean of the middle layer, which the mean of the corners is

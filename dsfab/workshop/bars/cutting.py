@@ -14,17 +14,13 @@ import numpy as np
 from dsfab.core.arrays import Floats
 from dsfab.workshop.bars.joints import BarEnd, BarLattice, Joint, LatticeBar
 from dsfab.workshop.bars.lattice import CLEAR
-from dsfab.workshop.parts import WORKSHOP_SMALL, FlatPart, Fold, Hole, label, text_length
+from dsfab.workshop.parts import FILLED, WORKSHOP_SMALL, FlatPart, Fold, Hole, label, text_length
 
 BOLTS = ((3.0, 4.0, 3.0), (2.0, 3.0, 2.0), (2.0, 2.0))
 """Bolt diameters from the clear end of a bar to its bolts, from one to the next, and from the last to the end of the
 plate: the first of these that there is room for."""
 GROUND = "ground"
 """The name of the leg of a plate, in the place of that of a bar."""
-SMALLEST = 0.003
-"""Metres; lower letters are left out."""
-SPREAD = 0.9
-"""Of the length between bolts, by names, at most."""
 
 
 @dataclass(frozen=True)
@@ -105,11 +101,11 @@ def _bar_marks(bar: LatticeBar, nodes: tuple[str, str], inner: tuple[float, floa
     room = inner[1] - inner[0]
     names = [nodes[0], bar.bay.id, nodes[1]]
     long = sum(text_length(name, height) for name in names) + 4 * height
-    if long > SPREAD * room:
+    if long > FILLED * room:
         names = [bar.bay.id]
         long = text_length(bar.bay.id, height)
-    height *= min(1.0, SPREAD * room / long)
-    if height < SMALLEST * min(1.0, bar.bay.width / 0.02):
+    height *= min(1.0, FILLED * room / long)
+    if height < 0.003 * min(1.0, bar.bay.width / 0.02):  # metres: nobody reads smaller letters
         return
     places = [inner[0] + inner[1]] if len(names) == 1 else [2 * inner[0], inner[0] + inner[1], 2 * inner[1]]
     for name, twice, side in zip(names, places, (0,) if len(names) == 1 else (1, 0, -1), strict=True):
@@ -210,6 +206,6 @@ def _plate_marks(joint: Joint, arms: Sequence[PlateArm], stock: BarStock) -> Ite
         if k == 0:
             rooms, words = [(inside, arm.fold), *rooms], [joint.node.id, *words]
         for (low, high), text in zip(rooms, words, strict=True):
-            tall = height * min(1.0, SPREAD * (high - low) / text_length(text, height))
+            tall = height * min(1.0, FILLED * (high - low) / text_length(text, height))
             if tall > 0.2 * height:
                 yield from label(text, arm.at((low + high) / 2, 0.0), arm.azimuth, tall)

@@ -15,11 +15,9 @@ from dsfab.workshop.bars.lattice import CLEAR, LEAST, Bay, Lattice, LatticeNode
 from dsfab.workshop.layers import END, Layering
 from dsfab.workshop.parts import WORKSHOP_SMALL, FlatPart, Fold, Hole, label, text_length
 
-NEAR = 0.75
-"""Widths of the members at a node, and an edge of the mesh: a support that is nearer is the node's own."""
 FLAT = np.sin(np.radians(5.0))
 """A surface that is less steep than this at a support has no way down: plates have no legs there."""
-SIDE, LEGS_ARM = 1.5, 0.45
+SIDE, ARM = 1.5, 0.45
 """Half of the width of a plate below strips: anchor diameters at least, or a share of the narrowest member."""
 ANCHORS = (3.0, 4.0, 3.0)
 """Anchor diameters from a fold to the first anchor, to the second, and to the end of the leg."""
@@ -73,7 +71,8 @@ class Footing:
         surface is too flat for one."""
         away = np.asarray(cKDTree(self.supports).query(points)[0])
         found: dict[int, Leg | None] = {}
-        for k in np.flatnonzero(away < self.reach + NEAR * np.asarray(widths)).tolist():
+        limits = self.reach + 0.75 * np.asarray(widths)  # a nearer support belongs to the node
+        for k in np.flatnonzero(away < limits).tolist():
             n = normals[k]
             down = (n @ self.up) * n - self.up
             steep = float(np.linalg.norm(down))
@@ -99,7 +98,7 @@ def leg_plates(
             continue
         lowest = max(number for one in members[k] for number in layering.numbers(one.family))
         height = layering.height(lowest) - (layering.thickness + thickness) / 2
-        half = max(SIDE * leg.anchor, LEGS_ARM * min(one.mean_width for one in members[k]))
+        half = max(SIDE * leg.anchor, ARM * min(one.mean_width for one in members[k]))
         parts.append(
             _leg_plate(nodes[k].id, leg, (widths[k] / 2 + layering.bolt, half), layering.bolt, height, thickness)
         )
@@ -144,18 +143,8 @@ def leg_lines(folds: Sequence[float], flat: Sequence[str]) -> list[str]:
     return found
 
 
-ROUNDS = 30
-"""Rounds to where the roots of a bar are; what each moves them is e / (distance - e) of what the one before did."""
-BARS_ARM = 0.45
-"""Of the width of the narrowest bar: half of the width of the arms of a plate."""
-EDGE = 1.5
-"""Bolt diameters from the middle of a hole to the side of an arm, at least."""
 SQUARE = np.radians(70.0)
 """Bars that meet at this angle or a larger one are cut square, so far from the node; others get mitres."""
-LEAN = 1.5
-"""Bars dip so much more than the lines between their nodes, about: they begin beside these."""
-NOTCH = 0.9
-"""Of the way from the node to the roots: arms of a plate are apart from there on."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -290,7 +279,8 @@ def bar_lattice(graph: MemberGraph, lattice: Lattice, thickness: float, bolt: fl
     N = np.array([node.normal for node in lattice.nodes]).reshape(-1, 3)
     joined = np.array([node.joined for node in lattice.nodes], dtype=bool)
     chord = P[ways.node[ways.other]] - P[ways.node]
-    level, lean = _level(chord, N[ways.node]), LEAN * thickness / 2 * np.sin(np.abs(ways.dip(chord, N)))
+    # bars dip about 1.5 times as much as the lines between their nodes, because they begin beside these
+    level, lean = _level(chord, N[ways.node]), 1.5 * thickness / 2 * np.sin(np.abs(ways.dip(chord, N)))
     orders = [_around(np.flatnonzero(ways.node == k), level, N[k]) for k in range(len(P))]
     long = np.linalg.norm(chord, axis=1)
     sizes = [_arms(gaps, ways.width[order], lean[order], long[order], bolt) for order, _, gaps in orders]
@@ -334,20 +324,21 @@ def _arms(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: float) 
     leans a little more; where a bar is short they are not so far out, and get mitres. Arms at sharp angles are
     narrower, but not too narrow for bolts, which moves the folds outwards.
     """
-    least, sharpest = EDGE * bolt, min(float(gaps.min()), np.pi / 2)
+    notch = 0.9  # share of the way from the node to the roots from which arms of a plate are apart
+    least, sharpest = SIDE * bolt, min(float(gaps.min()), np.pi / 2)
     sharp, half = float(np.tan(sharpest / 2)), float(width.max()) / 2
     clear = half / float(np.tan(max(sharpest, SQUARE) / 2)) + CLEAR * bolt + float(lean.max())
     room = float(long.min()) / 2 - (2 * CLEAR + LEAST) * bolt
-    root = max(min(clear, max(room, half + CLEAR * bolt)), least / sharp / NOTCH)
-    return max(min(BARS_ARM * float(width.min()), NOTCH * root * sharp), least), root
+    root = max(min(clear, max(room, half + CLEAR * bolt)), least / sharp / notch)
+    return max(min(ARM * float(width.min()), notch * root * sharp), least), root
 
 
-def _roots(P: Floats, N: Floats, ways: _Ways, root: Floats) -> Floats:
+def _roots(P: Floats, N: Floats, ways: _Ways, root: Floats, rounds: int = 30) -> Floats:
     """(2 b, 3) where bars begin: in the planes of their nodes, each in the direction of its other root. Seen from the
     nodes, not from the roots: for short bars with roots far out that would not converge."""
     here = P[ways.node]
     found = here
-    for _ in range(ROUNDS):
+    for _ in range(rounds):  # each round moves the roots e / (distance - e) times as far as the one before
         level = _level(found[ways.other] - here, N[ways.node])
         found = here + root[ways.node][:, None] * level
     return found

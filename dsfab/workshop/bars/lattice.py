@@ -19,8 +19,6 @@ CLEAR = 0.25
 """Bolt diameters between bars that meet, and from the fold of a plate to a bar."""
 LEAST = 4.0
 """Bolt diameters of a bar on a plate, at least: one bolt, and two diameters to both sides of it."""
-DENSE = 0.1
-"""Where a larger share of all bays is too short for a bar, bars are refused."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -93,7 +91,7 @@ def member_lattice(graph: MemberGraph, bolt: float) -> Lattice:
     ways = [way for member in members for way in _member_ways(graph, member, places, bolt)]
     keys = list(dict.fromkeys(key for way in ways for key in way.ends))
     group, short = _grouped(keys, ways, places, bolt)
-    if short > DENSE * len(ways):
+    if short > 0.1 * len(ways):  # bars would no longer follow the pattern
         raise PatternError(
             f"{short} of {len(ways)} bays are too short for a bar with a bolt of {length(bolt)} at each end; take "
             "workshop.route = 'strips', a larger spacing, narrower members or a smaller workshop.bolt"

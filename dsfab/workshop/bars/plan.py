@@ -14,9 +14,6 @@ from dsfab.workshop.bars.lattice import CLEAR, is_barred, member_lattice
 from dsfab.workshop.parts import FlatPart
 from dsfab.workshop.plates import plate_parts
 
-MOST = 0.5
-"""Share of a bar's length; bars that lose a side to a neighbour for more of it are named."""
-
 
 @dataclass(frozen=True, eq=False)
 class BarPlan:
@@ -95,7 +92,7 @@ def _sharp_angles(plan: BarPlan) -> Iterator[str]:
         told = f"is {np.degrees(angle):.0f} degrees, of {one} and {other} at {node}"
         yield f"the sharpest angle between two bars of a node {told}"
     shares = {bar.bay.id: max(mitre_length(bar, end, stock) for end in bar.ends) / bar.length for bar in bars}
-    most = sorted((name for name, share in shares.items() if share > MOST), key=lambda name: -shares[name])
+    most = sorted((name for name, share in shares.items() if share > 0.5), key=lambda name: -shares[name])
     if most:
         many = "1 bar loses" if len(most) == 1 else f"{len(most)} bars lose"
         yield (

@@ -231,19 +231,6 @@ def _turn(a: Floats, b: Floats, c: Floats) -> Floats:
     return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
 
 
-SECONDS = 10.0
-"""Of the processor, for one sheet: of a score of parts it finds a way in some tenths of a second, or mostly never."""
-SHEETS = 3
-"""Sheets that a part is tried on, those with most room first."""
-TRIES = 24
-"""Sheets that are nested anew, at most: counted, for seconds would give other sheets on other machines."""
-FULLEST = 0.92
-"""Share of a sheet that parts may use: fuller ones are not tried."""
-ROUNDED = 1e-5
-"""Metres that are asked for besides the gap, for spyrrow reckons in single precision."""
-SEED = 1
-
-
 def require_spyrrow() -> None:
     """Raise PatternError where spyrrow is not installed."""
     if importlib.util.find_spec("spyrrow") is None:
@@ -257,7 +244,8 @@ def emptied(sheets: Sequence[NestedSheet], gap: float, grain: bool = False) -> l
 
     grain : whether parts of members lie along the sheets only.
     """
-    found, tries = list(sheets), iter(range(TRIES))
+    # trials are counted, because a limit in seconds would give other sheets on other machines
+    found, tries = list(sheets), iter(range(24))
     while len(found) > 1:
         fewer = _without_least(found, gap, grain, tries)
         if fewer is None:
@@ -274,8 +262,8 @@ def _without_least(
     least = min(sheets, key=_area)
     others = [sheet for sheet in sheets if sheet is not least]
     for part in sorted((one.part for one in least.parts), key=lambda part: -part.area):
-        for k in sorted(range(len(others)), key=lambda k: others[k].used)[:SHEETS]:
-            full = _area(others[k]) + part.area > FULLEST * others[k].size[0] * others[k].size[1]
+        for k in sorted(range(len(others)), key=lambda k: others[k].used)[:3]:  # most room first
+            full = _area(others[k]) + part.area > 0.92 * others[k].size[0] * others[k].size[1]
             if full or next(tries, None) is None:
                 continue
             if tried := _with_part(others[k], part, gap, grain):
@@ -305,19 +293,20 @@ def _with_part(sheet: NestedSheet, part: FlatPart, gap: float, grain: bool) -> N
 
 def _by_spyrrow(parts: Sequence[FlatPart], size: tuple[float, float], gap: float, grain: bool) -> list[NestedPart]:
     """All parts on a sheet; none where it did not find a way, or came to a bad end."""
-    apart = gap + ROUNDED + 2 * TOLERANCE  # outlines are asked for without corners that lie on a line
+    # spyrrow computes in single precision, and `contours` leave out corners within `TOLERANCE` of a line
+    apart = gap + 1e-5 + 2 * TOLERANCE
     job = {
         "items": [[part.contours[0].tolist(), _turns(part, size[1] - 2 * gap, grain)] for part in parts],
         "height": size[1],
         "length": size[0],  # it stays away from the edges by itself
         "gap": apart,
-        "seed": SEED,
+        "seed": 1,
     }
     with temporary_folder("dsfab") as folder:
         path = Path(folder) / "job.json"
         path.write_text(json.dumps(job), encoding="utf-8")
         try:
-            said = json.loads(last_line(spyrrow_program.__file__, str(path), seconds=SECONDS))
+            said = json.loads(last_line(spyrrow_program.__file__, str(path), seconds=10.0))
             return [NestedPart(parts[k], float(np.radians(turn % 360)), (x, y)) for k, turn, x, y in said or []]
         except (subprocess.TimeoutExpired, ProgramError, ValueError, TypeError, IndexError):
             return []

@@ -10,14 +10,6 @@ import numpy as np
 from dsfab.core.arrays import Floats
 from dsfab.workshop.parts import FlatPart, polygon_area, turning
 
-COLUMN = 0.01
-"""Metres; or the longest sheet over `MOST`, if that is less."""
-MOST = 250
-"""Columns of a sheet."""
-KNOWN = 4096
-"""Shapes of turned parts that are kept."""
-AROUND = 16
-"""Directions in which the outline of a part is moved by half of the gap."""
 NEAR = 1e-9
 """Metres that rounding may take."""
 
@@ -53,7 +45,7 @@ class Raster:
 
 def raster(stock: Sequence[tuple[float, float]], gap: float, grain: bool = False) -> Raster:
     """Columns for stock of some lengths and widths, metres."""
-    step = min(COLUMN, max(max(size) for size in stock) / MOST)
+    step = min(0.01, max(max(size) for size in stock) / 250)  # at least 250 columns on the longest sheet
     return Raster(gap, step, max(min(size) for size in stock) - 2 * gap + NEAR, grain)
 
 
@@ -69,7 +61,7 @@ def _across(turn: float) -> bool:
     return abs(turn) == np.pi / 2
 
 
-@lru_cache(maxsize=KNOWN)
+@lru_cache(maxsize=4096)
 def _shape(part: FlatPart, turn: float, boxes: bool, gap: float, step: float) -> PartShape:
     """A part turned so. Parts are nested several times: on other stock, and to see what would save sheets."""
     outline = part.outline @ turning(turn)
@@ -97,8 +89,9 @@ def _columns(outline: Floats, size: Floats, ask: Raster) -> tuple[Floats, Floats
     For the lower edge these are the sides above which the polygon is, moved downwards: others are higher, there too.
     """
     reach = ask.gap / 2
-    angle = np.arange(AROUND) * 2 * np.pi / AROUND
-    circle = reach / np.cos(np.pi / AROUND) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
+    count = 16
+    angle = np.arange(count) * 2 * np.pi / count
+    circle = reach / np.cos(np.pi / count) * np.stack([np.cos(angle), np.sin(angle)], axis=1)
     corner = np.arange(_count(size, ask) + 1, dtype=np.float64) * ask.step - reach
     a, b = outline, np.roll(outline, -1, axis=0)
     if polygon_area(outline) < 0:
@@ -127,10 +120,6 @@ def _extreme(f: np.ufunc, corner: Floats, p: Floats, q: Floats) -> Floats:
     ends = (low + np.minimum(np.maximum((at[column] - x) / slim, 0), 1) * high for at in (corner[:-1], corner[1:]))
     f.at(found, column, f(*ends))
     return found
-
-
-LOW = 0.02
-"""Metres; what is left below a part is forgotten where it is lower or shorter than that."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -162,12 +151,12 @@ class SheetGap:
     @classmethod
     def of(cls, begin: int, floor: Floats, ceiling: Floats, ask: Raster) -> "list[SheetGap]":
         """Those stretches of columns in which there is room for anything worth while."""
-        high = ceiling - floor
-        there = np.flatnonzero(np.diff(np.concatenate([[0], high > ask.gap + LOW, [0]])))
+        high, least = ceiling - floor, ask.gap + 0.02  # metres: smaller gaps are forgotten
+        there = np.flatnonzero(np.diff(np.concatenate([[0], high > least, [0]])))
         return [
             cls(begin + i, floor[i:j].copy(), ceiling[i:j].copy(), float(high[i:j].max()))
             for i, j in there.reshape(-1, 2).tolist()
-            if (j - i) * ask.step > ask.gap + LOW
+            if (j - i) * ask.step > least
         ]
 
 

@@ -13,11 +13,6 @@ import threading
 from pathlib import Path
 from typing import Any
 
-SECONDS = 3600
-"""By the clock; what started this program ends it sooner, by the processor's seconds."""
-WAIT = 0.1
-"""Seconds between two looks at what was found."""
-
 
 def main(path: str) -> None:
     """Say the first way in which all items lie within the length of the sheet: it hangs on the seed alone."""
@@ -30,7 +25,7 @@ def main(path: str) -> None:
     instance = spyrrow.StripPackingInstance("sheet", job["height"], items)
     config = spyrrow.StripPackingConfig(
         early_termination=True,
-        total_computation_time=SECONDS,
+        total_computation_time=3600,  # the calling process ends this one sooner
         num_workers=1,
         seed=job["seed"],
         min_items_separation=job["gap"] or None,
@@ -40,7 +35,7 @@ def main(path: str) -> None:
     search.start()
     bad = spyrrow.ReportType.ExplInfeas, spyrrow.ReportType.ExplImproving
     while search.is_alive():
-        search.join(WAIT)
+        search.join(0.1)
         ways = (way for kind, way in queue.drain() if kind not in bad)
         if way := next((way for way in ways if way.width <= job["length"]), None):
             _say(way)

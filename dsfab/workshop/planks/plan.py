@@ -114,10 +114,6 @@ def _reached(crossings: list[Crossing], courses: Mapping[str, StripCourse]) -> t
     return [one for one, here in pairs if here], [one.node for one, here in pairs if not here]
 
 
-LEAST = 5e-5
-"""Metres by which edges are said to be longer than drawn, at least."""
-
-
 @dataclass(frozen=True, eq=False)
 class PlankPlan:
     """Planks, what they are cut from, and all parts: planks, cover plates, and plates that lie on them.
@@ -212,10 +208,10 @@ def _bent(plan: PlankPlan) -> Iterator[str]:
     else:
         yield f"{len(order)} {size} {how}, of {plan.limit:.2%} allowed"
     twisted = max(found.longer, key=lambda one: found.longer[one])
-    longest = found.longer[twisted]
+    longest, least = found.longer[twisted], 5e-5  # metres: nobody measures less
     yield (
-        f"the surface twists planks: their edges are {f'up to {length(longest)}' if longest > LEAST else 'not'} longer "
-        "in the structure than on the drawing" + (f" ({twisted})" if longest > LEAST else "")
+        f"the surface twists planks: their edges are {f'up to {length(longest)}' if longest > least else 'not'} longer "
+        "in the structure than on the drawing" + (f" ({twisted})" if longest > least else "")
     )
 
 

@@ -16,9 +16,6 @@ from dsfab.workshop.planks.slots import SLIDE, Crossing, PlankParts, Slot, middl
 from dsfab.workshop.splices import SCARF, lap_marks, lapped, splice_cuts
 from dsfab.workshop.strips import CALM, EDGE, letter_height
 
-PAST = 3.0
-"""Thicknesses that a plank goes on beyond its last node, at least."""
-
 Ends = tuple[tuple[float, float], tuple[float, float]]
 """Arc lengths of a beginning, then of an end, at the right and left edges of a plank."""
 
@@ -44,7 +41,7 @@ class PlankStock:
     @property
     def past(self) -> float:
         """Metres beyond the last node."""
-        return max(PAST * self.thickness, END * self.bolt)
+        return max(3 * self.thickness, END * self.bolt)
 
     @property
     def lap(self) -> float:
@@ -119,10 +116,6 @@ def letters_within(name: str, stock: PlankStock, room: float) -> float:
     """Of letters that fit into metres on both sides of their middle."""
     high = letter_height(stock.depth, stock.letters[0])
     return high * min(1.0, 2 * room / text_length(name, high))
-
-
-APART = 0.5
-"""Thicknesses of wood between two slots of a plank, at least."""
 
 
 @dataclass
@@ -251,7 +244,7 @@ class Plank:
             if not span[0] <= slot.s <= span[1]:
                 continue
             edge = self.stock.depth / 2 * (1 if slot.above else -1)
-            low = slot.s + slot.mouth(edge)[0] - APART * self.stock.thickness
+            low = slot.s + slot.mouth(edge)[0] - self.stock.thickness / 2  # wood between slots
             before = [one.s + one.mouth(edge)[1] for one in kept if one.above == slot.above]
             if before and before[-1] > low:
                 found.crowded.append(f"{slot.node} in {name}")

@@ -31,14 +31,10 @@ def middle(normals: Floats) -> Floats:
 
 ORDER = ("major", "minor", "rim", "keep")
 """Families from the lowest to the uppermost, where nothing else decides: later ones are put on those before."""
-LEVEL = 0.05
-"""Families that begin as high, within this share of the structure's height, are in that order."""
 FIT = 2e-4
 """Metres of air between a plank and each side of a slot, and its bottom."""
 SHARPEST = 30.0
 """Degrees: planks that meet at less have no slot, which would take most of them away."""
-STEPS = 5
-"""Newton steps to where two axes pass each other."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -109,7 +105,8 @@ def standing_order(graph: MemberGraph, up: Floats) -> tuple[str, ...]:
         if member.axis is not None and member.family in begins:
             begins[member.family].append(float(z[graph.sheet.surface.F[member.cells]].min()))
     span = max(float(np.ptp(z)), np.finfo(float).tiny)
-    low = {family: round(float(np.median(some)) / span / LEVEL) for family, some in begins.items() if some}
+    # heights within a twentieth of the structure's height count as equal
+    low = {family: round(float(np.median(some)) / span / 0.05) for family, some in begins.items() if some}
     return tuple(sorted(ORDER, key=lambda family: (low.get(family, np.inf), ORDER.index(family))))
 
 
@@ -136,7 +133,7 @@ def _crossing(
 ) -> Crossing:
     """By the plane through both tangents there, again and again: P + u T + w n = Q + v U."""
     s, t = (course.wrapped(x) for course, x in zip(courses, at, strict=True))
-    for _ in range(STEPS):
+    for _ in range(5):  # Newton steps
         (P, T, N), (Q, U, M) = ([x[0] for x in c.at(np.array([x]))] for c, x in zip(courses, (s, t), strict=True))
         n = (N + M) / np.linalg.norm(N + M)
         u, v, rise = np.linalg.solve(np.stack([T, -U, n], axis=1), Q - P)

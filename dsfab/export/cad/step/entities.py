@@ -17,19 +17,19 @@ from dsfab.export.readback import ReadBack, differs, distinct
 from dsfab.export.writing import TRAILING_ZEROS, listed_rows, one_line, rows
 
 COLOURS = ((0.62, 0.66, 0.70), (0.80, 0.62, 0.42), (0.45, 0.62, 0.72), (0.60, 0.70, 0.50), (0.72, 0.55, 0.60))
-"""Red, green and blue of the pieces, in turns: muted, so that edges stay visible."""
+"""Red, green and blue of the pieces, in turn. The colours are muted, so that edges stay visible."""
 
 
 def piece_name(name: str, i: int, pieces: int) -> str:
-    """`dome` when it is alone, `dome 1`, `dome 2` ... when there are more."""
+    """Return `dome` for a single piece, `dome 1`, `dome 2` ... for several."""
     return one_line(name) if pieces == 1 else f"{one_line(name)} {i + 1}"
 
 
 def closing(shell: Ints, solids: list[list[int]], faces: Ints, free: int, name: str) -> Iterator[str]:
-    """Solids, products, colours and the end of the file, in numbers from `free` on.
+    """Yield solids, products, colours and the end of the file, numbered from `free`.
 
-    shell : (f,) the shell of each face, whose entity is faces[i]. solids : the shells of each, the outer one first.
-    The product of the first piece is in the header; every other one gets its own.
+    shell : (f,) shell of each face; its entity is faces[i]. solids : shells of each solid, the outer one first.
+    The header holds the product of the first piece; all other pieces get their own.
     """
     new = Numbered(free)
     styles = [_style(new, colour) for colour in COLOURS[: len(solids)]]
@@ -47,24 +47,24 @@ def closing(shell: Ints, solids: list[list[int]], faces: Ints, free: int, name: 
 
 
 class Numbered:
-    """Entities with the numbers that follow `free`."""
+    """List of entities with consecutive numbers from `free`."""
 
     def __init__(self, free: int) -> None:
         self.free, self.text = free, list[str]()
 
     def next(self) -> int:
-        """The number of an entity whose text is written elsewhere."""
+        """Reserve a number for an entity that the caller writes itself."""
         self.free += 1
         return self.free - 1
 
     def add(self, body: str) -> int:
-        """The number of a new entity."""
+        """Add an entity and return its number."""
         self.text.append(f"#{self.free}={body};\n")
         return self.next()
 
 
 def product(new: Numbered, name: str) -> int:
-    """A product with the contexts of the header; returns its PRODUCT_DEFINITION_SHAPE."""
+    """Add a product with the contexts of the header; return the number of its PRODUCT_DEFINITION_SHAPE."""
     title = quoted(name)
     made = new.add(f"PRODUCT('{title}','{title}','',(#3))")
     formation = new.add(f"PRODUCT_DEFINITION_FORMATION('','',#{made})")
@@ -74,7 +74,6 @@ def product(new: Numbered, name: str) -> int:
 
 
 def _style(new: Numbered, colour: tuple[float, float, float]) -> int:
-    """The presentation style of a surface colour."""
     at = new.add(f"COLOUR_RGB('',{','.join(f'{x:g}' for x in colour)})")
     for body in (
         "FILL_AREA_STYLE_COLOUR('',#%d)",
@@ -89,7 +88,8 @@ def _style(new: Numbered, colour: tuple[float, float, float]) -> int:
 
 
 def _solid(new: Numbered, faces: Ints, shell: Ints, outer: int, voids: list[int]) -> int:
-    """The solid inside one shell and outside others, which are written facing outwards and reversed here."""
+    """Add a solid with one outer shell and voids. The file has shells of voids facing outwards, so they are reversed
+    here."""
     shells = [
         new.add(f"CLOSED_SHELL('',({','.join(f'#{k}' for k in faces[shell == i].tolist())}))") for i in [outer, *voids]
     ]
@@ -100,22 +100,20 @@ def _solid(new: Numbered, faces: Ints, shell: Ints, outer: int, voids: list[int]
 
 
 def quoted(name: str) -> str:
-    """The inside of a STEP string: quotes doubled, and what is not ASCII in hexadecimal (ISO 10303-21, 6.4.3)."""
+    """Escape a STEP string: quotes are doubled, other than ASCII becomes hexadecimal (ISO 10303-21, 6.4.3)."""
     name = name.replace("\\", "\\\\").replace("'", "''")
     return "".join(c if c.isascii() else f"\\X4\\{ord(c):08X}\\X0\\" for c in name)
 
 
 DIGITS = 6
-"""Decimals of coordinates of curves, and of the solid that planes are found on: 1e-6 mm."""
+"""Decimals of curve coordinates, and of the solid whose planes are searched: 1e-6 mm."""
 
 FACETED_DIGITS = 5
-"""Decimals of the corners of planar faces: 1e-5 mm, the precision that the file states. Planes are found before."""
+"""Decimals of corners of planar faces: 1e-5 mm, the precision that the file states. Planes are found before
+rounding."""
 
 DIRECTION_DIGITS = 11
 """Decimals of directions: under 1e-6 mm at the end of an edge of 100 m."""
-
-NORMAL_REACH = 1e-6
-"""Millimetres that the digits of its normal may turn a planar face off its place, at its far end."""
 
 _POINT = f"CARTESIAN_POINT('',(%.{FACETED_DIGITS}f,%.{FACETED_DIGITS}f,%.{FACETED_DIGITS}f))"
 _RATIOS = "DIRECTION('',(%d.,%d.,%d.))"
@@ -148,11 +146,12 @@ GLOBAL_UNIT_ASSIGNED_CONTEXT((#10,#11,#12))REPRESENTATION_CONTEXT('',''));
 #18=AXIS2_PLACEMENT_3D('',#15,#16,#17);
 """
 FIRST = 19
-"""The first free entity number after the header."""
+"""First free entity number after the header."""
 
 
 def entities(shape: Polyhedron, solids: list[list[int]], name: str) -> Iterator[str]:
-    """The text of the file. solids: the shells of each, the outer one first, then its voids (which face outwards)."""
+    """Yield the file of a polyhedron. solids : shells of each solid, the outer one first, then voids that face
+    outwards."""
     yield header(name, "solid with planar faces", len(solids))
     texts, faces, free = planar_faces(shape, FIRST)
     yield from texts
@@ -160,7 +159,7 @@ def entities(shape: Polyhedron, solids: list[list[int]], name: str) -> Iterator[
 
 
 def planar_faces(shape: Polyhedron, start: int) -> tuple[Iterator[str], Ints, int]:
-    """The text of the faces in numbers from `start` on, the number (f,) of each, and the first free number."""
+    """Return the text of the faces numbered from `start`, the number (f,) of each face, and the first free number."""
     vectors = distinct(_ratios(shape))
     digits = _digits(shape)
     normals = distinct(np.round(shape.normals, digits))
@@ -173,9 +172,9 @@ def planar_faces(shape: Polyhedron, start: int) -> tuple[Iterator[str], Ints, in
 def _tables(
     shape: Polyhedron, vectors: tuple[Floats, Ints], normals: tuple[Floats, Ints], digits: int, blocks: list[range]
 ) -> Iterator[str]:
-    """Table after table: what one needs is let go before the next is made.
+    """Yield table after table, so that memory holds one table at a time.
 
-    vectors, normals : the different ones as they are written, and which one each edge or face has.
+    vectors, normals : distinct values as written, and the index of each edge or face into them.
     digits           : decimals of normals.
     """
     points, vertices, dirs, units, lines, edges, steps, loops, bounds, axes, placements, planes, faces = blocks
@@ -199,9 +198,9 @@ def _tables(
 
 
 def _ratios(shape: Polyhedron) -> Floats:
-    """(e, 3) directions of the edges in smallest whole numbers: between the corners as they are written, exactly.
+    """(e, 3) exact directions of the edges between written corners, as smallest whole numbers.
 
-    A direction need not have length 1 (ISO 10303-42). Edges along an axis share one, whatever their lengths.
+    ISO 10303-42 requires no unit length. Edges along an axis share one direction, whatever their lengths.
     """
     corners = _corners(shape)
     along = corners[shape.edges[:, 1]] - corners[shape.edges[:, 0]]
@@ -209,20 +208,22 @@ def _ratios(shape: Polyhedron) -> Floats:
 
 
 def _corners(shape: Polyhedron) -> Ints:
-    """(p, 3) the corners in units of their last decimal."""
+    """(p, 3) corners in units of their last decimal."""
     return np.asarray(np.rint(shape.points * 10**FACETED_DIGITS), dtype=np.int64)
 
 
 def _digits(shape: Polyhedron) -> int:
-    """Decimals of normals, such that no plane is turned by more than NORMAL_REACH at the far end of its face."""
+    """Return decimals of normals for which rounding moves no far end of a face by more than 1e-6 mm."""
+    reach_mm = 1e-6  # millimetres by which rounding of a normal may move the far end of its face
     face = np.repeat(np.arange(len(shape.normals)), np.diff(shape.loops[shape.faces]))
     corner = shape.edges[shape.steps, np.where(shape.forward, 0, 1)]
     reach = max(float(np.abs(x[corner] - x[shape.origin[face]]).max()) for x in shape.points.T)
-    return int(np.clip(np.ceil(np.log10(np.sqrt(3) * reach / NORMAL_REACH)), 1, DIRECTION_DIGITS))
+    return int(np.clip(np.ceil(np.log10(np.sqrt(3) * reach / reach_mm)), 1, DIRECTION_DIGITS))
 
 
 def faceted_bytes(shape: Polyhedron) -> float:
-    """How long the text of `entities` will be, from its numbers of rows; to a tenth, less if directions repeat."""
+    """Estimate the length of the text of `entities` from its numbers of rows, to 10 %; repeated directions make it
+    shorter."""
     v, e, f = len(shape.points), len(shape.edges), len(shape.normals)
     steps, bounds = len(shape.steps), len(shape.loops) - 1
     reference = np.log10(FIRST + 2 * v + 4 * e + steps + 2 * bounds + 4 * f) + 1.5  # digits of a number, and its #
@@ -237,9 +238,9 @@ def faceted_bytes(shape: Polyhedron) -> float:
 
 
 def header(name: str, description: str, pieces: int = 1) -> str:
-    """The beginning of the file: entities 1 to 18, among them the product of the first of the pieces.
+    """Return the beginning of the file: entities 1 to 18, with the product of the first piece.
 
-    Its time is fixed, since the same solid gives the same file; ISO 10303-21 does not allow to leave it out.
+    The time is fixed, so that equal solids give equal files; ISO 10303-21 requires a time.
     """
     title = quoted(one_line(name))
     product = quoted(piece_name(name, 0, pieces))
@@ -249,17 +250,16 @@ def header(name: str, description: str, pieces: int = 1) -> str:
 
 
 def _blocks(counts: list[int], begin: int) -> list[range]:
-    """Entity numbers for tables of so many rows, one after the other."""
     return [range(a, b) for a, b in pairwise(accumulate(counts, initial=begin))]
 
 
 def _table(numbers: range, template: str, *columns: Any) -> Iterator[str]:
-    """One entity per row; numbers lose the zeros at their end, a quarter of the file."""
+    """Yield one entity per row. Trailing zeros are removed, because they fill a quarter of the file."""
     return (TRAILING_ZEROS.sub(r"\1", text) for text in rows(f"#%d={template};\n", numbers, *columns))
 
 
 class _Lists:
-    """'#7,#8,#9' for each run of entities begin + start[i] ... begin + start[i + 1] - 1, made when it is asked for."""
+    """Texts '#7,#8,#9' of the entities begin + start[i] ... begin + start[i + 1] - 1, made on demand."""
 
     def __init__(self, begin: int, start: Ints) -> None:
         self.begin, self.start = begin, start
@@ -274,7 +274,7 @@ WARNING = "only programs that know AP242 tessellated geometry open it; FreeCAD 0
 
 
 def tessellated_entities(part: Part) -> Iterator[str]:
-    """The text of the file: coordinates and triangles of each solid, its voids among them, and its product."""
+    """Yield the file: coordinates and triangles of each solid with its voids, and its product."""
     shell, solids = solids_of(part)
     beginning = header(part.name, "triangles of AP242, for viewers", len(solids))
     yield (
@@ -296,7 +296,7 @@ def tessellated_entities(part: Part) -> Iterator[str]:
 
 
 def expected_bytes(part: Part) -> float:
-    """About how long the text will be."""
+    """Estimate the length of the text of `tessellated_entities`."""
     digits = np.log10(max(np.abs(part.V).max(), 1.0)) + FACETED_DIGITS + 2.5
     return float(1500 + 3 * (digits + 1) * len(part.V) + (3 * np.log10(len(part.V)) + 8) * len(part.F))
 
@@ -308,7 +308,7 @@ def _coordinates(new: Numbered, points: Floats) -> Iterator[str]:
 
 
 def _face(new: Numbered, count: int, triangles: Ints) -> Iterator[str]:
-    """One face with all triangles: no normals, no link to exact geometry, and point i of the list is point i."""
+    """Yield one face with all triangles, without normals or exact geometry; point i is row i of the coordinates."""
     at = new.next()
     yield f"#{at}=TRIANGULATED_FACE('',#{at - 1},{count},(),$,(),("
     yield from listed_rows("(%d,%d,%d),\n", *triangles.T)
@@ -326,7 +326,8 @@ def _product(new: Numbered, i: int, title: str) -> Iterator[str]:
 
 
 def check(part: Part, found: dict[str, float]) -> ReadBack:
-    """What was found; raises ExportError unless OCCT found the part's triangles and, to 0.1 %, its volume."""
+    """Return the result of reading back; raises ExportError unless OCCT reports the part's triangles and, to 0.1 %, its
+    volume."""
     if found["triangles"] != len(part.F):
         raise differs(part, "triangles", len(part.F), int(found["triangles"]))
     if not abs(found["volume"] - part.volume) <= READ_BACK * part.volume:

@@ -35,15 +35,18 @@ from dsfab.surface import StructureLine
 
 CHECK_SECONDS = 120
 CHECK_SECONDS_PER_FACE = 0.02
-"""Time for reading back, several times what was measured. OCCT's check of very long outlines may not end."""
+"""Time limit for reading back, several times the measured time. OCCT's check of very long outlines may not end."""
 
 LIGHT = 8.0
-"""Megabytes of a faceted file that is better than a smooth one whose cuts fail."""
+"""Megabytes up to which a faceted file is preferred to a smooth one that OCCT cannot cut."""
 
 
 def encode(part: Part) -> Iterator[bytes]:
-    """The file, entity by entity; raises ExportError, before the first byte, when it would have too many faces, or the
-    solid is not flat and has to be."""
+    """Return an iterator over the bytes of the file.
+
+    Raises ExportError before the first byte if the solid does not suit the strategy, and BudgetError if it has too many
+    faces; raises BudgetError later if the file becomes too large.
+    """
     faces, size, texts = ENCODERS[part.step](part)
     if faces > part.step_faces:
         raise BudgetError(part, faces, size)
@@ -56,7 +59,7 @@ def _planar(part: Part) -> tuple[int, float, Iterable[str]]:
 
 
 def _smooth(part: Part) -> tuple[int, float, Iterable[str]]:
-    """In a hurry, one that OCCT cannot cut is refused for facets, which it can, where these are no large file."""
+    """Encode a smooth file. A hurried part is refused if OCCT fails to cut it and its faceted file is small."""
     file = smooth_file(part)
     if part.hurry and part.cut and (fault := smooth_use(part).fault):
         faces, size, _ = _faceted(part)
@@ -89,11 +92,11 @@ ENCODERS: dict[str, Callable[[Part], tuple[int, float, Iterable[str]]]] = {
     "faceted": _faceted,
     "tessellated": _tessellated,
 }
-"""For each way: planar faces that count, about how many bytes, and the text."""
+"""For each strategy: number of faces that count, approximate bytes, and the text."""
 
 
 def _within_size(part: Part, faces: int, expected: float, chunks: Iterator[bytes]) -> Iterator[bytes]:
-    """The file, as long as it is not larger than allowed; `expected` is what is said of its size if it is."""
+    """Yield the chunks; raise BudgetError above `step_mb`, with the larger of the written and the `expected` size."""
     size = 0
     for chunk in chunks:
         size += len(chunk)
@@ -103,11 +106,10 @@ def _within_size(part: Part, faces: int, expected: float, chunks: Iterator[bytes
 
 
 def check(part: Part, path: Path) -> ReadBack:
-    """Read back with OCCT: as many solids and faces, all valid, with the part's volume.
+    """Read the file back with OCCT and compare the number of solids and faces, validity and volume; raises ExportError.
 
-    Files by members were read back, measured and asked what `dsfab check` asks, and smooth pieces were read back and
-    measured, one by one: what is on the disk must be that file. Smooth ones that are tried in use are asked the same:
-    whether they hold a solid. Others are not, since that takes as long as making them.
+    The exporter has already measured files by members and smooth pieces, so here the bytes on the disk must equal them.
+    A smooth file that was cut on trial must also be a solid when OCCT draws its triangles.
     """
     if part.step == "members":
         file = member_file(part)
@@ -142,13 +144,13 @@ def check(part: Part, path: Path) -> ReadBack:
 
 
 def _require_same(part: Part, path: Path, text: str) -> None:
-    """Raise ExportError where a file is not what was checked before it was written."""
     if path.read_bytes() != text.encode("ascii"):
         raise ExportError(f"the STEP file of {part.name!r} is not what was checked; write it again")
 
 
 def inspection(part: Part, path: Path) -> dict[str, Any]:
-    """What `step_check` says about the file, in a process with a time limit; raises ExportError if it says nothing."""
+    """Return the report of `step_facts` about a file, from a process with a time limit; raises ExportError without a
+    report."""
     limit = CHECK_SECONDS + (CHECK_SECONDS_PER_FACE * part.step_faces if part.step in ("faceted", "smooth") else 0)
     try:
         answer: dict[str, Any] = json.loads(last_line(step_facts.__file__, str(path), seconds=limit))
@@ -164,24 +166,23 @@ def inspection(part: Part, path: Path) -> dict[str, Any]:
     return answer
 
 
-LEVEL = 6
-"""Of deflate: 9 takes five times as long for 2 % less."""
 _BEGINNING_OF_ZIP = (1980, 1, 1, 0, 0, 0)
 
 
 def encode_compressed(part: Part) -> Iterator[bytes]:
-    """The zip; its one entry bears the part's name."""
+    """Yield a zip archive whose only entry has the name of the part."""
+    level = 6  # of deflate: 9 takes five times as long and saves 2 %
     package = io.BytesIO()
     entry = zipfile.ZipInfo(f"{one_line(part.name).replace('/', '-')}.stp", _BEGINNING_OF_ZIP)
     entry.compress_type, entry.create_system = zipfile.ZIP_DEFLATED, 0
-    with zipfile.ZipFile(package, "w", compresslevel=LEVEL) as archive, archive.open(entry, "w") as file:
+    with zipfile.ZipFile(package, "w", compresslevel=level) as archive, archive.open(entry, "w") as file:
         for chunk in encode(part):
             file.write(chunk)
     yield package.getvalue()
 
 
 def check_compressed(part: Part, path: Path) -> ReadBack:
-    """Unpacked, its checksum found right, and read back as STEP is."""
+    """Unpack the archive, compare its checksum, and check the file as STEP; raises ExportError."""
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder, zipfile.ZipFile(path) as archive:
         if len(archive.namelist()) != 1 or archive.testzip() is not None:
             raise ExportError(f"the compressed STEP file of {part.name!r} does not unpack; write .step instead")
@@ -191,12 +192,12 @@ def check_compressed(part: Part, path: Path) -> ReadBack:
 
 
 def route_sentence(part: Part, refused: Sequence[ExportError]) -> str:
-    """As for STEP."""
+    """Describe the strategy as for STEP."""
     return strategies.route_sentence(part, refused).replace("STEP", "BREP", 1)
 
 
 def encode_brep(part: Part) -> Iterator[bytes]:
-    """STEP to a temporary file, read and written again by OCCT."""
+    """Yield a BREP file: OCCT reads a temporary STEP file and writes it again."""
     chunks = encode(part)
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
         given, path = Path(folder) / "a.step", Path(folder) / "a.brep"
@@ -209,7 +210,7 @@ def encode_brep(part: Part) -> Iterator[bytes]:
 
 
 def check_brep(part: Part, path: Path) -> ReadBack:
-    """Read back with OCCT, in a process with a time limit: as many solids, all valid, with the part's volume."""
+    """Read the file back with OCCT and compare the number of solids, validity and volume; raises ExportError."""
     found, solids = inspection(part, path), len(solids_of(part)[1])
     if found["solids"] != solids:
         raise differs(part, "solids", solids, found["solids"])
@@ -221,25 +222,23 @@ def check_brep(part: Part, path: Path) -> ReadBack:
         if not abs(found["volume"] - member_file(part).volume) <= READ_BACK * member_file(part).volume:
             raise ExportError(f"the BREP by members of {part.name!r} has another volume; write STEP instead")
         return ReadBack(found["faces"], "faces", found["volume"] / part.volume - 1)
-    smooth = smooth_file(
-        part
-    )  # its pieces were measured one by one; the mesh is smaller, since it cuts its curves short
+    smooth = smooth_file(part)  # its own volume is the reference, because the mesh cuts curves short
     if smooth.smooth == smooth.pieces and not abs(found["volume"] - smooth.volume) <= READ_BACK * smooth.volume:
         raise ExportError(f"the smooth BREP of {part.name!r} reads back with another volume; write STEP instead")
     return ReadBack(found["faces"], "faces", found["volume"] / part.volume - 1)
 
 
 COLOURS = {"major": (0.12, 0.31, 0.61), "minor": (0.70, 0.15, 0.12), "keep": (0.18, 0.49, 0.20), "rim": (0, 0.47, 0.53)}
-"""By family; others are black."""
+"""Red, green and blue of each family of lines; all other lines are black."""
 
 
 def prepare_lines(part: Part) -> Part:
-    """The part as it is; raises ExportError if it has no lines."""
+    """Return the part unchanged; raises ExportError if it has no lines."""
     return with_lines(part, ".lines.step")
 
 
 def encode_lines(part: Part) -> Iterator[bytes]:
-    """One wireframe of all lines, then a layer and a colour for each family."""
+    """Yield a STEP file: one wireframe of all lines, and a layer and a colour for each family."""
     new, layers = Entities(), dict[str, list[int]]()
     for line, chain in zip(part.details.lines, chains(part), strict=True):
         layers.setdefault(line.layer, []).append(_line(new, line, chain))
@@ -262,7 +261,7 @@ def encode_lines(part: Part) -> Iterator[bytes]:
 
 
 def _line(new: Entities, line: StructureLine, chain: list[Curve]) -> int:
-    """A curve, or a composite of several; OCCT wants two of a closed one."""
+    """Write a curve, or a composite of several. A closed curve becomes two, because OCCT requires it."""
     chain = halves(chain[0]) if line.closed and len(chain) == 1 else chain
     title = quoted(f"{line.id} {line.length:.3f} mm")
     if len(chain) == 1:
@@ -273,7 +272,6 @@ def _line(new: Entities, line: StructureLine, chain: list[Curve]) -> int:
 
 
 def _style(new: Entities, colour: tuple[float, float, float]) -> int:
-    """The presentation style of a line."""
     rgb = new.add(f"COLOUR_RGB('',{','.join(f'{x:g}' for x in colour)})")
     font = new.once("DRAUGHTING_PRE_DEFINED_CURVE_FONT('continuous')")
     style = new.add(f"CURVE_STYLE('',#{font},POSITIVE_LENGTH_MEASURE(0.1),#{rgb})")
@@ -281,7 +279,7 @@ def _style(new: Entities, colour: tuple[float, float, float]) -> int:
 
 
 def check_lines_file(part: Part, path: Path) -> ReadBack:
-    """Read back with OCCT: no line missing, and as long as they are to the tolerance at their bends."""
+    """Read the file back with OCCT and compare the number of lines and their total length; raises ExportError."""
     found = inspection(part, path)
     if found["lines"] != len(part.details.lines):
         raise differs(part, "lines", len(part.details.lines), found["lines"])

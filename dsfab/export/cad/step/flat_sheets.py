@@ -16,28 +16,27 @@ from dsfab.export.writing import TRAILING_ZEROS
 from dsfab.surface.topology import boundary_loops, edge_table, pieces
 
 SAME_PLACE = 1e-3
-"""Millimetres within which a given corner is a vertex of the outline, and both skins have the same outline."""
+"""Millimetres within which a corner of the part is a vertex of the outline, and both skins have the same outline."""
 
 SLIMMEST = 0.1
-"""A loop is followed at least as closely as this share of its area over its length: slits and dots keep their shape."""
+"""Largest tolerance of a loop over its area divided by its length, so that slits and dots keep their shape."""
 
 
 SHARE_OF_GAP = 0.25
-"""A loop is followed at least as closely as this share of its distance to the next: curves never cross a member."""
+"""Largest tolerance of a loop over its distance from the next loop, so that curves never cross a member."""
 
 
 class NotFlatError(ExportError):
-    """A solid that is no sheet between two planes."""
+    """The solid is no sheet between two planes."""
 
 
 @dataclass(frozen=True, eq=False)
 class Outlines:
-    """The polylines of a flat sheet.
+    """Polylines of a flat sheet.
 
     axes   : (3, 3) unit vectors, right-handed: two in the plane, and the one across it.
     height : lower and upper plane along axes[2], millimetres.
-    pieces : per piece its loops, (k, 2) along axes[0] and axes[1]; the outer one first and counter-clockwise, holes
-             clockwise.
+    pieces : loops (k, 2) of each piece along axes[0] and axes[1]: first the outer one, counter-clockwise, then holes.
     """
 
     axes: Floats
@@ -62,7 +61,7 @@ class Plate:
 
     @property
     def faces(self) -> int:
-        """A wall for each curve, and two skins for each piece."""
+        """Number of faces: a wall for each curve, and two skins for each piece."""
         return sum(2 + sum(len(loop) for loop in loops) for loops in self.pieces)
 
     @property
@@ -72,7 +71,7 @@ class Plate:
 
 
 def outlines_of(part: Part) -> Outlines:
-    """The outlines of a flat solid; raises ExportError, with the reason, when it is not a sheet between two planes."""
+    """Return the outlines of a flat solid; raises ExportError with the reason if it is no sheet between two planes."""
     corners = part.V[part.F]
     vectors = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     lengths = np.maximum(np.linalg.norm(vectors, axis=1), 1e-300)
@@ -88,7 +87,7 @@ def outlines_of(part: Part) -> Outlines:
 
 
 def frame(across: Floats) -> Floats:
-    """(3, 3) right-handed axes with `across` last; those of the world when it is one of them."""
+    """(3, 3) right-handed axes with `across` last; the world's axes if it is one of them."""
     along = np.roll(np.eye(3), -1, axis=0)[np.abs(across).argmax()]
     first = along - (along @ across) * across
     first = first / np.linalg.norm(first)
@@ -96,7 +95,7 @@ def frame(across: Floats) -> Floats:
 
 
 def _between(part: Part, axes: Floats, low: float, high: float) -> Outlines:
-    """Loops of the upper skin, by piece, if the lower one has the same."""
+    """Return the loops of the upper skin by piece; raises ExportError if the lower one differs."""
     upper = part.V @ axes[2] > (low + high) / 2
     top, bottom = (part.F[(side[part.F]).all(axis=1)] for side in (upper, ~upper))
     if not len(top) or not len(bottom):
@@ -118,9 +117,9 @@ def _between(part: Part, axes: Floats, low: float, high: float) -> Outlines:
 
 
 def plate(outlines: Outlines, corners: Floats, tolerance: float) -> Plate:
-    """The outlines as curves within `tolerance`, millimetres; `corners` (k, 3) stay corners at any angle.
+    """Fit curves within `tolerance` (mm) to the outlines; `corners` (k, 3) stay corners at any angle.
 
-    Raises ExportError when a spline cannot follow so closely.
+    Raises ExportError if no spline follows so closely.
     """
     tree = cKDTree(corners @ outlines.axes[:2].T) if len(corners) else None
     found = []
@@ -140,10 +139,10 @@ def plate(outlines: Outlines, corners: Floats, tolerance: float) -> Plate:
 
 
 def gaps_between(loops: list[Floats], tolerance: float, least: float = 0.0) -> list[float]:
-    """A length per loop that is not above its distance to any other loop; inf where a curve could not get so far.
+    """Return for each loop a length that is at most its distance from any other loop; inf if no curve could reach one.
 
-    Points every s along two loops are at most s farther apart than the loops are. Where s is not small against what
-    is found, it is made smaller, but not smaller than `least`, which no gap is then said to be under.
+    Points every s along two loops are at most s farther apart than the loops. The spacing s shrinks until it is small
+    against the result, but not below `least`, which is also the least result.
     """
     gaps, far = [np.inf] * len(loops), tolerance / SHARE_OF_GAP
     spacing, left = 8 * far, list(range(len(loops)))
@@ -168,7 +167,6 @@ def gaps_between(loops: list[Floats], tolerance: float, least: float = 0.0) -> l
 
 
 def _every(loop: Floats, spacing: float) -> Floats:
-    """Points along a closed polyline (k, 2), its vertices among them, at most `spacing` apart."""
     along = np.roll(loop, -1, axis=0) - loop
     count = np.ceil(np.linalg.norm(along, axis=1) / spacing).astype(np.int64).clip(1)
     edge = np.repeat(np.arange(len(loop)), count)
@@ -184,62 +182,62 @@ def enclosed(loop: Floats) -> float:
 
 
 class Entities:
-    """The numbered entities; points and directions are written once."""
+    """Numbered entities; equal points and directions are written once."""
 
     def __init__(self, more: int = 0) -> None:
-        """more : decimals of points and directions over the usual ones."""
+        """extra_digits : decimals of points and directions beyond the usual ones."""
         self.text: list[str] = []
         self._digits, self._direction_digits = DIGITS + more, DIRECTION_DIGITS + more
         self._known: dict[str, int] = {}
 
     def add(self, body: str) -> int:
-        """The number of a new entity."""
+        """Add an entity and return its number."""
         number = self.free
         self.text.append(f"#{number}={body};\n")
         return number
 
     @property
     def free(self) -> int:
-        """The number that the next entity gets."""
+        """Number of the next entity."""
         return FIRST + len(self.text)
 
     def once(self, body: str) -> int:
-        """The number of an entity that may be there already."""
+        """Add an entity unless it exists, and return its number."""
         if body not in self._known:
             self._known[body] = self.add(body)
         return self._known[body]
 
     def point(self, p: Floats) -> int:
-        """The number of a point p (3,), millimetres."""
+        """Return the number of a point p (3,), millimetres."""
         return self.once(f"CARTESIAN_POINT('',{step_list(p, self._digits)})")
 
     def direction(self, d: Floats) -> int:
-        """The number of a direction d (3,) of any length."""
+        """Return the number of a direction d (3,) of any length."""
         return self.once(f"DIRECTION('',{step_list(d / np.linalg.norm(d), self._direction_digits)})")
 
     def line(self, p: Floats, along: Floats) -> int:
-        """The number of a new line through p (3,), millimetres, along a direction (3,)."""
+        """Add a line through p (3,), millimetres, along a direction (3,)."""
         vector = self.once(f"VECTOR('',#{self.direction(along)},1.)")
         return self.add(f"LINE('',#{self.point(p)},#{vector})")
 
     def plane(self, p: Floats, normal: Floats) -> int:
-        """The number of a new plane through p (3,), millimetres, with a normal (3,)."""
+        """Add a plane through p (3,), millimetres, with a normal (3,)."""
         axes = self.add(f"AXIS2_PLACEMENT_3D('',#{self.point(p)},#{self.direction(normal)},$)")
         return self.add(f"PLANE('',#{axes})")
 
     def wire(self, steps: list[tuple[int, bool]], kind: str = "FACE_OUTER_BOUND") -> int:
-        """A bound of edges, each with whether it is run through forwards."""
+        """Add a bound of edges; each has True if it runs forwards."""
         oriented = [self.add(f"ORIENTED_EDGE('',*,*,#{edge},.{'T' if way else 'F'}.)") for edge, way in steps]
         loop = self.add(f"EDGE_LOOP('',{references(oriented)})")
         return self.add(f"{kind}('',#{loop},.T.)")
 
     def face(self, bounds: list[int], surface: int, same: bool = True) -> int:
-        """A face; same : whether it looks where its surface's normal points."""
+        """Add a face. same_sense : True if its normal is that of its surface."""
         return self.add(f"ADVANCED_FACE('',{references(bounds)},#{surface},.{'T' if same else 'F'}.)")
 
 
 def plate_entities(plate: Plate, name: str) -> Iterator[str]:
-    """The text of the file: a solid for each piece."""
+    """Yield the file with a solid for each piece."""
     yield header(name, f"flat solid, outline within {plate.deviation:.2g} mm of the mesh", len(plate.pieces))
     new, shells, faces = Entities(), list[int](), list[int]()
     for i, loops in enumerate(plate.pieces):
@@ -251,7 +249,6 @@ def plate_entities(plate: Plate, name: str) -> Iterator[str]:
 
 
 def _piece(new: Entities, plate: Plate, loops: tuple[tuple[Curve, ...], ...]) -> list[int]:
-    """The faces of one piece: its walls, and the two skins."""
     axes, heights = plate.outlines.axes, plate.outlines.height
     walls, skins = list[int](), ([], [])  # type: tuple[list[int], tuple[list[int], list[int]]]
     for j, loop in enumerate(loops):
@@ -282,13 +279,11 @@ def _piece(new: Entities, plate: Plate, loops: tuple[tuple[Curve, ...], ...]) ->
 
 
 def _lifted(points: Floats, axes: Floats, height: float) -> Floats:
-    """Points of the plane in space."""
     return np.asarray(points @ axes[:2] + height * axes[2])
 
 
 def curve_entity(new: Entities, curve: Curve, poles: Floats, title: str = "", bounded: bool = False) -> int:
-    """A line (bounded: a polyline of two points), or a spline, with poles (p, 3), millimetres: each knot once, with how
-    often it counts."""
+    """Add a line (bounded: a polyline of two points) or a spline with poles (p, 3), millimetres."""
     if curve.straight and bounded:
         return new.add(f"POLYLINE('{title}',{references([new.point(p) for p in poles])})")
     if curve.straight:
@@ -303,7 +298,6 @@ def curve_entity(new: Entities, curve: Curve, poles: Floats, title: str = "", bo
 
 
 def _wall(new: Entities, curve: Curve, poles: Floats, line: int, across: Floats) -> int:
-    """The surface above a curve, whose normal points to the right of it: outwards."""
     if curve.straight:
         return new.plane(poles[0], np.cross(poles[-1] - poles[0], across))
     vector = new.once(f"VECTOR('',#{new.direction(across)},1.)")
@@ -311,11 +305,11 @@ def _wall(new: Entities, curve: Curve, poles: Floats, line: int, across: Floats)
 
 
 def step_list(values: Floats, digits: int) -> str:
-    """The values (k,) as '(1.5,0.,-2.)': without the zeros at the end of each."""
+    """Format values (k,) as '(1.5,0.,-2.)', without trailing zeros."""
     text = ",".join(f"{v:.{digits}f}" for v in (np.round(values, digits) + 0.0).tolist())
     return TRAILING_ZEROS.sub(r"\1", f"({text})")
 
 
 def references(numbers: list[int]) -> str:
-    """The entities of these numbers as '(#7,#8,#9)'."""
+    """Format entity numbers as '(#7,#8,#9)'."""
     return "(" + ",".join(f"#{k}" for k in numbers) + ")"

@@ -35,22 +35,14 @@ from dsfab.export.curves import Curve, fitted, of_few_spans
 from dsfab.export.part import DividedSheet, Part
 from dsfab.surface import CREASE, edge_table
 
-ROUGH = 1e-4
-"""Thicknesses that the vertices of a facet may be off its plane: files of meshes round them. They are put into it."""
-
-EXACT = 1e-5
-"""Millimetres that the corners of a fold may be off the planes that meet there, afterwards."""
-
 NARROW = 1 / 8
-"""Tolerances: openings that come nearer to a fold, or to another one, are followed as if they came so near."""
-
-FACES = 4
-"""Triangles of the cut sheet for each facet, at least: on a curved sheet each triangle is a facet of its own."""
+"""Least assumed gap over the tolerance: an opening nearer to a fold or another opening is followed as if it were so
+near."""
 
 
 @dataclass(frozen=True, eq=False)
 class Facet:
-    """The planes of both skins of a flat part of a sheet, the upper one first, millimetres.
+    """Planes of both skins of a flat part of a sheet, the upper one first, millimetres.
 
     origin : (2, 3) a point of each.     axes : (2, 3, 3) unit vectors, right-handed, the last one across, upwards.
     """
@@ -59,17 +51,17 @@ class Facet:
     axes: Floats
 
     def flat(self, points: Floats) -> Floats:
-        """(k, 4) points (k, 2, 3) of both skins along the first two axes of their planes."""
+        """(k, 4) coordinates of points (k, 2, 3) of both skins in their planes."""
         return np.asarray(np.einsum("ksi,sai->ksa", points - self.origin, self.axes[:, :2]).reshape(-1, 4))
 
     def lifted(self, flat: Floats) -> Floats:
-        """(k, 2, 3) points of both planes from (k, 4)."""
+        """(k, 2, 3) points on both planes from coordinates (k, 4)."""
         return np.asarray(self.origin + np.einsum("ksa,sai->ksi", flat.reshape(-1, 2, 2), self.axes[:, :2]))
 
 
 @dataclass(frozen=True, eq=False)
 class FlatFacets:
-    """A sheet whose faces lie in a few planes, as it was cut: nothing is mitred yet.
+    """Cut sheet whose faces lie in a few planes, not mitred yet.
 
     skins : (n, 2, 3) its vertices on both skins, millimetres.    facet : (m,) of each face.
     """
@@ -82,7 +74,8 @@ class FlatFacets:
 
     @cached_property
     def creased(self) -> bool:
-        """Whether half of the length of its folds and more are creases: else it may be the mesh of a curved sheet."""
+        """True if creases are at least half of the length of all folds; otherwise it may be the mesh of a curved
+        sheet."""
         F, upper = self.whole.F, self.skins[:, 0]
         h, k = edge_table(F).pairs.T
         fold = self.facet[h // 3] != self.facet[k // 3]
@@ -96,12 +89,12 @@ class FlatFacets:
 
 @dataclass(frozen=True, eq=False)
 class FoldedSheet:
-    """A sheet of flat facets, millimetres.
+    """Sheet of flat facets, millimetres.
 
-    outline : its regions, each in the facet that their `chart` names, and their runs.
-    points  : (n, 2, 3) of its vertices on both skins, those of folds in the planes of all their facets.
+    outline : its regions, each in the facet that `chart` names, and their runs.
+    points  : (n, 2, 3) vertices on both skins; those of folds lie in the planes of all their facets.
 
-    Where more planes meet than have a point in common, each face of the mesh around it is a facet of its own.
+    If the planes around a vertex have no common point, each face of the mesh there is a facet of its own.
     """
 
     outline: SheetOutline
@@ -111,7 +104,7 @@ class FoldedSheet:
 
     @property
     def count(self) -> int:
-        """Number of facets, those of single faces apart."""
+        """Number of facets, without those of single faces."""
         return int((np.bincount(self.outline.chart) > 1).sum())
 
 
@@ -120,7 +113,7 @@ _FOUND: WeakKeyDictionary[Part, FoldedSheet | None] = WeakKeyDictionary()
 
 
 def flat_facets(part: Part) -> FlatFacets | None:
-    """The flat facets of a solid's sheet, two or more; None for all others. Found once for each part."""
+    """Return the flat facets of a solid's sheet, memoised; None unless it has two or more."""
     if part not in _FACETS:
         try:
             _FACETS[part] = _facets(part)
@@ -130,7 +123,7 @@ def flat_facets(part: Part) -> FlatFacets | None:
 
 
 def folded_sheet(part: Part) -> FoldedSheet | None:
-    """The sheet of a solid with flat facets, mitred at its folds; None for all others. Found once for each part."""
+    """Return the sheet of a solid with flat facets, mitred at its folds, memoised; None for all other solids."""
     if part not in _FOUND:
         flat = flat_facets(part)
         try:
@@ -141,7 +134,7 @@ def folded_sheet(part: Part) -> FoldedSheet | None:
 
 
 def _facets(part: Part) -> FlatFacets:
-    """Raises ExportError where there are none."""
+    rough = 1e-4  # share of the thickness: mesh files round vertices, so they lie beside the planes of their facets
     if part.curved is None:
         raise NotFlatError("only the solid is known")
     curved = part.curved()
@@ -150,15 +143,14 @@ def _facets(part: Part) -> FlatFacets:
     whole = curved.divided(np.ones((len(curved.V), 1)))
     skins = both_skins(whole, curved.shift)
     thickness = 2 * float(np.median(np.linalg.norm(MM_PER_M * whole.D, axis=1)))
-    facet = _facet_of(skins, whole.F, ROUGH * thickness)
+    facet = _facet_of(skins, whole.F, rough * thickness)
     _ask_few(facet)
-    if float(np.max(cKDTree(part.V).query(skins[np.unique(whole.F)].reshape(-1, 3))[0])) > ROUGH * thickness:
+    if float(np.max(cKDTree(part.V).query(skins[np.unique(whole.F)].reshape(-1, 3))[0])) > rough * thickness:
         raise NotFlatError("the solid is not the sheet's")
     return FlatFacets(whole, curved.shift, skins, facet, thickness)
 
 
 def _folded(flat: FlatFacets) -> FoldedSheet:
-    """Raises ExportError where mitring leaves too many facets of single faces."""
     F, facet = flat.whole.F, flat.facet
     points, apart = _mitred(flat.skins, F, facet)
     if apart.any():
@@ -171,26 +163,25 @@ def _folded(flat: FlatFacets) -> FoldedSheet:
 
 
 def _ask_few(facet: Ints) -> None:
-    """Raise NotFlatError where there is one facet only, or one for every few faces."""
-    if not 1 < int(facet.max()) + 1 <= len(facet) / FACES:
+    faces_per_facet = 4  # least triangles for each facet: each triangle of a curved sheet is a facet of its own
+    if not 1 < int(facet.max()) + 1 <= len(facet) / faces_per_facet:
         raise NotFlatError("the facets of the sheet are not flat")
 
 
 def _facet_of(skins: Floats, F: Ints, off: float) -> Ints:
-    """(m,) the facet of each face: faces that lie in one plane on both skins."""
+    """(m,) facet of each face: faces of one facet lie in one plane on both skins."""
     table = edge_table(F)
     both = [coplanar_regions(skins[:, s], F, table, off)[0] for s in (0, 1)]
     return np.unique(np.stack(both, axis=1), axis=0, return_inverse=True)[1].reshape(-1)
 
 
 def _apart(facet: Ints, chosen: Bools) -> Ints:
-    """(m,) facets, each chosen face one of its own."""
+    """(m,) facets; each chosen face becomes a facet of its own."""
     alone = np.where(chosen, len(facet) + np.arange(len(facet)), facet)
     return np.unique(alone, return_inverse=True)[1].reshape(-1)
 
 
 def _plane(skins: Floats, F: Ints) -> Facet:
-    """The planes through the mean of some faces, normal to their area."""
     corners = skins[F].transpose(2, 1, 0, 3)  # (2, 3 corners, m, 3)
     vectors = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
     area = np.linalg.norm(vectors, axis=2)
@@ -200,11 +191,11 @@ def _plane(skins: Floats, F: Ints) -> Facet:
 
 
 def _mitred(skins: Floats, F: Ints, facet: Ints) -> tuple[Floats, Bools]:
-    """(n, 2, 3) the vertices moved by as little as can be into the planes of the facets around them, and those where
-    these do not meet in a point, which more than three need not.
+    """(n, 2, 3) vertices moved by least squares into the planes of their facets; and vertices without a common point.
 
-    A facet of one face has no plane of its own: it lies where its corners are.
+    A facet of one face has no plane of its own: its corners define it.
     """
+    exact = 1e-5  # millimetres that corners of a fold may be off the planes that meet there
     count = np.bincount(facet)
     planes = {int(k): _plane(skins, F[facet == k]) for k in np.flatnonzero(count > 1)}
     pairs = np.unique(np.stack([F, np.repeat(facet[:, None], 3, axis=1)], axis=2).reshape(-1, 2), axis=0)
@@ -218,20 +209,20 @@ def _mitred(skins: Floats, F: Ints, facet: Ints) -> tuple[Floats, Bools]:
             off = np.array([one.axes[s, 2] @ (one.origin[s] - skins[v, s]) for one in around])
             move = np.linalg.lstsq(N, off, rcond=1e-9)[0]
             points[v, s] += move
-            apart[v] |= float(np.abs(N @ move - off).max()) > EXACT
+            apart[v] |= float(np.abs(N @ move - off).max()) > exact
     return points, apart
 
 
 @dataclass(frozen=True, eq=False)
 class FoldedShape:
-    """A folded sheet with its walls as chains of curves (poles (p, 4), see `Facet.flat`) by the keys of their runs."""
+    """A folded sheet and its walls: curves with poles (p, 4), see `Facet.flat`, by the keys of their runs."""
 
     sheet: FoldedSheet
     walls: dict[Key, list[Curve]]
 
     @property
     def faces(self) -> int:
-        """A wall for each curve, and two skins for each region."""
+        """Number of faces: a wall for each curve, and two skins for each region."""
         return sum(map(len, self.walls.values())) + 2 * len(self.sheet.outline.regions)
 
     @property
@@ -241,7 +232,7 @@ class FoldedShape:
 
 
 def folded_shape(sheet: FoldedSheet, tolerance: float) -> FoldedShape:
-    """The walls as curves within a tolerance, millimetres; raises ExportError where a spline cannot follow."""
+    """Fit the walls as curves within a tolerance (mm); raises ExportError if no spline follows."""
     walls = dict[Key, list[Curve]]()
     for region in sheet.outline.regions:
         facet, lines = sheet.facets[region.chart], region_lines(sheet, region)
@@ -256,9 +247,9 @@ def folded_shape(sheet: FoldedSheet, tolerance: float) -> FoldedShape:
 
 
 def region_lines(sheet: FoldedSheet, region: Region) -> list[Floats]:
-    """(k, 4) the loops of a region in the planes of its facet; the one around it is counter-clockwise.
+    """(k, 4) loops of a region in the planes of its facet; the outer one is counter-clockwise.
 
-    Raises ExportError where there is not one such loop.
+    Raises ExportError unless there is exactly one outer loop.
     """
     facet = sheet.facets[region.chart]
     lines = [facet.flat(sheet.points[np.concatenate([run.vertices[:-1] for run in loop])]) for loop in region.loops]
@@ -268,8 +259,11 @@ def region_lines(sheet: FoldedSheet, region: Region) -> list[Floats]:
 
 
 def _curve(line: Floats, close: float) -> Curve:
-    """Of a line (k, 4) on both skins. Beside a fold one of these has farther to go than the other: points at equal
-    shares of both lengths are opposite each other, so that straight edges stay lines."""
+    """Fit a curve to a line (k, 4) on both skins.
+
+    Points at equal shares of both lengths are opposite each other, because one skin is longer beside a fold. Straight
+    edges then stay lines.
+    """
     upper, lower = line[:, :2], line[:, 2:]
     shares = [_shares(one) for one in (upper, lower)]
     x = np.union1d(*shares)
@@ -281,26 +275,22 @@ def _curve(line: Floats, close: float) -> Curve:
 
 
 def _shares(line: Floats) -> Floats:
-    """(k,) of the length of a polyline (k, 2) up to its vertices."""
+    """(k,) shares of the length of a polyline (k, 2) at its vertices."""
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
     return np.asarray(length / max(float(length[-1]), 1e-300))
 
 
 def is_fold(run: OutlineRun) -> bool:
-    """Whether a run lies between two facets."""
+    """Return whether a run lies between two facets."""
     return run.beyond != WALL
 
 
-MORE = 2
-"""Decimals of points and directions over the usual ones: edges keep to a plane aslant under 1e-7 mm, the least
-tolerance that OCCT gives. Over it a fillet that shortens an edge finds the tolerance of all of it a bit too small."""
-
 Edges = tuple[int, int]
-"""The edges of a run on the upper skin and on the lower one."""
+"""Edges of a run on the upper and on the lower skin."""
 
 
 def folded_entities(shape: FoldedShape, name: str) -> Iterator[str]:
-    """The text of the file: a solid for each piece."""
+    """Yield the file with a solid for each piece."""
     pieces = shape.sheet.outline.count
     yield header(name, f"folded solid of flat facets, outline within {shape.deviation:.2g} mm of the mesh", pieces)
     writer = _Writer(shape)
@@ -314,7 +304,8 @@ def folded_entities(shape: FoldedShape, name: str) -> Iterator[str]:
 
 
 class PlanarFile(NamedTuple):
-    """Faces, the text, how far its outline is off the mesh, millimetres, and flat facets: 1 of a sheet in one plane."""
+    """Number of faces, the text, largest distance from the mesh in mm, and number of facets (1 for a sheet in one
+    plane)."""
 
     faces: int
     texts: list[str]
@@ -323,7 +314,7 @@ class PlanarFile(NamedTuple):
 
 
 def planar_file(part: Part) -> PlanarFile:
-    """The file of a flat sheet, or of a folded one; raises ExportError, with the reason, for any other solid."""
+    """Encode a flat or a folded sheet; raises ExportError with the reason for any other solid."""
     folded = folded_sheet(part)
     if folded is None:
         flat = plate(outlines_of(part), part.corners, part.tolerance)
@@ -333,14 +324,16 @@ def planar_file(part: Part) -> PlanarFile:
 
 
 class _Writer:
-    """Writes regions; what two of them share is written once."""
+    """Writer of regions; neighbouring regions share entities."""
 
     def __init__(self, shape: FoldedShape) -> None:
-        self.new, self.shape, self.sheet = Entities(more=MORE), shape, shape.sheet
+        # Edges on inclined planes then stay within 1e-7 mm, OCCT's least tolerance. With a larger tolerance a fillet
+        # that shortens an edge fails.
+        extra_digits = 2
+        self.new, self.shape, self.sheet = Entities(more=extra_digits), shape, shape.sheet
         self.vertices, self.posts, self.edges = dict[int, Edges](), dict[int, int](), dict[Key, Edges]()
 
     def region(self, region: Region) -> list[int]:
-        """The faces of a region: walls, and both skins."""
         facet, lines = self.sheet.facets[region.chart], region_lines(self.sheet, region)
         order = sorted(range(len(lines)), key=lambda i: -enclosed(lines[i][:, :2]))
         faces, bounds = list[int](), (list[int](), list[int]())
@@ -362,7 +355,6 @@ class _Writer:
         return faces
 
     def _fold(self, run: OutlineRun) -> tuple[Edges, bool]:
-        """Both edges of a fold, which its two facets share, and whether the run goes along them."""
         key, ahead = run_key(run)
         if key not in self.edges:
             way = run.vertices[[0, -1]] if ahead else run.vertices[[-1, 0]]
@@ -372,7 +364,8 @@ class _Writer:
         return self.edges[key], ahead
 
     def _walls(self, run: OutlineRun, facet: Facet) -> tuple[list[Edges], list[int]]:
-        """Both edges of each wall of a run, and its faces: seen from outside, lower edges go to the right."""
+        """Add the faces of a run of walls; return both edges of each wall, and the faces. From outside, lower edges go
+        to the right."""
         chain, vertices, posts = self.shape.walls[run_key(run)[0]], list[Edges](), list[int]()
         for v in run.vertices[[0, -1]]:
             vertices.append(self._vertex(int(v)))
@@ -392,7 +385,6 @@ class _Writer:
         return known, faces
 
     def _edges(self, a: Edges, b: Edges, curves: list[int]) -> Edges:
-        """The edges from vertices a to vertices b of both skins."""
         upper, lower = (self.new.add(f"EDGE_CURVE('',#{a[s]},#{b[s]},#{curves[s]},.T.)") for s in (0, 1))
         return upper, lower
 
@@ -402,7 +394,6 @@ class _Writer:
         return self.vertices[v]
 
     def _post(self, v: int) -> int:
-        """The edge from the lower to the upper point of a vertex."""
         if v not in self.posts:
             self.posts[v] = self._new_post(self._vertex(v), self.sheet.points[v])
         return self.posts[v]
@@ -416,7 +407,7 @@ class _Writer:
         return self.new.add(f"EDGE_CURVE('',#{lower},#{upper},#{self.new.line(q, p - q)},.T.)")
 
     def _ruled(self, curve: Curve, poles: Floats) -> int:
-        """The surface between the curves with poles (p, 2, 3), upper and lower; its normal points outwards."""
+        """Add the surface between upper and lower curves with poles (p, 2, 3); its normal points outwards."""
         upper, lower = poles[:, 0], poles[:, 1]
         across = np.cross(lower[-1] - lower[0], upper[0] - lower[0])
         normal = across / max(float(np.linalg.norm(across)), 1e-300)

@@ -14,14 +14,13 @@ FLATNESS = 1e-5
 
 
 def coplanar_regions(V: Floats, F: Ints, table: EdgeTable, off: float = FLATNESS) -> tuple[Ints, Floats]:
-    """Region (m,) of each triangle, and twice the area vector (r, 3) of each region.
+    """Return the region (m,) of each triangle, and twice the area vector (r, 3) of each region.
 
-    off : millimetres that vertices may be off a joined plane.
+    tolerance : largest distance of vertices from a joined plane, millimetres.
 
-    Neighbours are joined where the apex of each lies in the plane of the other and they are not folded over. Triangles
-    lower than FLATNESS have no plane of their own: they join the neighbour across their longest edge and no other, or
-    they would bridge the two sides of an edge of the solid.
-    Small turns could add up, so a region with a vertex off its mean plane falls apart again.
+    Two neighbours join if the apex of each lies in the plane of the other and they are not folded over. A triangle
+    lower than FLATNESS has no plane; it joins only the neighbour across its longest edge, or it would bridge an edge of
+    the solid. Small turns could add up, so a region with a vertex off its mean plane falls apart again.
     """
     corners = V[F]
     vectors = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
@@ -48,7 +47,7 @@ def _components(links: Ints, count: int) -> Ints:
 
 
 def _off_plane(corners: Floats, vectors: Floats, region: Ints) -> Floats:
-    """(r,) largest distance of a region's vertices from the plane through their mean, normal to its area vector."""
+    """(r,) largest distance of a region's vertices from its mean plane."""
     normal = group_sums(region, vectors)
     normal /= np.maximum(np.linalg.norm(normal, axis=1, keepdims=True), 1e-300)
     weight = np.linalg.norm(vectors, axis=1)
@@ -62,36 +61,36 @@ def _off_plane(corners: Floats, vectors: Floats, region: Ints) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class Outline:
-    """Loops of vertices: loop i has the half-edges h[start[i] : start[i + 1]], each leaving its vertex."""
+    """Loops of half-edges: loop i has h[start[i] : start[i + 1]]."""
 
     h: Ints
     start: Ints
 
     @property
     def loop(self) -> Ints:
-        """(h,) the loop that each half-edge is of."""
+        """(h,) loop of each half-edge."""
         return np.repeat(np.arange(len(self.start) - 1), np.diff(self.start))
 
     @property
     def next(self) -> Ints:
-        """(h,) position of the next half-edge of the same loop."""
+        """(h,) position of the next half-edge in the same loop."""
         onward = np.arange(1, len(self.h) + 1)
         onward[self.start[1:] - 1] = self.start[:-1]
         return onward
 
 
 def outline_of(region: Ints, other: Ints) -> Outline:
-    """The half-edges between different regions (m,), chained with their region on the left; other: (3 m,) the
-    opposite ones.
+    """Chain the half-edges between different regions (m,), with their region on the left. opposite : (3 m,) opposite
+    half-edges.
 
-    After a half-edge, the next one is found by turning about its end through triangles of the same region: loops never
+    The successor of a half-edge is found by turning about its end through triangles of the same region, so loops never
     jump across a vertex where a region touches itself.
     """
     kept = region[np.arange(len(other)) // 3] != region[other // 3]
     onward = np.arange(len(other))
     onward += np.where(onward % 3 == 2, -2, 1)
     follow = onward.copy()
-    turning = np.flatnonzero(kept)  # about a vertex inside a region one would turn for ever
+    turning = np.flatnonzero(kept)  # half-edges inside a region would turn forever
     while len(turning := turning[~kept[onward[turning]]]):
         onward[turning] = follow[other[onward[turning]]]
     step, passed = onward.tolist(), bytearray(len(other))
@@ -107,7 +106,7 @@ def outline_of(region: Ints, other: Ints) -> Outline:
 
 
 def simple(outline: Outline, F: Ints) -> Outline:
-    """The loops of faces F (m, 3) cut where they come back to a vertex, so that none touches itself."""
+    """Cut the loops of faces F (m, 3) at repeated vertices, so that no loop touches itself."""
     vertex = F.ravel()[outline.h]
     visits = np.sort(outline.loop * (int(F.max()) + 1) + vertex)
     touching = set((visits[1:][visits[1:] == visits[:-1]] // (int(F.max()) + 1)).tolist())
@@ -121,7 +120,7 @@ def simple(outline: Outline, F: Ints) -> Outline:
 
 
 def cut_apart(h: list[int], vertices: list[int]) -> list[list[int]]:
-    """One loop of half-edges h, with the vertices they leave, as loops that visit each vertex once."""
+    """Cut a loop of half-edges h, which leave `vertices`, into loops that visit each vertex once."""
     loops, path, place = [], list[int](), dict[int, int]()
     visited: list[int] = []
     for half_edge, vertex in zip(h, vertices, strict=True):
@@ -138,8 +137,8 @@ def cut_apart(h: list[int], vertices: list[int]) -> list[list[int]]:
 
 
 def ends_of_runs(alive: Bools, outline: Outline) -> tuple[Ints, Ints]:
-    """(h,) for each position, the last corner (alive, (h,)) of its loop at or before it, and the first corner after
-    it."""
+    """(h,) for each position, the last corner of its loop at or before it, and the first one after it; alive (h,) marks
+    corners."""
     at = np.flatnonzero(alive)
     loop = outline.loop
     first = np.searchsorted(at, outline.start[:-1])
@@ -151,8 +150,7 @@ def ends_of_runs(alive: Bools, outline: Outline) -> tuple[Ints, Ints]:
 
 
 def positions(start: Ints, loops: Ints) -> tuple[Ints, Ints]:
-    """(p,) the positions of all steps of some loops (k,), loop after loop, and for each of them which of `loops` it
-    is of."""
+    """Return the positions (p,) of all steps of loops (k,), loop after loop, and the index into `loops` of each."""
     length = np.diff(start)[loops]
     loop = np.repeat(np.arange(len(loops)), length)
     return (start[loops] - np.cumsum(length) + length)[loop] + np.arange(len(loop)), loop
@@ -163,14 +161,14 @@ class Polyhedron:
     """Planar faces with shared edges. Loops run counter-clockwise about the face's normal, inner loops clockwise.
 
     points  : (p, 3) millimetres.
-    edges   : (e, 2) points at the ends of each straight edge.
+    edges   : (e, 2) end points of each straight edge.
     steps   : (s,) edge of each step of the loops; every edge has two steps, one in each direction.
-    forward : (s,) whether the step runs from the edge's first end to its second.
+    forward : (s,) True if the step runs from the edge's first end to its second.
     loops   : (l + 1,) loop i has the steps loops[i] : loops[i + 1].
     faces   : (f + 1,) face i has the loops faces[i] : faces[i + 1], its outer loop first.
     normals : (f, 3) unit normals.
     origin  : (f,) a point of each face.
-    shell   : (f,) the closed shell of each face.
+    shell   : (f,) closed shell of each face.
     """
 
     points: Floats
@@ -185,7 +183,7 @@ class Polyhedron:
 
 
 def polyhedron(V: Floats, F: Ints, shell: Ints) -> Polyhedron:
-    """Planar faces of a closed triangle mesh whose edges have two triangles each; shell (m,) labels its triangles."""
+    """Build planar faces of a closed triangle mesh with two triangles at each edge; shell (m,) labels its triangles."""
     table = edge_table(F)
     other = np.empty(3 * len(F), dtype=np.int64)
     other[table.pairs[:, 0]], other[table.pairs[:, 1]] = table.pairs[:, 1], table.pairs[:, 0]
@@ -196,11 +194,10 @@ def polyhedron(V: Floats, F: Ints, shell: Ints) -> Polyhedron:
 
 
 def _corners(V: Floats, F: Ints, table: EdgeTable, outline: Outline) -> Bools:
-    """(n,) vertices that the outlines need: not those in the middle of a straight edge.
+    """(n,) vertices that the outlines need, without those inside a straight edge.
 
-    A vertex can go when just two outline edges meet there, in line. Then every run of such vertices must lie on the
-    line between its ends, or it is kept whole: a finely divided circle is locally straight too. Loops keep three
-    corners.
+    A vertex can go if just two outline edges meet there, in line. Every run of such vertices must also lie on the line
+    between its ends, because a finely divided circle is locally straight too. Loops keep three corners.
     """
     a = F.ravel()[outline.h]
     edge = np.unique(table.of.ravel()[outline.h])
@@ -208,7 +205,7 @@ def _corners(V: Floats, F: Ints, table: EdgeTable, outline: Outline) -> Bools:
     alive = degree > 2
     before, after = np.roll(a, 1), a[outline.next]
     before[outline.start[:-1]] = a[outline.start[1:] - 1]
-    two = np.flatnonzero(~alive[a])  # all others are corners: on a curved solid nearly every vertex
+    two = np.flatnonzero(~alive[a])  # the rest are corners: nearly every vertex of a curved solid
     at, p, q = V[a[two]], V[before[two]], V[after[two]]
     onward = np.einsum("hi,hi->h", at - p, q - at) > 0
     alive[a[two][~onward | (_from_line(at, p, q) > FLATNESS)]] = True
@@ -236,7 +233,8 @@ def _from_line(p: Floats, a: Floats, b: Floats) -> Floats:
 def _assembled(
     V: Floats, F: Ints, shell: Ints, region: Ints, vectors: Floats, table: EdgeTable, outline: Outline, alive: Bools
 ) -> Polyhedron:
-    """Number points, edges and faces; what has a row per step is let go early, since there are three to a triangle."""
+    """Number points, edges and faces. Arrays with a row per step are freed early, because each triangle has three
+    steps."""
     face_of_loop = region[outline.h[outline.start[:-1]] // 3]
     normals = vectors / np.linalg.norm(vectors, axis=1, keepdims=True)
     begin, start, (edge, ends, forward) = _long_edges(F, table, outline, alive)
@@ -265,10 +263,10 @@ def _assembled(
 def _long_edges(
     F: Ints, table: EdgeTable, outline: Outline, alive: Bools
 ) -> tuple[Ints, Ints, tuple[Ints, Ints, Bools]]:
-    """The vertex that each step of the loops begins at, where the loops start, and of the steps their edges.
+    """Return the first vertex of each step, the starts of the loops, and the edge, ends (e, 2) and direction of each
+    step.
 
-    The edge of each step, the vertices (e, 2) at the edges' ends, and whether a step runs from the first to the second.
-    From both sides, a long edge is known by the smallest mesh edge in it.
+    Both sides identify a long edge by the smallest mesh edge in it.
     """
     a = F.ravel()[outline.h]
     kept = alive[a]

@@ -25,16 +25,13 @@ from dsfab.surface.topology import duplicate_faces, edge_table, misoriented_edge
 from dsfab.thickening.self_intersection import intersecting_pairs
 
 FINER = 2
-"""How often triangles of curved faces are drawn at a quarter of the distance, where they cross."""
-
-SAME_PLACE = 1e-9
-"""Points of a STEP file that are closer than this share of its size are one: its faces are triangulated one by one."""
+"""Number of rounds in which crossing curved faces are redrawn, each with a quarter of the deflection."""
 
 
 class StepTriangles(NamedTuple):
-    """V (n, 3) metres, no two at the same place; F (m, 3) with three different corners, seen from outside.
+    """V (n, 3) distinct points in metres; F (m, 3) with three different corners, counter-clockwise from outside.
 
-    face : (m,) of the file that each is of.     lost : triangles that had not three different corners.
+    face : (m,) face of the file for each triangle.     lost : number of degenerate triangles that were dropped.
     """
 
     V: Floats
@@ -44,9 +41,10 @@ class StepTriangles(NamedTuple):
 
 
 def step_triangles(mesh: StepMesh) -> StepTriangles:
-    """What OCCT drew, its points joined by place."""
+    """Return OCCT's triangles with points at the same place merged."""
+    same_place = 1e-9  # share of the size: OCCT triangulates faces one by one, so equal points differ by rounding
     size = float(np.linalg.norm(np.ptp(mesh.V, axis=0)))
-    grid = np.round(mesh.V / (SAME_PLACE * size))
+    grid = np.round(mesh.V / (same_place * size))
     _, once, of = np.unique(grid, axis=0, return_index=True, return_inverse=True)
     F = of.reshape(-1)[mesh.F]
     whole = (np.roll(F, -1, axis=1) != F).all(axis=1)
@@ -56,34 +54,34 @@ def step_triangles(mesh: StepMesh) -> StepTriangles:
 def curved_soundness(
     first: StepTriangles, deflection: float, shape: bytes, tell: Callable[[], None] = lambda: None
 ) -> Soundness:
-    """Judge the solid that triangles were drawn of.
+    """Judge a solid with curved faces by its triangles.
 
-    first : the triangles.    deflection : metres that they may be off curved faces; 0 where there are none.
-    shape : what they were drawn of, as OCCT keeps it.    tell : called before faces are drawn anew.
+    deflection : largest distance of the triangles from curved faces in metres; 0 without such faces.
+    shape      : OCCT's binary shape of the file.    on_redraw : called before faces are redrawn.
 
-    What is said but of crossings is of the first triangles. Raises ExportError where OCCT takes too long.
+    All faults except crossings come from the first triangles. Raises ExportError if OCCT takes too long.
     """
     sound, drawn, met = soundness(first.V, first.F), first, np.zeros(0, dtype=np.int64)
     for k in range(1, FINER + 1):
         if not deflection or {fault.kind for fault in sound.faults} != {"crossing"}:
             break
         tell()
-        met = np.union1d(met, drawn.face[sound.crossings])  # none is let off for one drawing without a crossing
+        met = np.union1d(met, drawn.face[sound.crossings])  # faces of earlier rounds stay in
         sound, drawn = _finer(sound, first, _near(first, met, deflection), deflection / 4**k, shape)
     return sound
 
 
 def step_fault(path: Path, deflection: float) -> str:
-    """What keeps a STEP file with curved faces from being a solid, drawn to a deflection, metres; "" if nothing does.
+    """Return the reason why a STEP file is no solid, drawn with a deflection in metres; "" for a solid.
 
-    Raises ExportError when OCCT cannot read it or takes too long.
+    Raises ExportError if OCCT cannot read the file or takes too long.
     """
     mesh = read_step(path, deflection / METRES_PER["mm"])
     return drawn_fault(step_triangles(mesh), deflection, mesh.shape)
 
 
 def drawn_fault(first: StepTriangles, deflection: float, shape: bytes) -> str:
-    """The same of what OCCT has read and drawn: see `curved_soundness`."""
+    """Return the reason why drawn triangles bound no solid, see `curved_soundness`; "" for a solid."""
     sound = curved_soundness(first, deflection, shape)
     if sound.sound:
         return ""
@@ -93,8 +91,7 @@ def drawn_fault(first: StepTriangles, deflection: float, shape: bytes) -> str:
 
 
 def _near(first: StepTriangles, faces: Ints, deflection: float) -> Ints:
-    """Numbers of faces, and of all that they could meet: whose boxes overlap when each is larger by the deflection,
-    which holds a face whose triangles the box is of."""
+    """Return faces and all faces whose boxes, each enlarged by the deflection, overlap theirs."""
     count, corners = int(first.face.max()) + 1, first.V[first.F]
     low, high = np.full((count, 3), np.inf), np.full((count, 3), -np.inf)
     np.minimum.at(low, first.face, corners.min(axis=1) - deflection)
@@ -108,9 +105,9 @@ def _near(first: StepTriangles, faces: Ints, deflection: float) -> Ints:
 def _finer(
     sound: Soundness, first: StepTriangles, faces: Ints, deflection: float, shape: bytes
 ) -> tuple[Soundness, StepTriangles]:
-    """What is known of a solid once some of its faces are drawn finer, and their triangles.
+    """Redraw some faces with a smaller deflection; return the new judgement and the triangles.
 
-    All are drawn where those do not hang together as they did, for then they say nothing of the rest.
+    All faces are redrawn if the new triangles have another topology, because they then say nothing about the rest.
     """
     drawn = step_triangles(drawn_anew(shape, deflection / METRES_PER["mm"], faces))
     if not np.array_equal(np.unique(drawn.face), faces) or not _alike(first, drawn):
@@ -122,8 +119,11 @@ def _finer(
 
 
 def _alike(coarse: StepTriangles, fine: StepTriangles) -> bool:
-    """Whether fine triangles of some faces are an oriented manifold of the same Euler number as coarse ones of these:
-    what OCCT leaves out, or does not join, makes it another one."""
+    """Return whether fine triangles are an oriented manifold with the Euler number of the coarse triangles of the same
+    faces.
+
+    A face that OCCT omits or fails to join changes that number.
+    """
     ones = np.isin(coarse.face, fine.face)
     edges = edge_table(fine.F)
     crowded = (edges.count > 2).any() or len(duplicate_faces(fine.F))
@@ -135,22 +135,17 @@ def _euler(F: Ints) -> int:
 
 
 MOST_FACES = 2000
-"""Of a file that is cut unasked: so many take OCCT 4 seconds to cut and to ask whether the halves are valid, and 10 to
-15 where the text is read again for it."""
-
-MOST_SMOOTH = 500
-"""Of a smooth file: its skins have all openings' edges, and 1400 faces took OCCT half a minute."""
+"""Most faces of a file that is cut on trial without a request: OCCT takes 4 s, or 10 to 15 s if it reads the text
+again."""
 
 SECONDS, SECONDS_PER_FACE = 30.0, 0.03
-"""Of the processor: some times what was measured. Volumes of smooth halves with hundreds of edges take that long."""
-
-BOX = 1e-2
-"""Share of its diagonal that the box of a solid may be off at each side."""
+"""Limits of processor time, several times the measured time. Volumes of smooth halves with hundreds of edges take
+long."""
 
 
 @dataclass(frozen=True)
 class SampledUse:
-    """tried : whether the solid was cut.    fault : what went wrong, "" if nothing did."""
+    """Result of a trial cut. tried : False if there was none.    fault : reason for the failure, or ""."""
 
     tried: bool
     fault: str = ""
@@ -160,17 +155,18 @@ _TRIED: WeakKeyDictionary[Part, SampledUse] = WeakKeyDictionary()
 
 
 def smooth_use(part: Part) -> SampledUse:
-    """What becomes of one cut of a part's smooth file, tried once, where that is wanted of the part."""
+    """Cut the smooth file of a part once on trial, if the part requests it."""
+    most_faces = 500  # OCCT needs half a minute for 1400 faces, because skins hold the edges of all openings
     if part not in _TRIED:
         file = smooth_file(part)
-        wanted = part.cut and file.faces <= MOST_SMOOTH
+        wanted = part.cut and file.faces <= most_faces
         text = file.text.encode("ascii")
         _TRIED[part] = sampled_use(part, text, file.faces, file.limits) if wanted else SampledUse(False)
     return _TRIED[part]
 
 
 def sampled_use(part: Part, file: bytes, faces: int, limits: Limits, suffix: str = ".step") -> SampledUse:
-    """What becomes of one cut of a part's file with so many faces, or of what OCCT keeps of it once read (`.bin`)."""
+    """Cut a file once on trial: STEP text, or OCCT's binary shape with the suffix `.bin`."""
     if faces > MOST_FACES:
         return SampledUse(False)
     with _file(file, suffix) as path:
@@ -179,8 +175,8 @@ def sampled_use(part: Part, file: bytes, faces: int, limits: Limits, suffix: str
 
 
 def cut_fault(path: Path, faces: int) -> tuple[str, list[float]]:
-    """What is wrong with the halves that one cut leaves of a file with so many faces, "" if nothing is; and the box of
-    the whole, six numbers in millimetres, if OCCT came that far."""
+    """Return the fault of the halves of one trial cut ("" if none) and the box of the whole, six numbers in mm, if OCCT
+    reports it."""
     seconds = SECONDS + SECONDS_PER_FACE * faces
     try:
         said = json.loads(last_line(use_check.__file__, str(path), "sample", seconds=seconds))
@@ -193,25 +189,22 @@ def cut_fault(path: Path, faces: int) -> tuple[str, list[float]]:
 
 
 def said_of_use(text: str, seconds: float) -> dict[str, Any]:
-    """All that `use_check` says of a file; raises as `last_line`."""
+    """Return the report of `use_check` about a file; raises the errors of `last_line`."""
     with _file(text.encode("ascii")) as path:
         return dict(json.loads(last_line(use_check.__file__, str(path), seconds=seconds)))
 
 
 @contextmanager
 def _file(content: bytes, suffix: str = ".step") -> Iterator[Path]:
-    """A file with a content, for as long as it is looked at."""
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
         path = Path(folder) / f"a{suffix}"
         path.write_bytes(content)
         yield path
 
 
-def box_fault(part: Part, bounds: list[float], limits: Limits, share: float = BOX) -> str:
-    """What is wrong with a box, six numbers in millimetres, that OCCT finds around a part's file; "" if nothing is.
-
-    share : of the part's size that it may be off.
-    """
+def box_fault(part: Part, bounds: list[float], limits: Limits, share: float = 1e-2) -> str:
+    """Return the fault of OCCT's box around a part's file, six numbers in mm; "" if it fits. share : of the part's
+    diagonal."""
     size = float(np.linalg.norm(np.ptp(part.box, axis=0)))
     off = float(np.abs(np.array(bounds).reshape(2, 3) - part.box).max())
     return f"OCCT's box of it is {off:.3g} mm off" if off > share * size + limits.distance + limits.usual else ""

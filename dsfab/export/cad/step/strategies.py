@@ -35,27 +35,24 @@ from dsfab.surface.topology import edge_table, half_edges
 ROUTES = ("auto", "quick", "planar", "members", "smooth", "compact", "faceted", "tessellated")
 
 TIGHTER = 1 / 4
-"""A planar file that is refused is tried once more with this share of the tolerance: curves may cross in a narrow."""
+"""Share of the tolerance for a second planar try, because curves may cross in a narrow place."""
 
 LONGER = 3
-"""Times the walls and layouts that `auto` tries to make smooth at first: `quick` has no other chance. A seam close to
-an opening makes OCCT refuse a face, and those of another layout, 5 to 10 s each, lie elsewhere: of ten surfaces as
-people bring them four failed so in the first layout; three of them were sound in the second and one in the third."""
+"""Factor of the walls and layouts that `quick` tries to make smooth, because it gets no second chance. A seam close to
+an opening can make OCCT refuse a face; another layout (5 to 10 s) has its seams elsewhere. Of ten user surfaces four
+failed in the first layout; three of them were sound in the second and one in the third."""
 
 MANY = 2
-"""Times the faces that `auto` makes by members at first, where facets are over the budget: what is left is smooth only,
-and CAD programs fail to cut that (of eight cuts of a cylinder at 45 degrees all)."""
-
-FAR = 2
-"""Times the faces of the budget: what has more is not halved by simplifying it further."""
+"""Factor of the faces that `auto` makes by members if facets exceed the budget. The remaining strategy is smooth, which
+CAD programs fail to cut (all eight cuts of a cylinder at 45 degrees)."""
 
 
 def prepare(part: Part) -> Part:
-    """The part rounded to the file's decimals; raises ExportError where an edge has more than two triangles."""
+    """Round the part to the decimals of the file; raises ExportError if an edge has more than two triangles."""
     V, coarse = (np.round(part.V, digits) + 0.0 for digits in (DIGITS, FACETED_DIGITS))
     ends = np.stack(half_edges(part.F))
     short = ends[:, (coarse[ends[0]] == coarse[ends[1]]).all(axis=1)]
-    V[short] = coarse[short]  # they become one, the others stay where planes are found
+    V[short] = coarse[short]  # the ends of a short edge merge; all other points keep the decimals that planes need
     part = without_collapsed(part, V, f"a STEP file with {FACETED_DIGITS} decimals")
     crowded = int((edge_table(part.F).count != 2).sum())
     if crowded:
@@ -67,9 +64,10 @@ def prepare(part: Part) -> Part:
 
 
 def attempts(part: Part) -> Iterator[Part | BudgetError]:
-    """The part with its ways, the best first; the refusal of a way that is over the budget as soon as it is known.
+    """Yield the part with each strategy in turn, the best first, or a BudgetError for a strategy that exceeds the
+    budget.
 
-    A solid is simplified before it is faceted when a tolerance was asked for, else only when nothing else is accepted.
+    A solid is simplified before faceting if the user gave a tolerance, otherwise only if all other strategies fail.
     """
     flat, chosen = 0.0, part.step in ("auto", "quick")
     if part.step == "members":
@@ -102,9 +100,9 @@ def attempts(part: Part) -> Iterator[Part | BudgetError]:
 
 
 def _worth_members(part: Part) -> bool:
-    """Whether a part is tried by members unasked: the stripes of its sheet are known, and for `quick` it is open.
+    """Return whether to try members without a request: the sheet has stripes, and `quick` needs an open sheet.
 
-    A smooth file is there in half of the time, and CAD programs fail to cut it: of 24 half-spaces one was left valid.
+    A smooth file takes half of the time, but CAD programs fail to cut it: of 24 half-space cuts one was valid.
     """
     curved = _curved(part)
     if curved is None or curved.striped is None:
@@ -113,13 +111,12 @@ def _worth_members(part: Part) -> bool:
 
 
 def _striped(part: Part) -> bool:
-    """Whether the stripes of a part's sheet are known."""
     curved = _curved(part)
     return curved is not None and curved.striped is not None
 
 
 def _curved(part: Part) -> Curved | None:
-    """The sheet of a part; None where there is none that smooth STEP can take: the smooth way says why."""
+    """Return the sheet of a part; None if it has none that smooth STEP accepts, whose error states the reason."""
     try:
         return part.curved() if part.curved else None
     except ExportError:
@@ -127,15 +124,16 @@ def _curved(part: Part) -> Curved | None:
 
 
 def _last(part: Part, members: Part | None, quick: bool) -> Iterator[Part | BudgetError]:
-    """What is left for a faceted part that was refused.
+    """Yield the remaining attempts after a faceted part was refused.
 
-    members : the same by members, where ways that take long are tried too.
-    quick   : whether nothing more is tried where the first simplification is far over the budget.
+    members : the part with the strategy members, for slow attempts.
+    quick   : stop if the first simplification is far over the budget.
     """
+    limit = 2  # times the allowed faces: further simplification does not halve a larger file
     far = False
     if not part.tolerance:
         for simple in _simpler(part, usual_tolerance(part)):
-            far = isinstance(simple, BudgetError) and simple.faces > FAR * part.step_faces
+            far = isinstance(simple, BudgetError) and simple.faces > limit * part.step_faces
             yield simple
     if members:
         if has_too_many(members):
@@ -146,7 +144,6 @@ def _last(part: Part, members: Part | None, quick: bool) -> Iterator[Part | Budg
 
 
 def _as_asked(part: Part) -> Iterator[Part | BudgetError]:
-    """The part simplified within its tolerance, or as it is if that does not help."""
     try:
         yield simpler(part, part.tolerance)
     except BudgetError as error:
@@ -156,7 +153,7 @@ def _as_asked(part: Part) -> Iterator[Part | BudgetError]:
 
 
 def _simpler(part: Part, tolerance: float) -> Iterator[Part | BudgetError]:
-    """The part simplified within a tolerance, where that helps; its refusal where it does not help enough."""
+    """Yield the part simplified within a tolerance, or the BudgetError; nothing if simplification fails."""
     try:
         yield simpler(part, tolerance)
     except BudgetError as error:
@@ -166,14 +163,17 @@ def _simpler(part: Part, tolerance: float) -> Iterator[Part | BudgetError]:
 
 
 def simpler(part: Part, tolerance: float) -> Part:
-    """The part simplified within a tolerance, in millimetres; raises ExportError where it cannot be, or helps little,
-    and BudgetError where it does not help enough."""
+    """Simplify the part within a tolerance (mm); raises ExportError if that fails, and BudgetError if it still exceeds
+    the budget."""
     return prepare(simplified_part(replace(part, tolerance=tolerance), tolerance))
 
 
 def default_tolerance(part: Part) -> float:
-    """Millimetres; 0 for a solid that is neither flat nor folded, which will be told why when it is encoded, and for
-    one whose folds are no creases, where nobody asked for `planar`."""
+    """Return the default tolerance of a planar file, millimetres.
+
+    It is 0 for a solid that is neither flat nor folded, and for one whose folds are no creases, unless the user
+    requests `planar`. The encoder reports the reason.
+    """
     try:
         return OUTLINE * outlines_of(part).thickness
     except ExportError:
@@ -182,16 +182,16 @@ def default_tolerance(part: Part) -> float:
 
 
 def _may_be_planar(part: Part) -> bool:
-    """Whether nothing says yet that a solid is the mesh of a curved sheet: flat facets, and no creases between them.
+    """Return False for the mesh of a curved sheet: flat facets without creases between them.
 
-    Asked before its folds are mitred and its outlines are found, which takes seconds where each facet is one triangle.
+    This test avoids mitring and outlines, which take seconds if each facet is one triangle.
     """
     flat = flat_facets(part)
     return flat is None or flat.creased or part.step == "planar"
 
 
 def route_sentence(part: Part, refused: Sequence[ExportError]) -> str:
-    """How the file was made, and why not in the ways that were refused before."""
+    """Describe the strategy of the file, and the reasons against the strategies that were refused before."""
     if part.step == "planar":
         again = f" (a larger tolerance was refused: {refused[-1]})" if refused else ""
         folded = folded_sheet(part)
@@ -210,13 +210,12 @@ def route_sentence(part: Part, refused: Sequence[ExportError]) -> str:
 
 
 def _slow(refused: Sequence[ExportError]) -> str:
-    """Why a way that takes long was taken: what is quicker was over the budget."""
     over = " and ".join(reasons([one for one in refused if isinstance(one, BudgetError)]))
     return f"; made however long it took, since {over}" if over else ""
 
 
 def _cut_told(part: Part, refused: Sequence[ExportError]) -> str:
-    """What CAD programs will do with a smooth file, and which way is for those who cut it there."""
+    """Describe how CAD programs cut a smooth file, and recommend a strategy for users who cut it."""
     use = smooth_use(part)
     if use.tried and not use.fault:
         return "a half-space cut valid"
@@ -225,7 +224,7 @@ def _cut_told(part: Part, refused: Sequence[ExportError]) -> str:
 
 
 def way_to_cut(part: Part, refused: Sequence[ExportError]) -> str:
-    """What to ask for instead of a smooth file, where some ways were refused: members, unless these cannot be made."""
+    """Recommend a strategy instead of smooth: members, unless the refusals exclude it."""
     by_members = [one for one in refused if _ladder_by_members(one)]
     over = [one for one in by_members if isinstance(one, BudgetError)]
     if over:
@@ -236,7 +235,6 @@ def way_to_cut(part: Part, refused: Sequence[ExportError]) -> str:
 
 
 def _not_by_members(refused: Sequence[ExportError]) -> str:
-    """Why the way before was refused, where it was that by members."""
     why = [one.short if isinstance(one, BudgetError) else str(one) for one in refused if _ladder_by_members(one)]
     return f"; not by members, since {why[-1].removeprefix('by members ')}" if why else ""
 
@@ -246,18 +244,17 @@ def _ladder_by_members(error: ExportError) -> bool:
 
 
 def reasons(refused: Sequence[ExportError]) -> list[str]:
-    """Why ways were refused, each once; that a curved sheet is not flat is said only if there is nothing else."""
+    """Return each reason for a refusal once; "not flat" counts only if it is the only reason."""
     others = [one for one in refused if not isinstance(one, NotFlatError)] or refused
     return list(dict.fromkeys(one.short if isinstance(one, BudgetError) else _told(one, str(one)) for one in others))
 
 
 def _told(error: ExportError, why: str) -> str:
-    """Why a way was refused, and what to ask for where that helps."""
     return f"{why}: ask for step = 'members'" if isinstance(error, NotByMembersError) and error.if_asked else why
 
 
 def refusal(refused: Sequence[ExportError]) -> ExportError:
-    """What to raise when every way was refused: what each would cost, where it is the budget that forbids it."""
+    """Return the error if all strategies were refused, with the cost of each if the budget forbids it."""
     over = [one for one in refused if isinstance(one, BudgetError)]
     if not over:
         return refused[-1]
@@ -270,16 +267,16 @@ def refusal(refused: Sequence[ExportError]) -> ExportError:
 
 @dataclass(frozen=True)
 class Estimate:
-    """One way to write the file.
+    """Estimated cost of one strategy.
 
-    way           : planar, members, smooth, faceted, simplified (faceted after it), tessellated ...
-    faces         : of the file; triangles for tessellated. 0 where the way cannot be taken.
+    way           : planar, members, smooth, faceted, simplified (and then faceted), tessellated.
+    faces         : of the file; triangles for tessellated; 0 if the strategy fails.
     size, memory  : bytes.
-    write_seconds : until it is written and read back.
-    open_seconds  : for the program that opens it.
-    note          : how far it is off, and what else one should know.
-    refused       : why this way cannot be taken; "" if it can.
-    chosen        : whether `write` would take it.
+    write_seconds : to write and read back.
+    open_seconds  : for another program to open the file.
+    note          : distance from the mesh, and warnings.
+    refused       : reason for the refusal; "" if there is none.
+    chosen        : True if `write` would use this strategy.
     """
 
     way: str
@@ -294,9 +291,9 @@ class Estimate:
 
 
 def estimates(part: Part) -> tuple[Estimate, ...]:
-    """What each way would cost for a prepared part, the best way first, and the one that would be taken.
+    """Estimate the cost of each strategy for a prepared part, best first, and mark the one that `write` would use.
 
-    Nothing is written, and nothing is checked by OCCT: a way that is chosen here may still be refused for its result.
+    Nothing is written, and OCCT checks nothing, so a chosen strategy may still be refused.
     """
     found, taken = dict[str, Estimate](), ""
     for attempt in attempts(part):
@@ -316,7 +313,6 @@ def _refusal(error: BudgetError) -> Estimate:
 
 
 def _estimate(part: Part) -> Estimate:
-    """Of an attempt; refused where it cannot be made, or is over the budget."""
     way = way_of(part)
     try:
         faces, size, note = SHAPES[part.step](part)
@@ -337,7 +333,6 @@ def _costs(part: Part, way: str, faces: int, size: float, note: str = "", refuse
 
 
 def _other(part: Part, way: str) -> Estimate:
-    """Of a way that `attempts` does not come to: what it would cost if it were asked for."""
     if way == "planar":
         planar = replace(part, step=way)
         return _estimate(replace(planar, tolerance=part.tolerance or default_tolerance(planar)))
@@ -386,6 +381,6 @@ SHAPES: dict[str, Callable[[Part], tuple[int, float, str]]] = {
     "faceted": _faceted,
     "tessellated": _tessellated,
 }
-"""For each `Part.step`: faces, bytes and a note; ExportError where the way cannot be taken."""
+"""For each `Part.step`: faces, bytes and a note; raises ExportError if the strategy fails."""
 
 WAYS = ("planar", "members", "smooth", "faceted", "simplified", "tessellated")

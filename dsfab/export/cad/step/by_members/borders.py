@@ -17,22 +17,21 @@ from dsfab.export.cad.step.shared.lifting import Lifting
 from dsfab.export.cad.step.smooth.edges import spread
 from dsfab.export.splines import Spline, bernstein, splines_through
 
-SEGMENTS = 600
-"""About as many are a region's outline, and `FINEST` at most are each cubic of it, short ones at its ends: chains that
-meet nearly along each other cross close to where they meet."""
-
-FINEST = 12
-
 TOUCHING = 1 / 400
-"""Share of the thickness within which an outline touches itself: a sixth of what was found where nothing was wrong."""
+"""Distance over the thickness at which an outline touches itself: a sixth of the least distance in sound outlines."""
 
 
 def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int, near: float = 0.0) -> set[int]:
-    """The chains of a region that cross others of it, seen along the normal of its middle; or that come within `near`,
-    millimetres, of a corner where they do not end, and those that end there. All of one that is inside out."""
+    """Return the chains of a region that cross another of its chains, seen along its mean normal.
+
+    The result also holds chains within `distance` mm of a corner where they do not end, with the chains that do end
+    there; and all chains of a region that is inside out.
+    """
+    finest = 12  # most chords of each cubic; they are short at its ends, where chains cross at small angles
+    segments = 600  # approximate number of chords of one outline
     steps = [step for loop in net.loops[region] for step in loop]
     spans = [len(curves[k].spans) for k, _ in steps]
-    fine = int(np.clip(SEGMENTS // sum(spans), 4, FINEST))
+    fine = int(np.clip(segments // sum(spans), 4, finest))
     lines = [_samples(curves, loop, fine) for loop in net.loops[region]]
     chain = np.repeat([k for k, _ in steps], fine * np.array(spans))
     plane = axes_of(middle_normal(np.concatenate(lines)))[:2].T
@@ -42,7 +41,7 @@ def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int
     for some in (slice(3), slice(3, 6)):
         seen = [line[:, some] @ plane for line in lines]
         if sum(signed_area(line) for line in seen) <= 0:
-            return set(chain.tolist())  # so narrow that its sides are on the wrong side of each other
+            return set(chain.tolist())  # a narrow region whose sides have changed places
         found.update(chain[crossing_segments(seen)].tolist())
         corner, segment = np.nonzero(away & (_distances(seen, first) < near))
         found.update(chain[segment].tolist())
@@ -52,14 +51,14 @@ def crossing_chains(net: ChainNet, curves: Mapping[int, ChainCurve], region: int
 
 
 def _not_ending(net: ChainNet, steps: Loop, chain: Ints) -> Bools:
-    """(c, k) whether segments of chains (k,) are of none that ends where each of c steps begins."""
+    """(c, k) True if the chain of a segment (k,) does not end where a step (c,) begins."""
     start = np.array([net.ends(step)[0] for step in steps])
     ends = np.array([net.ends((k, True)) for k in chain.tolist()])
     return np.asarray((start[:, None, None] != ends).all(axis=2))
 
 
 def _distances(lines: list[Floats], first: Ints) -> Floats:
-    """(c, k) of the points numbered `first` (c,) of closed lines (., 2) from their k segments."""
+    """(c, k) distances of the points `point_numbers` (c,) of closed lines (., 2) from their k segments."""
     a = np.concatenate(lines)
     way = np.concatenate([np.roll(line, -1, axis=0) for line in lines]) - a
     off = a[first][:, None] - a
@@ -68,14 +67,14 @@ def _distances(lines: list[Floats], first: Ints) -> Floats:
 
 
 def _samples(curves: Mapping[int, ChainCurve], loop: Loop, fine: int) -> Floats:
-    """(k, 6) points along a loop of chains, so many on each cubic."""
+    """(k, 6) points along a loop of chains, `fine` on each cubic."""
     B = bernstein((1 - np.cos(np.pi * np.arange(fine) / fine)) / 2)
     parts = [curves[k].spans if ahead else curves[k].spans[::-1, ::-1] for k, ahead in loop]
     return np.concatenate([(B @ part).reshape(-1, 6) for part in parts])
 
 
 def crossing_segments(lines: list[Floats]) -> Bools:
-    """(k,) whether each segment of closed lines (k, 2) in a plane crosses another, inside of both."""
+    """(k,) whether each segment of closed lines (k, 2) in a plane crosses another segment."""
     a = np.concatenate(lines)
     b = np.concatenate([np.roll(line, -1, axis=0) for line in lines])
     apart = _side(a[:, None], b[:, None], a[None]) * _side(a[:, None], b[:, None], b[None]) < 0
@@ -83,7 +82,6 @@ def crossing_segments(lines: list[Floats]) -> Bools:
 
 
 def _side(a: Floats, b: Floats, p: Floats) -> Floats:
-    """Positive where p is on the left of the line from a to b."""
     d, e = b - a, p - a
     return np.asarray(d[..., 0] * e[..., 1] - d[..., 1] * e[..., 0])
 
@@ -91,8 +89,8 @@ def _side(a: Floats, b: Floats, p: Floats) -> Floats:
 def without_crossings(
     net: ChainNet, curves: Mapping[int, ChainCurve], regions: Iterable[int], near: float = 0.0
 ) -> ChainNet:
-    """The net in which some regions, if their outline crosses itself or comes as near, have joined that beyond an inner
-    chain of it; the same net where there is none."""
+    """Unite regions whose outlines cross or nearly touch with the region beyond an inner chain; the same net if there
+    are none."""
     whole = net
     for region in regions:
         for k in sorted(crossing_chains(net, curves, region, near)):
@@ -104,7 +102,8 @@ def without_crossings(
 
 
 def without_chain(net: ChainNet, k: int) -> ChainNet:
-    """The net in which both regions of a chain are the one on its left; it is of single outlines, or as it was."""
+    """Unite both regions of a chain under the number of its left one, if both have a single outline; else return the
+    net."""
     left, right = net.chains[k].left, net.chains[k].right
     if len(net.loops[left]) + len(net.loops[right]) > 2:
         return net
@@ -121,13 +120,11 @@ def without_chain(net: ChainNet, k: int) -> ChainNet:
 
 
 def _after(loop: Loop, step: tuple[int, bool]) -> Loop:
-    """What follows a step of a loop, once around."""
     at = loop.index(step)
     return [*loop[at + 1 :], *loop[:at]]
 
 
 def _without_spurs(loop: Loop) -> Loop:
-    """A loop without chains that are run through there and back."""
     found = list[tuple[int, bool]]()
     for step in loop:
         if found and found[-1] == (step[0], not step[1]):
@@ -140,30 +137,18 @@ def _without_spurs(loop: Loop) -> Loop:
 
 
 SIDEWAYS = 1 / 3
-"""Share of the thickness that a chain may be moved by, sideways."""
-
-POINTS = 9
-"""Of a straightened chain, at least."""
+"""Largest sideways movement of a chain over the thickness."""
 
 SAG = 1 / 400
-"""Share of the thickness by which the chords between its points are off its curve, about: what is fitted to the corners
-of a polyline has many spans."""
+"""Approximate distance of chords from the straightened curve over the thickness. Fits to coarse polylines have many
+spans."""
 
 PLACES = np.linspace(0, 1, 65)
-"""Where a curve is asked how it bends."""
-
-BACK = 1.5
-"""Times the distance between its ends that a hairpin is long, at least: half a circle is 1.57."""
-
-SPANS = 4
-"""Of a chain that wanders too much to be the side of a patch, there are more."""
-
-LEVEL = 0.5
-"""Least cosine between the mean normal around a region that others become part of and any one."""
+"""Parameters where the curvature is measured."""
 
 
 def straightened(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
-    """The net without hairpins, its inner chains on the simplest curves near them; thickness in millimetres."""
+    """Remove hairpins and put inner chains on the simplest curves near them; thickness in millimetres."""
     P = np.asarray(net.weights @ lifting.skins.points)
     inner = [k for k, chain in net.chains.items() if chain.right != VOID and len(chain.points) > 2]
     if inner and len(lifting.sides.creases):
@@ -187,14 +172,16 @@ def straightened(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
 
 
 def _turns_back(curve: Spline) -> bool:
-    """Whether a chain is a hairpin, or wanders as much."""
+    most_spans = 4  # a chain with more spans wanders too much for the side of a patch
+    detour = 1.5  # least length of a hairpin over the distance of its ends; half a circle has 1.57
     line = curve(PLACES)
     way = float(np.linalg.norm(np.diff(line, axis=0), axis=1).sum())
-    return way > BACK * float(np.linalg.norm(line[-1] - line[0])) or len(np.unique(curve.knots)) - 1 > SPANS
+    return way > detour * float(np.linalg.norm(line[-1] - line[0])) or len(np.unique(curve.knots)) - 1 > most_spans
 
 
 def _without_hairpins(net: ChainNet, some: Sequence[int], N: Floats) -> ChainNet:
-    """The net without some chains, where one plane sees both regions beside them; N (p, 3) normals at its points."""
+    """Remove chains if one plane sees both regions beside them. N (p, 3) normals at the net's points."""
+    least_cosine = 0.5  # between the mean normal of the joined region and any of its normals
     for k in some:
         chain = net.chains.get(k)
         if chain is None or chain.left == chain.right:
@@ -202,41 +189,26 @@ def _without_hairpins(net: ChainNet, some: Sequence[int], N: Floats) -> ChainNet
         steps = [step for region in (chain.left, chain.right) for loop in net.loops[region] for step, _ in loop]
         around = N[np.concatenate([net.chains[step].points for step in steps])]
         mean = around.mean(axis=0)
-        if (around @ mean).min() > LEVEL * np.linalg.norm(mean):
+        if (around @ mean).min() > least_cosine * np.linalg.norm(mean):
             net = without_chain(net, k)
     return net
 
 
 def _points(curve: Spline, sag: float) -> int:
-    """How many points of a curve have chords between them that are off it by no more than `sag`, in its unit."""
+    fewest = 9  # points of a straightened chain
     bends = np.diff(curve(PLACES), n=2, axis=0) * (len(PLACES) - 1) ** 2
     most = float(np.linalg.norm(bends, axis=1).max())
-    return max(POINTS, 1 + int(np.ceil(np.sqrt(most / (8 * sag)))))
+    return max(fewest, 1 + int(np.ceil(np.sqrt(most / (8 * sag)))))
 
-
-STEEP = 30.0
-"""Degrees between a border and an outline from which on its end stays where it is."""
-
-STEEPER = 15.0
-"""Degrees that a place has to be steeper by, at least."""
-
-SHARP = 20.0
-"""Degrees that an outline turns by where a border is in the way, at least: so sharp an edge asks for a fillet. To move
-all others made 5 % more faces of a dome."""
-
-ENOUGH = 45.0
-"""Degrees from which on a place is as good as a steeper one."""
 
 LONGEST = 2.0
-"""Length of a chord of a round corner, times the thickness, at most."""
-
-ROUNDS = 3
-"""How often ends are moved: chords of one corner may be several chains."""
+"""Largest chord of a round corner over the thickness."""
 
 
 def with_steep_ends(net: ChainNet, lifting: Lifting, thickness: float) -> ChainNet:
-    """The net whose borders end on round corners steeply; thickness in millimetres."""
-    for _ in range(ROUNDS):
+    """Move borders along round corners so that they end steeply; thickness in millimetres."""
+    rounds = 3  # chords of one corner may be several chains
+    for _ in range(rounds):
         work = _Ends(net, np.asarray(net.weights @ lifting.skins.points), thickness)
         for node in sorted(work.nodes):
             work.take(node)
@@ -247,7 +219,7 @@ def with_steep_ends(net: ChainNet, lifting: Lifting, thickness: float) -> ChainN
 
 
 class _Ends:
-    """nodes : with the chains of the outline before and after each, and a border's end there."""
+    """nodes : for each node the outline's chains before and after it, and the end of the border there."""
 
     def __init__(self, net: ChainNet, P: Floats, thickness: float) -> None:
         self.P, self.t = P, thickness
@@ -259,51 +231,54 @@ class _Ends:
         self.moves, self.changed = dict[tuple[int, int], int](), set[int]()
 
     def take(self, node: int) -> None:
-        """Move the end of the border at a node, if there is a steeper place."""
+        sharp = 20.0  # least turn of the outline in degrees; moving ends at flatter corners adds 5 % to a dome's faces
+        gain = 15.0  # least gain in degrees that justifies a new place
+        steep = 30.0  # degrees between border and outline from which on the border's end stays in place
         before, after, (seam, end) = self.nodes[node]
-        if self.changed & {before, after, seam} or turn_at(self._beside(before, after)) < SHARP:
+        if self.changed & {before, after, seam} or turn_at(self._beside(before, after)) < sharp:
             return
         line = self.chains[seam].points if end == 0 else self.chains[seam].points[::-1]
         anchor = self._anchor(line)
         now = self._angle_at(before, after, anchor)
-        if now >= STEEP:
+        if now >= steep:
             return
         places = [(self._steepness(k, i, anchor), k, i) for k in (before, after) for i in self._places(k, node)]
         best, k, i = max(places, key=self._worth, default=(0.0, -1, 0))
-        if best < now + STEEPER or not self._moved(k, i, node, (seam, end)):
+        if best < now + gain or not self._moved(k, i, node, (seam, end)):
             return
         self.changed |= {before, after, seam}
 
     def _worth(self, place: tuple[float, int, int]) -> tuple[float, bool, float]:
-        """Of a place, degrees at a point of a chain: an arc's own end is as good as any, and leaves the arc whole."""
+        """Rank a place. Above 45 degrees the end of an arc is preferred, because it leaves the arc whole."""
+        enough = 45.0  # degrees: steeper places are no better
         steep, k, i = place
-        return min(steep, ENOUGH), i in (0, len(self.chains[k].points) - 1), steep
+        return min(steep, enough), i in (0, len(self.chains[k].points) - 1), steep
 
     def _anchor(self, line: Ints) -> Floats:
-        """(3,) the point of a border as far from its end as the sheet is thick."""
+        """(3,) point of a border at one thickness from its end."""
         P = self.P[line]
         way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(P, axis=0), axis=1))])
         return np.array([np.interp(min(self.t, way[-1]), way, column) for column in P.T])
 
     def _beside(self, before: int, after: int) -> Floats:
-        """(3, 3) the points of an outline before, at and after a node."""
+        """(3, 3) outline points before, at and after a node."""
         one, two = self.chains[before].points, self.chains[after].points
         return self.P[[one[-2], two[0], two[1]]]
 
     def _angle_at(self, before: int, after: int, anchor: Floats) -> float:
-        """Degrees between an outline where one chain goes on as another and a border with an anchor: a wall keeps its
-        direction."""
+        """Degrees between a border and an outline at a node; a wall beside a round chain counts alone, because it is
+        fixed."""
         P = self._beside(before, after)
         weights = [1.0 - (self._is_round(j) and not self._is_round(k)) for j, k in ((before, after), (after, before))]
         return _angle(P, weights, anchor)
 
     def _is_round(self, k: int) -> bool:
-        """Whether a chain is short, as chords of round corners are, or bends."""
+        """Return whether a chain bends, or is as short as a chord of a round corner."""
         line = self.P[self.chains[k].points]
         return len(_bent(line)) > 0 or float(np.linalg.norm(line[-1] - line[0])) < LONGEST * self.t
 
     def _places(self, k: int, node: int) -> list[int]:
-        """Points of a chain of a round corner where a border may end: bent ones inside, and its other end if free."""
+        """Points of a round chain where a border may end: bent inner points, and its other end if free."""
         points = self.chains[k].points
         long = np.linalg.norm(np.diff(self.P[points], axis=0), axis=1)
         inside = _bent(self.P[points]).tolist()
@@ -314,7 +289,7 @@ class _Ends:
         return [*inside, other] if self._next(k, other) >= 0 else inside
 
     def _next(self, k: int, i: int) -> int:
-        """The chain of the outline beyond an end of a chain where only these two meet, and it turns a little; or -1."""
+        """Return the outline's next chain if only these two meet and it turns a little; otherwise -1."""
         node = int(self.chains[k].points[i])
         if self.degree.get(node) != 2:
             return -1
@@ -326,7 +301,6 @@ class _Ends:
         return j if BENT < np.deg2rad(turn_at(self._beside(k, j) if i else self._beside(j, k))) < CORNER else -1
 
     def _steepness(self, k: int, i: int, anchor: Floats) -> float:
-        """Degrees between the outline and a border with an anchor that ends at a point of a chain."""
         points = self.chains[k].points
         if 0 < i < len(points) - 1:
             return _angle(self.P[points[i - 1 : i + 2]], [1.0, 1.0], anchor)
@@ -334,7 +308,7 @@ class _Ends:
         return self._angle_at(k, j, anchor) if i else self._angle_at(j, k, anchor)
 
     def _moved(self, k: int, i: int, node: int, border: tuple[int, int]) -> bool:
-        """Whether a border's end could be moved from a node to a point of a chain that ends there."""
+        """Move a border's end from a node to a point of a chain; return False if that is impossible."""
         chain = self.chains[k]
         ahead = int(chain.points[0]) == node
         passed, rest = (chain.points[: i + 1], chain.points[i:]) if ahead else (chain.points[i:], chain.points[: i + 1])
@@ -358,21 +332,19 @@ class _Ends:
         return True
 
     def _loop(self, region: int, k: int) -> Loop:
-        """The loop of a region with a chain, if it runs through that once."""
+        """Loop of a region that runs through a chain exactly once, or []."""
         some = [loop for loop in self.loops[region] for step in loop if step[0] == k]
         return some[0] if len(some) == 1 else []
 
 
 def _bent(line: Floats) -> Ints:
-    """Which inner points of a line (k, 3) it turns at."""
     way = np.diff(line, axis=0)
     way /= np.maximum(np.linalg.norm(way, axis=1, keepdims=True), 1e-300)
     return 1 + np.flatnonzero(np.einsum("ki,ki->k", way[:-1], way[1:]) < np.cos(BENT))
 
 
 def _angle(three: Floats, weights: list[float], anchor: Floats) -> float:
-    """Degrees between the way from the middle one of three points to an anchor and the line through it whose direction
-    is the mean of those on both sides."""
+    """Degrees at the middle of three points between the anchor and the weighted mean direction of both sides."""
     ways = np.diff(three, axis=0)
     ways /= np.maximum(np.linalg.norm(ways, axis=1, keepdims=True), 1e-300)
     along, there = weights @ ways, anchor - three[1]

@@ -21,22 +21,18 @@ from dsfab.export.part import Part
 from dsfab.export.subprocesses import ProgramError
 
 SECONDS, SECONDS_PER_FACE = 120.0, 0.3
-"""Of the processor, for each of both programs, many times what was measured."""
+"""Processor time for each of both programs, many times the measured time."""
 
 CUTS = len(use_check.PLANES)
-WIDE_BOX = 2e-2
-"""Share of a solid's diagonal that OCCT's box of it may be off before it is refused. Under twice what is asked of files
-that are cut, for what would be taken instead is worse: of a saddle of 5 m members are 1.1 % off, and its smooth file is
-20 %, and cannot be cut."""
-
-PLAIN = 1e-3
-"""Share that the volume by the plain rule may be off."""
 
 
 @dataclass(frozen=True, eq=False)
 class MemberFile:
-    """The text of a file with `solids`, and what was found: faces, trimmed ones among them; gap, largest distances of
-    the solid from the mesh and back, millimetres; volume, mm3; used, what became of it in OCCT."""
+    """Checked file of a part by members.
+
+    solids, faces, trimmed : numbers.    gap : widest, mm.    there, back : distances from the mesh and back, mm.
+    volume : mm3.    used : result of OCCT's trial cuts, as text.
+    """
 
     text: str
     solids: int
@@ -51,7 +47,7 @@ class MemberFile:
 
     @property
     def told(self) -> str:
-        """How the file was made."""
+        """Description of the file for messages."""
         some = f", {self.trimmed} of its {self.faces} faces trimmed" if self.trimmed else ""
         return (
             f"four-sided patches on shared curves{some}; at most {self.there:.2g} mm off the mesh and the mesh "
@@ -60,7 +56,7 @@ class MemberFile:
 
 
 class NotByMembersError(ExportError):
-    """Why a solid is not written by members.    if_asked : whether it is where that is asked for by name."""
+    """Reason against members. if_asked : True if a request by name helps."""
 
     def __init__(self, reason: str, if_asked: bool = False) -> None:
         super().__init__(reason)
@@ -68,15 +64,15 @@ class NotByMembersError(ExportError):
 
 
 class _RoughError(ExportError):
-    """A file is too far off the mesh, invalid to OCCT, or no solid as that draws it: a finer one may be none of it."""
+    """The file is too far off the mesh, or OCCT finds it invalid or no solid; a finer file may pass."""
 
 
 _MADE: WeakKeyDictionary[Part, MemberFile] = WeakKeyDictionary()
 
 
 def member_file(part: Part) -> MemberFile:
-    """The file of a part, made once; raises NotByMembersError with the reason where it cannot be made, or is not taken,
-    and BudgetError where it is too large."""
+    """Return the file of a part, memoised; raises NotByMembersError with the reason, and BudgetError if it is too
+    large."""
     if part not in _MADE:
         try:
             _MADE[part] = _accepted(part)
@@ -88,8 +84,7 @@ def member_file(part: Part) -> MemberFile:
 
 
 def _accepted(part: Part) -> MemberFile:
-    """The file of a part that is taken: where it is too far off the mesh, or not sound, for one of a cow's first faces
-    was .07 mm off its edges and not drawn, one whose faces keep nearer to it."""
+    """Return the first file that passes: if the usual one is rough, one whose faces keep nearer to the mesh."""
     plan = member_plan(part)
     try:
         return _tried(part, plan, False)
@@ -98,7 +93,7 @@ def _accepted(part: Part) -> MemberFile:
 
 
 def _tried(part: Part, plan: SmoothPlan, fine: bool) -> MemberFile:
-    with occt() as program:  # which loads OCCT meanwhile
+    with occt() as program:  # the process loads OCCT in parallel
         draft = member_draft(part, plan, fine)
         within(part, draft.faces, len(draft.text))
         seconds, off = SECONDS + SECONDS_PER_FACE * draft.faces, DEFLECTION * plan.limits.distance
@@ -112,8 +107,11 @@ def _tried(part: Part, plan: SmoothPlan, fine: bool) -> MemberFile:
 
 @dataclass(frozen=True, eq=False)
 class _Drawn:
-    """What the triangles that OCCT draws tell: how far they are from the mesh, and the mesh from them; what keeps them
-    from being a solid, or why that is not known; and what was drawn, as OCCT keeps it."""
+    """Report on OCCT's triangles.
+
+    there, back : distances from the mesh and back.    fault : reason why they bound no solid, or why that is unknown.
+    shape : OCCT's binary shape.
+    """
 
     there: Away
     back: Away
@@ -122,7 +120,7 @@ class _Drawn:
 
     @classmethod
     def of(cls, mesh: StepMesh, gate: Gate) -> "_Drawn":
-        """Found while OCCT still looks at the rest, so nothing is refused here."""
+        """Judge a mesh without refusing it, because OCCT still checks the rest in parallel."""
         drawn = step_triangles(mesh)
         there, back = gate.distances(MM_PER_M * drawn.V, drawn.F)
         try:
@@ -133,7 +131,6 @@ class _Drawn:
 
 
 def _require(*tests: tuple[bool, str], error: type[ExportError] = ExportError) -> None:
-    """Raise an error with the first complaint whose test failed."""
     for good, complaint in tests:
         if not good:
             raise error(complaint)
@@ -142,8 +139,11 @@ def _require(*tests: tuple[bool, str], error: type[ExportError] = ExportError) -
 def _asked_as_a_solid(
     part: Part, plan: SmoothPlan, draft: MemberDraft, found: list[OcctFinding], drawn: list[_Drawn]
 ) -> tuple[float, float, bytes]:
-    """The largest distances from the mesh and back, and what OCCT read; raises ExportError where the solids are not
-    those of the part, or are none to `dsfab check`."""
+    """Return the largest distances from the mesh and back, and OCCT's shape; raises ExportError for a wrong or bad
+    solid."""
+    # Share of the diagonal that OCCT's box may be off. Less than twice the limit of trial cuts, because the
+    # alternatives are worse: for a saddle of 5 m, 1.1 % by members and 20 % for the smooth file.
+    wide_box = 2e-2
     t, gap, faces = plan.limits.thickness, max((one.gap for one in found), default=0.0), sum(one.faces for one in found)
     _require((len(found) == draft.solids, "OCCT did not read the solids by members within the time limit"))
     sound = all(one.valid and one.closed for one in found)
@@ -152,7 +152,7 @@ def _asked_as_a_solid(
         (faces == draft.faces, f"OCCT reads {faces} faces by members instead of {draft.faces}"),
         (gap <= GAP * t, f"a gap by members of {gap:.3g} mm is wider than {GAP * t:.3g} mm"),
     )
-    box = box_fault(part, _box(found), plan.limits, WIDE_BOX)
+    box = box_fault(part, _box(found), plan.limits, wide_box)
     _require((not box, f"by members {box}"))
     _require((bool(drawn), "OCCT makes no triangles of a face by members"), error=_RoughError)
     gate, (there, back) = plan.gate, (drawn[0].there, drawn[0].back)
@@ -172,14 +172,13 @@ def _asked_as_a_solid(
 
 
 def _box(found: list[OcctFinding]) -> list[float]:
-    """Around solids, six numbers in millimetres."""
     low, high = np.array([one.box for one in found]).reshape(-1, 2, 3).transpose(1, 0, 2)
     return [*low.min(axis=0).tolist(), *high.max(axis=0).tolist()]
 
 
 def _cut_once(part: Part, plan: SmoothPlan, draft: MemberDraft, shape: bytes) -> str:
-    """What became of one cut, where nobody asked for members by name, of the shape as OCCT keeps it: to read the text
-    again takes longer than the cut. Raises ExportError where it failed."""
+    """Describe one trial cut of OCCT's shape; raises ExportError if it failed. Reading the text again would take
+    longer."""
     use = sampled_use(part, shape, draft.faces, plan.limits, ".bin")
     if use.fault:
         raise ExportError(f"by members {use.fault}")
@@ -187,8 +186,8 @@ def _cut_once(part: Part, plan: SmoothPlan, draft: MemberDraft, shape: bytes) ->
 
 
 def _used(part: Part, plan: SmoothPlan, draft: MemberDraft, seconds: float) -> str:
-    """What became of everything that `use_check` tries; raises ExportError where a CAD program would fail with the
-    file, or be told something else than it is."""
+    """Describe all trials of `use_check`; raises ExportError if a CAD program would fail with the file or misread
+    it."""
     try:
         said = said_of_use(draft.text, seconds=seconds)
     except (subprocess.TimeoutExpired, ProgramError) as error:
@@ -198,6 +197,7 @@ def _used(part: Part, plan: SmoothPlan, draft: MemberDraft, seconds: float) -> s
 
 
 def _asked_in_use(part: Part, plan: SmoothPlan, said: dict[str, Any]) -> None:
+    plain_limit = 1e-3  # share of the volume that OCCT's plain rule may be off
     plain = said["plain"] / said["volume"] - 1
     _require(
         (said["valid"], "OCCT finds the solid by members invalid once it is read again"),
@@ -205,12 +205,12 @@ def _asked_in_use(part: Part, plan: SmoothPlan, said: dict[str, Any]) -> None:
         (said["boxed"], _cut_fault("a cut with a box", said["box_missed"])),
         (said["closed"], "a section of the solid by members has open ends"),
         (said["again"], "the solid by members is not the same once OCCT has written and read it"),
-        (abs(plain) <= PLAIN, f"the plain rule finds the volume by members {plain:.2%} off"),
+        (abs(plain) <= plain_limit, f"the plain rule finds the volume by members {plain:.2%} off"),
     )
 
 
 def _cut_fault(cut: str, missed: float) -> str:
-    """What is said of a cut that is not sound, with the share that it misses, 1 where a half is not valid."""
+    """Describe a faulty cut; missed : share of the volume, 1 if a half is invalid."""
     if missed == 1:
         return f"{cut} of the solid by members is not valid"
     return f"the halves of {cut} miss {missed:.1e} of the volume of the solid by members"

@@ -14,17 +14,19 @@ from dsfab.export.cad.step.shared.skins import Limits
 from dsfab.export.cad.step.smooth.edges import spread
 from dsfab.export.splines import Spline, basis, bernstein, splines_through
 
-NODES = np.array([0.05, 0.35, 0.65, 0.95])
-"""Where a cubic is read to know its poles."""
+READ = np.array([0.05, 0.35, 0.65, 0.95])
+"""Parameters of the four points that determine the poles of a cubic."""
+
+AT_READ = bernstein(READ)
+TO_POLES = np.linalg.inv(AT_READ)
 
 
 @dataclass(frozen=True, eq=False)
 class InnerSpline:
-    """The cubic splines, twice differentiable, of the k spans between breaks (k + 1,), which are 0 at the first and at
-    the last of these.
+    """Cubic splines, twice differentiable, on k spans between breaks (k + 1,), zero at the first and the last break.
 
-    places : (k + 1,) the means of three knots, at which values may be asked for whatever the spans [de Boor 1978,
-    chapter XIII].    poles : (k, 4, k + 1) what each of these values does for the poles of each span.
+    places : (k + 1,) means of three knots, where values determine the spline [de Boor 1978, chapter XIII].
+    poles  : (k, 4, k + 1) contribution of each value to the poles of each span.
     """
 
     breaks: Floats
@@ -33,22 +35,22 @@ class InnerSpline:
 
     @classmethod
     def of(cls, breaks: Floats) -> "InnerSpline":
-        """breaks : from 0 to 1."""
+        """Return the splines for breaks from 0 to 1, memoised."""
         return _inner_spline(breaks.tobytes())
 
     @classmethod
     def _made(cls, breaks: Floats) -> "InnerSpline":
         count, knots = len(breaks) - 1, np.concatenate([[0.0] * 3, breaks, [1.0] * 3])
         places = (knots[2:-4] + knots[3:-3] + knots[4:-2]) / 3
-        inside = (np.diff(breaks)[:, None] * NODES + breaks[:-1, None]).ravel()
+        inside = (np.diff(breaks)[:, None] * READ + breaks[:-1, None]).ravel()
         values = np.linalg.solve(_rows(places, knots).T, _rows(inside, knots).T).T
-        poles = np.linalg.solve(bernstein(NODES), values.reshape(count, 4, -1))
+        poles = np.linalg.solve(AT_READ, values.reshape(count, 4, -1))
         poles[0, 0] = poles[-1, -1] = 0
         return cls(breaks, places, np.asarray(poles))
 
     @cached_property
     def hats(self) -> Floats:
-        """(k + 1, k, 4) what each pole of any spans between these breaks counts at each place."""
+        """(k + 1, k, 4) contribution of each pole of each span to the value at each place."""
         count = len(self.places) - 1
         span = np.clip(np.searchsorted(self.breaks, self.places, side="right") - 1, 0, count - 1)
         found = np.zeros((count + 1, count, 4))
@@ -59,12 +61,12 @@ class InnerSpline:
 
 @lru_cache(maxsize=1024)
 def _inner_spline(breaks: bytes) -> InnerSpline:
-    """Most curves have one of a few lists of breaks, and a patch is made more than once."""
+    """Memoised, because most curves share a few lists of breaks."""
     return InnerSpline._made(np.frombuffer(breaks))
 
 
 def _rows(x: Floats, knots: Floats) -> Floats:
-    """(k, p - 2) the p cubic hats of some knots at x (k,), without the first and the last."""
+    """(k, p - 2) cubic basis functions at x (k,), without the first and the last."""
     first, values = basis(x, knots)
     rows = np.zeros((len(x), len(knots) - 4))
     np.put_along_axis(rows, first[:, None] + np.arange(4), values, axis=1)
@@ -72,19 +74,16 @@ def _rows(x: Floats, knots: Floats) -> Floats:
 
 
 BETWEEN = 2
-"""Samples of each edge of the mesh along a chain, on the smooth skins."""
-
-READ = np.array([0.05, 0.35, 0.65, 0.95])
-"""Where a cubic is read to know its poles."""
-
-AT_READ = bernstein(READ)
-TO_POLES = np.linalg.inv(AT_READ)
+"""Samples on the skins for each mesh edge along a chain."""
 
 
 @dataclass(frozen=True, eq=False)
 class SampledChain:
-    """Q : (k, 6) points on the outer and on the inner skin, millimetres.    outline : whether void is beyond it.
-    chord : the mesh's least chord error along it, millimetres."""
+    """Chain on the skins. Q : (k, 6) points on the outer and the inner skin, mm.    outline : True if VOID is beyond
+    it.
+
+    chord : the mesh's least chord error along it, millimetres.
+    """
 
     Q: Floats
     outline: bool
@@ -92,7 +91,7 @@ class SampledChain:
 
     @cached_property
     def middle(self) -> Floats:
-        """(k, 3) half way between the skins."""
+        """(k, 3) points half way between the skins."""
         return np.asarray((self.Q[:, :3] + self.Q[:, 3:]) / 2)
 
     @cached_property
@@ -101,7 +100,8 @@ class SampledChain:
         return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self.middle, axis=0), axis=1))])
 
     def direction(self, from_start: bool, reach: float) -> tuple[Floats, Floats]:
-        """The way from one of its ends to what is within `reach`, millimetres, and the normal at that end."""
+        """Return the vector from one end to the point at `reach` mm along the chain, and the unit normal at that
+        end."""
         if (from_start, reach) not in self._directions:
             x = min(reach / self.way[-1], 0.5)
             Q, there = self.Q[0 if from_start else -1], self.at(x if from_start else 1 - x)
@@ -114,7 +114,7 @@ class SampledChain:
         return {}
 
     def at(self, x: float) -> Floats:
-        """(6,) at a share of the length under 1."""
+        """(6,) point at a share of the length below 1."""
         way, to = self.way, x * self.way[-1]
         i = int(way.searchsorted(to, side="right"))
         return np.asarray((self.Q[i] - self.Q[i - 1]) / (way[i] - way[i - 1]) * (to - way[i - 1]) + self.Q[i - 1])
@@ -122,8 +122,10 @@ class SampledChain:
 
 @dataclass(frozen=True, eq=False)
 class ChainCurve:
-    """breaks : (k + 1,) from 0 to 1, and between them spans : (k, 4, 6) Bezier poles, millimetres.
-    off : largest distance from the chain's samples."""
+    """Cubic curve on both skins. breaks : (k + 1,) from 0 to 1.    spans : (k, 4, 6) Bezier poles between them, mm.
+
+    off : largest distance from the chain's samples.
+    """
 
     breaks: Floats
     spans: Floats
@@ -131,7 +133,7 @@ class ChainCurve:
 
     @classmethod
     def of(cls, spline: Spline, off: float) -> "ChainCurve":
-        """A line, a parabola or a cubic."""
+        """Convert a line, a parabola or a cubic spline."""
         breaks = np.unique(spline.knots)
         x = READ[None] * np.diff(breaks)[:, None] + breaks[:-1, None]
         at = spline(x.ravel()).reshape(len(breaks) - 1, 4, -1)
@@ -147,11 +149,11 @@ class ChainCurve:
         return np.asarray(np.einsum("ka,kai->ki", bernstein(share), self.spans[span]))
 
     def stops(self, low: float, high: float) -> Floats:
-        """(k,) two parameters, in order, and the breaks between them."""
+        """(k,) two parameters in order, with the breaks between them."""
         return np.concatenate([[low], self.breaks[(self.breaks > low) & (self.breaks < high)], [high]])
 
     def with_ends(self, start: Floats, end: Floats) -> "ChainCurve":
-        """Moved so that it has other ends (6,): what is between follows by a share."""
+        """Return the curve with other ends (6,); the poles between move by a linear share."""
         x = self.breaks[:-1, None] + np.diff(self.breaks)[:, None] * np.arange(4) / 3
         ways = start - self.spans[0, 0], end - self.spans[-1, -1]
         spans = self.spans + (1 - x)[..., None] * ways[0] + x[..., None] * ways[1]
@@ -159,27 +161,28 @@ class ChainCurve:
         return replace(self, spans=spans)
 
     def reversed(self) -> "ChainCurve":
-        """Run through the other way."""
+        """Return the curve in the opposite direction."""
         return ChainCurve(1 - self.breaks[::-1], self.spans[::-1, ::-1], self.off)
 
 
 def parts_of(poles: Floats, start: Floats, end: Floats) -> Floats:
-    """(k, 4, d) poles of parts of cubics with poles (k, 4, d), from shares `start` to `end` (k,) of each."""
+    """(k, 4, d) poles of parts of cubics (k, 4, d), from shares `start` to `end` (k,) of each."""
     inside = start[:, None] + (end - start)[:, None] * READ
     rows = bernstein(inside.ravel()).reshape(len(poles), 4, 4)
     return np.asarray(TO_POLES @ rows @ poles)
 
 
 def curves_through(lines: Sequence[Floats], tolerances: Sequence[float]) -> list[ChainCurve]:
-    """The curves within tolerances of polylines (k, 6), millimetres; all are fitted at once."""
+    """Fit curves within tolerances to polylines (k, 6), millimetres, all at once."""
     fits = splines_through([spread(line) for line in lines], tolerances, parts=2)
     return [ChainCurve.of(*fit) for fit in fits]
 
 
 def on_skins(curves: Sequence[ChainCurve], away: Callable[[Floats], Floats]) -> list[ChainCurve]:
-    """Curves that what `away` says of points (k, 6) of theirs has brought onto the skins between their ends.
+    """Move curves onto the skins between their ends; `vectors_to_skins` returns the vectors from points (k, 6) to the
+    skins.
 
-    Beside their samples they may be by a tolerance, but a face whose edges are off it strays.
+    A curve may be off its samples by a tolerance, but a face strays if its edges are off the skins.
     """
     if not curves:
         return []
@@ -193,7 +196,7 @@ def on_skins(curves: Sequence[ChainCurve], away: Callable[[Floats], Floats]) -> 
 
 
 def sampled_chains(net: ChainNet, lifting: Lifting, limits: Limits) -> dict[int, SampledChain]:
-    """The chains of a net on the smooth skins, by number."""
+    """Sample the chains of a net on the smooth skins, by number."""
     numbers = list(net.chains)
     points = [net.chains[k].points for k in numbers]
     start, end = (np.concatenate([p[some] for p in points]) for some in (slice(-1), slice(1, None)))
@@ -213,21 +216,24 @@ def sampled_chains(net: ChainNet, lifting: Lifting, limits: Limits) -> dict[int,
 
 
 OFF = 1 / 10
-"""Share of the distance that a solid may be off the mesh by which a parabola may be off a cubic."""
+"""Largest distance of a parabola from its cubic over the distance that a solid may be off the mesh."""
 
 TURNED = np.tan(np.deg2rad([0.5, 0.25]))
-"""Tangents of how far it may turn the ends of one, and out of the skins: these are smooth across borders."""
+"""Tangents of the largest turn at its ends, and out of the skins, because these are smooth across borders."""
 
 NOTHING = 1e-8
-"""Millimetres of a third difference that is none: curves are cut and turned before they are written."""
+"""Millimetres of a third difference that counts as zero, because curves are cut and turned before they are written."""
 
 BOW = np.sqrt(3) / 36
-"""Largest value of x (1/2 - x) (1 - x): what a third difference of 1 bends a cubic away from a parabola."""
+"""Maximum of x (1/2 - x) (1 - x): distance of a cubic with third difference 1 from its parabola."""
 
 
 def with_parabolas(curves: Sequence[ChainCurve], distance: float, box: Floats) -> list[ChainCurve]:
-    """Curves, as parabolas those whose cubics all are nearly one; a solid may be off its mesh by `distance`,
-    millimetres. Where their poles, which are farther out, would leave a box (2, 3) by more, they stay cubics."""
+    """Replace curves by parabolas if all their cubics are nearly parabolas.
+
+    distance : largest distance of a solid from its mesh, millimetres. A parabola's poles are farther out; if they
+    leave the box (2, 3) by more than that, the curve stays cubic.
+    """
     wide = box + distance * np.array([[-1.0], [1.0]])
     return [
         replace(curve, spans=lowered(curve.spans, 1)) if _nearly(curve.spans, OFF * distance, wide) else curve
@@ -236,15 +242,17 @@ def with_parabolas(curves: Sequence[ChainCurve], distance: float, box: Floats) -
 
 
 def lowered(P: Floats, axis: int) -> Floats:
-    """(k, 4, 6), or any with 4 along an axis: cubics as the parabolas through their ends and middles, still 4 poles."""
+    """Replace cubics, with 4 poles along an axis, by parabolas through their ends and middles, still with 4 poles."""
     P = P.swapaxes(0, axis)
     third = _third(P) / 6
     return np.stack([P[0], P[1] - third, P[2] + third, P[3]]).swapaxes(0, axis)
 
 
 def lowered_patches(P: Floats, distance: float) -> Floats:
-    """Patches of a region (ku, kv, 4, 4, 6) of degree 2 in each direction in which its sides are parabolas, where that
-    moves no pole by more than a share of `distance`, millimetres; the sides stay."""
+    """Lower patches (ku, kv, 4, 4, 6) of a region to degree 2 in directions in which the sides are parabolas.
+
+    No pole moves by more than a share of `distance`, millimetres; the sides stay.
+    """
     for axis, sides in ((2, P[:, [0, -1], :, [0, -1]]), (3, P[[0, -1], :, [0, -1]])):
         if np.abs(_third(sides.swapaxes(0, -2))).max() < NOTHING:
             Q = lowered(P, axis)
@@ -254,7 +262,7 @@ def lowered_patches(P: Floats, distance: float) -> Floats:
 
 
 def fewest(P: Floats, axis: int) -> Floats:
-    """The poles of what is a parabola along an axis, 3 there as in (k, 3, 6), or those that are given, as (k, 4, 6)."""
+    """Return 3 poles along an axis if the cubics there are parabolas, otherwise the poles (k, 4, 6) themselves."""
     P = P.swapaxes(0, axis)
     if len(P) == 4 and np.abs(_third(P)).max() < NOTHING:
         P = np.stack([P[0], _middle_pole(P), P[3]])
@@ -267,12 +275,12 @@ def _third(P: Floats) -> Floats:
 
 
 def _middle_pole(P: Floats) -> Floats:
-    """(..) of parabolas given as cubics with poles (4, ..); the same to the last digit of those turned around."""
+    """(..) middle poles of parabolas in cubic form (4, ..); reversed curves give the same digits."""
     return np.asarray((3 * (P[1] + P[2]) - (P[0] + P[3])) / 4)
 
 
 def _nearly(spans: Floats, most: float, box: Floats) -> bool:
-    """Whether cubics (k, 4, 6) are parabolas on both skins to `most` millimetres."""
+    """Return whether cubics (k, 4, 6) are parabolas on both skins within `tolerance` mm."""
     P = spans.reshape(-1, 4, 2, 3).swapaxes(0, 1)
     outer = _middle_pole(P)
     if (outer < box[0]).any() or (outer > box[1]).any():

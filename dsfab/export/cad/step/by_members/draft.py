@@ -50,19 +50,16 @@ from dsfab.export.part import Part, StripedSheet
 from dsfab.surface import connected, edge_table
 
 ALONG = 7
-"""Digits after the point of millimetres along edges. An edge that is a part of a patch's side has other poles than the
-side, and OCCT takes what is off by less than 1e-7 as exact. What is off by more it measures at some points of an edge;
-of one that a fillet makes shorter at others, and where it is off by a thousandth more there, that is invalid."""
-
-OVER = 12
-"""Digits after the point of places on surfaces, which are a square."""
+"""Decimals of coordinates of edges in mm. An edge that is a part of a patch's side has other poles than the side. OCCT
+ignores less than 1e-7 mm, and measures more at samples; a shortened edge has other samples, and a thousandth more there
+makes it invalid."""
 
 NO_SEAMS: Mapping[int, LongSeam] = MappingProxyType({})
 
 
 class NetText:
-    """Writes a model after what `new` holds already; thickness in millimetres. What a model with a seam has twice is
-    written once."""
+    """Writer of a model after the entities of `new`. thickness : mm. Entities that exist on both sides of a seam are
+    shared."""
 
     def __init__(self, new: Entities, model: NetModel, thickness: float) -> None:
         self.new, self.model = new, model
@@ -75,7 +72,7 @@ class NetText:
         self.edges = list[list[int]]()
 
     def faces(self, trimmed: list[TrimmedFace], seams: Mapping[int, LongSeam] = NO_SEAMS) -> list[int]:
-        """The numbers of all faces. seams : by edge those that go on beyond it."""
+        """Add all faces and return their numbers. seams : extended seams by edge."""
         found, posts = list[int](), dict[tuple[int, int], int]()
         skins: list[NetPatch | TrimmedFace] = [*self.model.patches, *trimmed]
         surfaces = {i: self._surfaces(skins[i]) for i in sorted({i for seam in seams.values() for i in seam.on})}
@@ -100,7 +97,6 @@ class NetText:
         return found
 
     def _surfaces(self, skin: NetPatch | TrimmedFace) -> list[int]:
-        """The outer and the inner surface of a face."""
         if isinstance(skin, TrimmedFace):
             digits = ALONG + 1 if skin.exact else ALONG - 1
             return [self._surface(self._grid(poles, digits)) for poles in (skin.outer, skin.inner)]
@@ -108,7 +104,6 @@ class NetText:
         return [self._surface(self._grid(poles, ALONG + 1) if skin.within else self._rows(poles)) for poles in both]
 
     def _add_edges(self, seams: Mapping[int, LongSeam], surfaces: Mapping[int, list[int]]) -> None:
-        """All edges, of which some are parts of curves that have places on surfaces."""
         given = [seams[e].poles if e in seams else edge.poles for e, edge in enumerate(self.model.edges)]
         self.poles = self._pole_numbers([fewest(poles, 0) for poles in given])
         for e, (edge, two) in enumerate(zip(self.model.edges, self.poles, strict=True)):
@@ -121,17 +116,16 @@ class NetText:
             self.edges.append([self._put(f"EDGE_CURVE('',#{a},#{b},#{curve},.T.)") for a, b, curve in ends])
 
     def _on_surface(self, uv: Floats, surface: int) -> int:
-        """A curve with poles (k, 2) over a surface."""
+        digits = 12  # decimals of parameters on surfaces, which run from 0 to 1
         points = [
-            self.new.once(f"CARTESIAN_POINT('',({','.join(f'{x:.{OVER}f}'.rstrip('0') for x in p)}))")
-            for p in (np.round(uv, OVER) + 0.0).tolist()
+            self.new.once(f"CARTESIAN_POINT('',({','.join(f'{x:.{digits}f}'.rstrip('0') for x in p)}))")
+            for p in (np.round(uv, digits) + 0.0).tolist()
         ]
         curve = self.new.add(bezier(points))
         line = self.new.add(f"DEFINITIONAL_REPRESENTATION('',(#{curve}),#{self.new.once(PLANE)})")
         return self.new.add(f"PCURVE('',#{surface},#{line})")
 
     def _skin(self, loops: list[Loop], surface: int, s: int) -> int:
-        """A face of the outer (0) or the inner (1) skin; its loops run the other way there."""
         wires = []
         for i, loop in enumerate(loops):
             steps = [(self.edges[e][s], ahead != bool(s)) for e, ahead in (loop[::-1] if s else loop)]
@@ -139,13 +133,12 @@ class NetText:
         return self.new.face(wires, surface, same=not s)
 
     def _rows(self, poles: Floats) -> list[list[int]]:
-        """Of a patch's poles (j, k, 3), which are on edges but for the inner ones."""
+        """Add poles (j, k, 3) of a patch; only inner poles are rounded coarsely."""
         poles = poles.copy()
         poles[1:-1, 1:-1] = np.round(poles[1:-1, 1:-1], self.digits)
         return self._grid(poles, ALONG)
 
     def _points(self, points: Floats, digits: int = ALONG) -> Iterator[int]:
-        """Of points (k, 3), those that are equal once."""
         known = self._numbers
         for p in map(tuple, (np.round(points, digits) + 0.0).tolist()):
             if p not in known:
@@ -154,7 +147,6 @@ class NetText:
             yield known[p]
 
     def _pole_numbers(self, lines: list[Floats]) -> list[list[list[int]]]:
-        """Of the poles of curves (k, 6), on the outer and on the inner skin."""
         found, at = list(self._points(np.concatenate([line[:, s : s + 3] for line in lines for s in (0, 3)]))), 0
         numbers = list[list[list[int]]]()
         for k in map(len, lines):
@@ -163,22 +155,20 @@ class NetText:
         return numbers
 
     def _grid(self, poles: Floats, digits: int) -> list[list[int]]:
-        """Of a grid of points (r, k, 3), row by row."""
         found = list(self._points(poles.reshape(-1, 3), digits))
         return [found[i : i + poles.shape[1]] for i in range(0, len(found), poles.shape[1])]
 
     def _post(self, posts: dict[tuple[int, int], int], vertex: int) -> tuple[int, bool]:
-        """The edge between both points of a vertex, and whether it runs to the outer one."""
+        """Edge between both points of a vertex, and True if it runs to the outer one."""
         outer, inner = self.vertices[vertex]
         if (outer, inner) in posts:
-            return posts[outer, inner], False  # it was made for the other side of a seam
+            return posts[outer, inner], False  # the other side of a seam has made it
         if (inner, outer) not in posts:
             ends = [next(self._points(self.model.vertices[vertex][None, i : i + 3])) for i in (3, 0)]
             posts[inner, outer] = self.new.add(f"EDGE_CURVE('',#{inner},#{outer},#{self.new.add(bezier(ends))},.T.)")
         return posts[inner, outer], True
 
     def _surface(self, rows: list[list[int]]) -> int:
-        """A Bezier patch, as a spline with one span."""
         poles, (j, k) = ",".join(references(row) for row in rows), (len(rows), len(rows[0]))
         return self.new.add(
             f"B_SPLINE_SURFACE_WITH_KNOTS('',{j - 1},{k - 1},({poles}),.UNSPECIFIED.,.F.,.F.,.F.,"
@@ -187,9 +177,9 @@ class NetText:
 
 
 def bezier(poles: list[int]) -> str:
-    """The entity of a Bezier curve through the points with these numbers, as a spline with one span.
+    """Format a Bezier curve through numbered points as a spline with one span.
 
-    A line too: a polyline that an edge lies on has three points at least (ISO 10303-511, advanced_face).
+    Lines too, because a polyline under an edge has at least three points (ISO 10303-511, advanced_face).
     """
     k = len(poles)
     return (
@@ -199,47 +189,43 @@ def bezier(poles: list[int]) -> str:
 
 
 KIND = "curved solid of four-sided patches by members"
-"""What the file says about itself."""
+"""Description of the file in its header."""
 
 NARROW = 1 / 4000
-"""Gap that is wanted between a trimmed face and its edges, as a share of the thickness."""
+"""Wanted gap between a trimmed face and its edges over the thickness."""
 
 NARROW_MM, OF_THIN = 0.01, 1 / 1500
-"""Millimetres of one that is narrow enough, if that is no larger a share of the thickness: of a sheet of 16 mm most
-trimmed faces had degrees of 4 to 7, to close it to .004 mm, and a third more poles."""
+"""Millimetres of a gap that is narrow enough, and its largest share of the thickness. In a sheet of 16 mm most trimmed
+faces needed degrees of 4 to 7 to close 0.004 mm, and a third more poles."""
 
 SHORT = 1 / 20
-"""Length of a wall between two borders that is none, as a share of the thickness."""
+"""Length over the thickness below which a wall between two borders is removed."""
 
 LENS = 1 / 3
-"""Width of a region between two chains that is no region, as a share of the thickness."""
+"""Width over the thickness below which a region between two chains is removed."""
 
 PASSES = 3
-"""Looks at outlines that cross themselves; what one pass joins or leaves whole may cross anew."""
+"""Repetitions of the test for crossing outlines, because joined or undivided regions may cross anew."""
 
 UNASKED = 7000
-"""Faces of a file that nobody asked for by name, where a part is in a hurry of 1: more take half a minute."""
+"""Most faces of a file without a request by name and with a hurry of 1: more take half a minute."""
 
 FEWER_WALLS = 3 / 4
-"""Walls for each chain of an outline, at least: a fifteenth of those of `hypar.obj` and of a cylinder are one with
-others."""
+"""Least number of walls over the number of outline chains: in `hypar.obj` and a cylinder a fifteenth are joined."""
 
-
-FEWER_FACES = 0.95
-"""Of a first model that are left, at least, once regions whose outlines cross themselves have joined others."""
 
 BEYOND = 1 / 300
-"""Share of a surface's size that poles of curves are beyond its box at most: along the rim of a vault of 12 m they were
-170 mm above it, and OCCT's box with them."""
+"""Largest distance of curve poles outside the surface's box over its size. Along the rim of a vault of 12 m they were
+170 mm above it, with OCCT's box."""
 
 
 class ManyFacesError(ExportError):
-    """A file with more faces than are made unasked; asked for by name, it is made."""
+    """The file has too many faces to be made without a request by name."""
 
 
 @dataclass(frozen=True, eq=False)
 class MemberDraft:
-    """What nobody has checked: the text, its solids, faces, trimmed ones among them, and the widest gap, mm."""
+    """Unchecked file: text, numbers of solids, faces and trimmed faces, and the widest gap, mm."""
 
     text: str
     solids: int
@@ -249,16 +235,16 @@ class MemberDraft:
 
 
 def member_plan(part: Part) -> SmoothPlan:
-    """What is known of a part's sheet, whatever the number of its walls."""
+    """Return the plan of a part, without a limit on its walls."""
     return SmoothPlan(replace(part, hurry=0))
 
 
 def member_draft(part: Part, plan: SmoothPlan, fine: bool = False) -> MemberDraft:
-    """The file of a part before it is checked; raises ExportError where it cannot be made, and ManyFacesError
-    where nobody asked for so large a one.
+    """Encode a part without checks; raises ExportError if that fails, and ManyFacesError for too many faces without a
+    request.
 
-    fine : whether faces are asked how far they are off the mesh, borders follow the skins closely, and trimmed ones
-    are near to many points of long triangles, see `interior`.
+    fine : measure the distance of faces from the mesh, let borders follow the skins closely, and use more points in
+    long triangles, see `RegionInterior`.
     """
     with one_blas_thread():  # thousands of small systems
         return _draft(part, plan, fine)
@@ -291,12 +277,11 @@ _MANY = WeakSet[Part]()
 
 
 def has_too_many(part: Part) -> bool:
-    """Whether a part was refused for its number of faces alone."""
+    """Return whether a part was refused because of its number of faces alone."""
     return part in _MANY
 
 
 def _require_few(part: Part, faces: int) -> None:
-    """Raise ExportError where nobody asked for so many faces, or more."""
     most = part.hurry * UNASKED
     if part.hurry and faces > most:
         _MANY.add(part)
@@ -307,7 +292,6 @@ def _require_few(part: Part, faces: int) -> None:
 
 
 def _sheets(striped: StripedSheet) -> Iterator[StripedSheet]:
-    """The connected pieces of a sheet, over its seam too."""
     one, two = np.concatenate([edge_table(striped.F).pairs, striped.seam]).T // 3
     count, piece = connected(len(striped.F), one, two)
     cell, corner = striped.seam // 3, striped.seam % 3
@@ -319,7 +303,8 @@ def _sheets(striped: StripedSheet) -> Iterator[StripedSheet]:
 
 
 def _net(sheet: StripedSheet, lifting: Lifting, plan: SmoothPlan) -> ChainNet:
-    """The net of a piece; it has about a wall for each chain of its outline, and at least two faces for each region."""
+    """Return the net of a piece. It has about one wall for each outline chain, and at least two faces for each
+    region."""
     t, skins = plan.limits.thickness, lifting.skins
     creased = lifting.sides.along if len(lifting.sides.creases) else None
     net = net_of(sheet, plan.surface.V, skins.normals, t / MM_PER_M, creased)
@@ -331,10 +316,10 @@ def _net(sheet: StripedSheet, lifting: Lifting, plan: SmoothPlan) -> ChainNet:
 
 
 def _solid(part: Part, net: ChainNet, interior: Interior, plan: SmoothPlan) -> tuple[NetModel, list[TrimmedFace]]:
-    """The model of a piece, and its faces without four sides."""
+    remaining = 0.95  # least share of the first model's faces after regions with crossing outlines are joined
     fits = _Fits(interior, plan)
     lines, model = fits.model(net)
-    _require_few(part, int(FEWER_FACES * model.faces))
+    _require_few(part, int(remaining * model.faces))
     known = dict[int, bytes]()
     for _ in range(PASSES):
         outlines = _outlines(net, lines, model)
@@ -358,7 +343,6 @@ def _solid(part: Part, net: ChainNet, interior: Interior, plan: SmoothPlan) -> t
 
 
 def _trimmed_faces(net: ChainNet, model: NetModel, interior: Interior, fits: "_Fits") -> dict[int, TrimmedFace]:
-    """By region; none of one that no surface is near to, but has four sides."""
     found, parts = dict[int, TrimmedFace](), {*net.parent, *net.parent.values()}
     outlines = {region: model.outline(loops) for region, loops in model.trimmed.items()}
     for region, loops in model.trimmed.items():
@@ -378,7 +362,6 @@ def _trimmed_faces(net: ChainNet, model: NetModel, interior: Interior, fits: "_F
 
 
 def _close(face: TrimmedFace | None, plan: SmoothPlan) -> bool:
-    """Whether a trimmed face can be cut wherever patches can, and is as near to the sheet."""
     near = FLAT * plan.limits.distance
     return face is not None and face.gap <= SPLIT and face.off <= near
 
@@ -386,7 +369,7 @@ def _close(face: TrimmedFace | None, plan: SmoothPlan) -> bool:
 def _divided(
     net: ChainNet, lines: NetLines, model: NetModel, fits: "_Fits", plan: SmoothPlan
 ) -> tuple[ChainNet, NetModel]:
-    """A net and its model with members that are cut off from their ends, unless an outline then crosses itself."""
+    """Cut ends off members, unless an outline then crosses itself."""
     regions, known = set(model.trimmed), _outlines(net, lines, model)
     for _ in range(PASSES):
         whole = divided(net, sorted(regions), fits.lifting, NARROW * plan.limits.thickness)
@@ -404,7 +387,7 @@ def _divided(
 
 
 def _outlines(net: ChainNet, lines: NetLines, model: NetModel) -> dict[int, bytes]:
-    """The poles around each trimmed region of a net. A line takes part in many outlines, and moves all of them."""
+    """Poles around each trimmed region. A line is part of several outlines and moves all of them."""
     curves = lines.curves(model.trimmed)
     return {
         region: b"".join(curves[k].spans.tobytes() for loop in net.loops[region] for k, _ in loop)
@@ -413,13 +396,11 @@ def _outlines(net: ChainNet, lines: NetLines, model: NetModel) -> dict[int, byte
 
 
 def _changed(known: dict[int, bytes], outlines: dict[int, bytes]) -> list[int]:
-    """The regions whose outlines are not those that were known before."""
     return [region for region, outline in outlines.items() if known.get(region) != outline]
 
 
 class _Fits:
-    """The lines of nets, and their models; chains with the points that they had are not sampled anew, nor are trimmed
-    faces with the outlines that they had (by region and poles)."""
+    """Lines and models of nets. Samples of unchanged chains and trimmed faces of unchanged outlines are memoised."""
 
     def __init__(self, interior: Interior, plan: SmoothPlan) -> None:
         self.lifting, self.limits, self.reach = interior.lifting, plan.limits, REACH * plan.limits.thickness
@@ -435,7 +416,6 @@ class _Fits:
         self.patched = set[int]()
 
     def model(self, net: ChainNet) -> tuple[NetLines, NetModel]:
-        """Of a net."""
         new = {k: chain for k, chain in net.chains.items() if self.points.get(k) is not chain.points}
         if new:
             self.chains |= sampled_chains(replace(net, chains=new), self.lifting, self.limits)
@@ -446,7 +426,7 @@ class _Fits:
         return lines, net_model(lines, chains, quads, others, self.covering, self.patched)
 
     def _quads(self, net: ChainNet, chains: dict[int, SampledChain]) -> tuple[list[Quad], list[int]]:
-        """As `quads_of`; regions with the chains that they had are as they were."""
+        """Return quads and other regions as `quads_of`; regions with unchanged chains are memoised."""
         for region, loops in net.loops.items():
             around = [chains[k] for loop in loops for k, _ in loop]
             known = self.quads.get(region)
@@ -458,10 +438,8 @@ class _Fits:
 
 
 def _narrow(thickness: float) -> float:
-    """The gap that is wanted between a trimmed face and its edges, millimetres."""
     return max(NARROW * thickness, min(NARROW_MM, OF_THIN * thickness))
 
 
 def _wide_box(skins: Floats) -> Floats:
-    """(2, 3) a box, and a little more."""
     return np.asarray(skins + BEYOND * float(np.linalg.norm(skins[1] - skins[0])) * np.array([[-1.0], [1.0]]))

@@ -25,17 +25,14 @@ from dsfab.export.cad.step.by_members.trimmed import TrimmedFace
 from dsfab.export.splines import bernstein
 
 NEARLY = 1e-6
-"""Millimetres that faces may be off what a seam goes on for."""
+"""Largest distance in mm of faces from the continuation of a seam."""
 
 ALONG = np.linspace(0, 1, 17)
-"""Where that is measured."""
-
-STEPS = 5
-"""Of Newton's method for a point of a side, from the nearest of `ALONG`."""
+"""Parameters where that distance is measured."""
 
 
 def on_face(face: TrimmedFace, poles: Floats) -> Floats | None:
-    """(2, 4, 2) poles of curves (4, 6) over the outer and the inner surface of a trimmed face, if it follows them."""
+    """(2, 4, 2) poles of curves (4, 6) in parameters of both surfaces of a trimmed face; None if they leave it."""
     if np.abs(face.gaps(bernstein(ALONG) @ poles)).max() > NEARLY:
         return None
     both = zip((face.outer, face.inner), face.axes, np.split(poles, 2, axis=1), strict=True)
@@ -43,10 +40,9 @@ def on_face(face: TrimmedFace, poles: Floats) -> Floats | None:
 
 
 def on_patch(patch: NetPatch, edge: Floats, share: Floats, poles: Floats) -> Floats | None:
-    """(2, 2, 2) ends of curves (4, 6) over a patch, if they run along one of its sides.
+    """(2, 2, 2) ends of curves (4, 6) in parameters of a patch, if they run along a side; else None.
 
-    edge : (4, 6) of the part that lies on the side.    share : (2,) of its parameter that the curves go on by before
-    and after it.
+    edge : (4, 6) the part on the side.    share : (2,) of its parameter by which the curves extend before and after it.
     """
     P = patch.poles
     for axis in (0, 1):
@@ -61,59 +57,54 @@ def on_patch(patch: NetPatch, edge: Floats, share: Floats, poles: Floats) -> Flo
 
 
 def _parameter(side: Floats, point: Floats) -> float:
-    """Of a point (6,), where on a side (4, 6) it lies, which has it."""
+    steps = 5  # of Newton's method, from the nearest sample
     x = float(ALONG[np.argmin(np.linalg.norm(bernstein(ALONG) @ side - point, axis=1))])
-    for _ in range(STEPS):
+    for _ in range(steps):
         here, ahead = (bernstein(np.array([x])) @ side)[0], 3 * (_quadratic(x) @ np.diff(side, axis=0))
         x += float((point - here) @ ahead) / max(float(ahead @ ahead), 1e-300)
     return x if abs(x - round(x)) > 1e-10 else float(round(x))
 
 
 def _quadratic(x: float) -> Floats:
-    """(3,) Bernstein polynomials."""
     return np.array([(1 - x) ** 2, 2 * x * (1 - x), x**2])
 
 
 def _is_on(P: Floats, uv: Floats, poles: Floats) -> bool:
-    """Whether a line over a patch is a curve."""
     at = uv[0] + ALONG[:, None] * (uv[1] - uv[0])
     points = np.einsum("ka,kb,abi->ki", bernstein(at[:, 0]), bernstein(at[:, 1]), P)
     return bool(np.abs(points - bernstein(ALONG) @ poles).max() < NEARLY)
 
 
 CLEAR = 1 / 6
-"""Of the thickness, radius of a fillet that a seam goes on for, times the tangent of half the turn."""
-
-MOST = 3.0
-"""Times its own length that a seam goes on, at most: a polynomial is not to be trusted farther."""
+"""Radius over the thickness of a fillet for which a seam is extended, times the tangent of half the turn."""
 
 MARGIN = 0.1
-"""Share of that by which surfaces go on farther."""
+"""Share of the extension by which surfaces extend farther."""
 
 WIDE = 1 / 100
-"""Of the thickness, by which a patch goes on beside a seam that a wall's edge goes straight on as: OCCT makes the seam
-longer along that edge, nearly, and finds no places on the patch for what is beyond."""
+"""Extension of a patch over the thickness, beside a seam that continues a wall's edge. OCCT extends the seam nearly
+along that edge and needs places on the patch for it."""
 
 ROUND = 1 / 8
-"""Of the thickness, radius of a fillet that the patch beyond such a seam goes on for. OCCT lengthens the patch itself,
-along tangents. The gap between it and where the fillet ends becomes the tolerance of what the seam is longer by; at one
-of more than 1e-4 mm this runs the wrong way, and the solid is not valid."""
+"""Radius over the thickness of a fillet for which the patch beyond such a seam is extended. OCCT extends the patch
+itself, along tangents. The gap to the end of the fillet becomes the tolerance of the extended seam; above 1e-4 mm the
+seam runs backwards, and the solid is invalid."""
 
 GAP = 3e-5
-"""Millimetres of that gap. With less the tolerance is ten times the seam's, 1e-6, and along the wall's edge, which has
-another parameter, the longer seam was off the other patch by up to 2e-6."""
+"""Millimetres of that gap. With a smaller gap the tolerance is ten times the seam's, 1e-6 mm, but the extended seam was
+off the other patch by up to 2e-6 mm, because the wall's edge has another parameter."""
 
 OFF = 1e-5
-"""Millimetres that a pole of such a seam is off where a trimmed face is beyond, which is wide enough: there the longer
-seam was off by up to 1.4e-5, and its tolerance is then 4e-5."""
+"""Millimetres by which a pole of such a seam is moved if a trimmed face is beyond, which is wide enough. The extended
+seam was off by up to 1.4e-5 mm, and its tolerance is then 4e-5 mm."""
 
 
 @dataclass(frozen=True, eq=False)
 class LongSeam:
-    """A seam that goes on, or a wall's edge beside the corner where one does, which does not.
+    """Extended seam, or the edge of a wall beside a corner with such a seam.
 
-    poles : (4, 6) of its curves, millimetres.    on : by face, patches first and then trimmed ones, poles (2, k, 2) of
-    the same curves over its outer and its inner surface, which are a square.
+    poles : (4, 6) of its curves, mm.    on : by face, first patches and then trimmed ones, poles (2, k, 2) of the
+    curves in parameters of its outer and inner surface.
     """
 
     poles: Floats
@@ -121,20 +112,20 @@ class LongSeam:
 
 
 def curves_beyond(model: NetModel) -> dict[int, Floats]:
-    """By edge the poles (4, 6) of seams that go on: each of them the only one at a corner that is filled."""
+    """Poles (4, 6) of extended seams by edge: those that alone end at a filled corner."""
     bent = [corner for corner in filled_corners(model) if corner.straight is None]
     return {e: poles for e, (_, poles) in _longer(model, bent).items()}
 
 
 def _longer(model: NetModel, corners: Iterable[FilledCorner]) -> dict[int, tuple[Floats, Floats]]:
-    """By edge the shares (2,) of its own parameter by which a seam goes on before its start and after its end, and the
-    poles (4, 6) of its curves then."""
+    """By edge: shares (2,) of extension before its start and after its end, and poles (4, 6) of the extended curves."""
+    most = 3.0  # times its own length: a polynomial is unreliable farther out
     shares = dict[int, Floats]()
     for corner in corners:
         share = shares.setdefault(corner.seam, np.zeros(2))
         far = _share if corner.straight is None else _share_to_gap
         share[corner.end] = far(model.edges[corner.seam].poles, corner.end, corner.half)
-    shares = {e: share for e, share in shares.items() if 0 < share.max() <= MOST}
+    shares = {e: share for e, share in shares.items() if 0 < share.max() <= most}
     if not shares:
         return {}
     P, share = np.stack([model.edges[e].poles for e in shares]), np.stack(list(shares.values()))
@@ -143,7 +134,6 @@ def _longer(model: NetModel, corners: Iterable[FilledCorner]) -> dict[int, tuple
 
 
 def _share(poles: Floats, end: int, half: float) -> float:
-    """Of an edge's own parameter by which its curves go on."""
     radius = CLEAR * float(np.linalg.norm(poles[-end, :3] - poles[-end, 3:]))
     way = poles[-end] - poles[-2 if end else 1]
     slow = min(float(np.linalg.norm(part)) for part in np.split(way, 2))
@@ -151,7 +141,8 @@ def _share(poles: Floats, end: int, half: float) -> float:
 
 
 def _share_to_gap(poles: Floats, end: int, half: float) -> float:
-    """The same, up to where OCCT may go on along tangents: beside a fillet of `ROUND` it is off by `GAP`."""
+    """Extension up to the place where OCCT's tangent is off by `TANGENT_GAP` beside a fillet of
+    `LARGE_FILLET_SHARE`."""
     ahead = poles[::-1] if end else poles
     across = poles[-end, :3] - poles[-end, 3:]
     thick = float(np.linalg.norm(across))
@@ -166,8 +157,11 @@ def _share_to_gap(poles: Floats, end: int, half: float) -> float:
 def with_long_seams(
     model: NetModel, faces: list[TrimmedFace]
 ) -> tuple[NetModel, list[TrimmedFace], dict[int, LongSeam]]:
-    """The same solid, on surfaces that go on as its seams do, and by edge these seams and what is beside their ends; a
-    seam that one of its faces does not follow stays as it is."""
+    """Extend surfaces as seams continue; return the model, the faces, and the extended seams with their neighbours by
+    edge.
+
+    A seam that leaves one of its faces stays as it is.
+    """
     corners = filled_corners(model)
     loops = _edges_around(model, faces, corners)
     seams = _on_both(model, faces, corners, loops)
@@ -193,7 +187,6 @@ def with_long_seams(
 
 
 def _with_tolerance(model: NetModel, corners: list[FilledCorner], loops: dict[int, set[int]]) -> list[NetEdge]:
-    """The edges, of which seams that go straight on from a wall's edge, and have a trimmed face beyond, are off it."""
     edges = list(model.edges)
     for corner in corners:
         trimmed = [mine for i, mine in loops.items() if i >= len(model.patches) and corner.seam in mine]
@@ -206,7 +199,6 @@ def _with_tolerance(model: NetModel, corners: list[FilledCorner], loops: dict[in
 
 
 def _edges_around(model: NetModel, faces: list[TrimmedFace], corners: list[FilledCorner]) -> dict[int, set[int]]:
-    """By face, patches first and then trimmed ones, the edges at corners around it, where there are some."""
     some = {e for corner in corners for e in (corner.seam, *corner.beside)}
     loops = [patch.loop for patch in model.patches] + [[step for loop in face.loops for step in loop] for face in faces]
     found = {i: some.intersection([e for e, _ in loop]) for i, loop in enumerate(loops)}
@@ -216,8 +208,7 @@ def _edges_around(model: NetModel, faces: list[TrimmedFace], corners: list[Fille
 def _beside_straight(
     model: NetModel, faces: list[TrimmedFace], corners: list[FilledCorner], loops: dict[int, set[int]]
 ) -> tuple[dict[int, Floats], dict[int, list[Floats]]]:
-    """By patch what is needed where a seam goes straight on from a wall's edge, at a corner that is filled: beside both
-    a box, as `_box`, and beyond the seam the places (2, 2, 2) of that as which it goes on."""
+    """By patch at seams that continue a wall's edge: a box beside both, and places (2, 2, 2) beyond the seam."""
     straight = [corner for corner in corners if corner.straight is not None]
     longer, boxes, needed = _longer(model, straight), dict[int, Floats](), dict[int, list[Floats]]()
     for corner in straight:
@@ -233,7 +224,7 @@ def _beside_straight(
 
 
 def _wide(patch: NetPatch) -> Floats:
-    """(2, 2, 2) a little more than the square of a patch, as `_box`."""
+    """(2, 2, 2) box slightly larger than a patch."""
     P = patch.poles[:, :, :3]
     thick = float(np.linalg.norm(patch.poles[0, 0, :3] - patch.poles[0, 0, 3:]))
     long = np.linalg.norm([P[3, 0] - P[0, 0], P[0, 3] - P[0, 0]], axis=1)
@@ -244,7 +235,7 @@ def _wide(patch: NetPatch) -> Floats:
 def _on_both(
     model: NetModel, faces: list[TrimmedFace], corners: list[FilledCorner], loops: dict[int, set[int]]
 ) -> dict[int, LongSeam]:
-    """The seams that go on, over both of the faces beside them, and the walls' edges beside where they do, over one."""
+    """Extended seams that lie on both faces, and the walls' edges beside them, which lie on one."""
     bent = [corner for corner in corners if corner.straight is None]
     longer = _longer(model, bent)
     bent = [corner for corner in bent if corner.seam in longer]
@@ -262,7 +253,7 @@ def _on_both(
 
 
 def _places(model: NetModel, faces: list[TrimmedFace], i: int, e: int, share: Floats, poles: Floats) -> Floats | None:
-    """(2, k, 2) where on a face, if there, an edge's curves with poles (4, 6) are that go on by a share."""
+    """(2, k, 2) parameters of an edge's extended curves on face i, or None."""
     count = len(model.patches)
     return (
         on_patch(model.patches[i], model.edges[e].poles, share, poles)
@@ -272,14 +263,12 @@ def _places(model: NetModel, faces: list[TrimmedFace], i: int, e: int, share: Fl
 
 
 def _box(uv: Floats) -> Floats:
-    """(2, 2, 2) on each skin the lowest and the highest place that a surface needs for curves (2, k, 2)."""
+    """(2, 2, 2) lowest and highest parameters on each skin for curves (2, k, 2)."""
     low, high = np.minimum(uv.min(axis=1), 0), np.maximum(uv.max(axis=1), 1)
     return np.stack([(1 + MARGIN) * low, 1 + (1 + MARGIN) * (high - 1)], axis=1)
 
 
 def _over(poles: Floats, box: Floats) -> Floats:
-    """Poles (j, k, d) of the same surface over another part (2, 2) of the plane: from its lowest place to its
-    highest."""
     for axis in (0, 1):
         if box[0, axis] != 0 or box[1, axis] != 1:
             poles = _part(poles.swapaxes(0, axis), box[0, axis], box[1, axis]).swapaxes(0, axis)
@@ -287,7 +276,6 @@ def _over(poles: Floats, box: Floats) -> Floats:
 
 
 def _part(P: Floats, low: float, high: float) -> Floats:
-    """Poles (k, ..) of the part of a polynomial between two parameters, by de Casteljau."""
     count, found = len(P) - 1, list[Floats]()
     for j in range(count + 1):
         Q = P
@@ -298,25 +286,22 @@ def _part(P: Floats, low: float, high: float) -> Floats:
 
 
 CLEAR_EDGE = 1 / 7
-"""Of the thickness, radius of a fillet that takes no more of a wall than up to where its edge is cut at the nearest."""
+"""Radius over the thickness of the largest fillet that ends before the nearest cut of a wall's edge."""
 
 FAR = 4.0
-"""Times the thickness, and the tangent of half a turn up to 1, that an edge is long which ends at a corner. OCCT makes
-it longer, out and back to where the fillet ends, and looks for that place from few samples: it may find the farthest
-one out, if the fillet takes less than 1.5 % of the edge. Of one of 700 mm a fillet took 5, of one of 180 mm 2."""
+"""Largest length of an edge at a corner, over the thickness and the tangent of half a turn (up to 1). OCCT extends the
+edge out and back to the end of the fillet, and searches that place with few samples. If the fillet takes less than 1.5
+% of the edge, it may find the far end: 5 of 700 mm failed, and 2 of 180 mm."""
 
 DENSE = np.linspace(0, 1, 129)
-"""Where an edge is compared with its trimmed face."""
-
-EXACT = 1e-6
-"""Millimetres of a gap up to which OCCT takes an edge as one of a face."""
+"""Parameters where an edge is compared with its trimmed face."""
 
 
 def in_order(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
-    """The same solid, whose walls follow each other around each outline, edges along them.
+    """Order the walls around each outline with edges along them, as OCCT needs for fillets.
 
-    An outline begins where it is smoothest. Where it has corners only, both its first corner and its last are of its
-    first wall, and an edge of this ends at each: a wall with a single edge gets two.
+    An outline begins where it is smoothest. If it has only corners, its first and last corner belong to the first wall,
+    and an edge of it ends at each: a wall with a single edge gets two.
     """
     work, walls = CutEdges(model), list[NetWall]()
     beside = {e: face for face in faces for loop in face.loops for e, _ in loop}
@@ -331,7 +316,6 @@ def in_order(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[
 def _directed(
     outline: list[NetWall], model: NetModel, beside: dict[int, TrimmedFace], work: "CutEdges"
 ) -> list[NetWall]:
-    """An outline from where it is smoothest, once its edges are directed and cut."""
     cosines = [float(way(wall, model, True) @ way(outline[i - 1], model, False)) for i, wall in enumerate(outline)]
     begin = int(np.argmax(cosines))
     walls = [*outline[begin:], *outline[:begin]]
@@ -349,16 +333,19 @@ def _directed(
 def _stops(
     poles: Floats, face: TrimmedFace | None, corners: tuple[float, float], ending: tuple[bool, bool]
 ) -> list[float]:
-    """Where an edge is cut that has corners at its ends: as far from each as the gap of a trimmed face is nowhere wider
-    between than here or there, on both skins, and not `FAR` from one that is rounded at the end of this edge.
+    """Shares where an edge with corners is cut.
 
-    corners : tangents of half the turns, 0 where there is no corner."""
+    Between a corner and its cut no gap to the trimmed face is wider than at both ends. The cut is at most
+    `LONGEST_SHARE` from a corner that is rounded at the end of this edge. corners : tangents of half the turns, 0
+    without a corner.
+    """
+    exact = 1e-6  # millimetres of a gap that OCCT ignores
     thick, long = (float(np.linalg.norm(way)) for way in (poles[0, :3] - poles[0, 3:], poles[3, :3] - poles[0, :3]))
     share = thick / max(long, 1e-300)
     first, last = (CLEAR_EDGE * share * half for half in corners)
     between = (first < DENSE) & (last < DENSE[::-1]) & (DENSE > 0) & (DENSE < 1)
     gaps = np.zeros((len(DENSE), 2)) if face is None else np.abs(face.gaps(bernstein(DENSE) @ poles))
-    gaps[:, gaps.max(axis=0) < EXACT] = 0
+    gaps[:, gaps.max(axis=0) < exact] = 0
     found = set[float]()
     for at_end in np.flatnonzero(corners):
         there = gaps[::-1] if at_end else gaps
@@ -375,15 +362,15 @@ def _stops(
 
 
 class CutEdges:
-    """Edges of a model, some of them turned or cut; forwards : what such a one has become, run through as it was."""
+    """Edges of a model, cut or reversed. forwards : steps that replace each such edge."""
 
     def __init__(self, model: NetModel) -> None:
         self.given, self.vertices, self.edges = model, list(model.vertices), list(model.edges)
         self.forwards = dict[int, Loop]()
 
     def cut(self, e: int, ahead: bool, stops: list[float], against: bool) -> None:
-        """Cut an edge at shares of it, as it is run through, and let all parts run this way, or the first one against
-        it."""
+        """Cut an edge at shares in its direction. All parts keep that direction, but the first one runs against it if
+        `against`."""
         edge, ends = self.given.edges[e], np.array([0.0, *stops, 1.0])
         P = np.stack([self.given.poles((e, ahead))] * (len(ends) - 1))
         parts = parts_of(P, ends[:-1], ends[1:]) if stops else P.copy()
@@ -400,11 +387,11 @@ class CutEdges:
         self.forwards[e] = along if ahead else turned(along)
 
     def model(self, walls: Iterable[NetWall]) -> NetModel:
-        """The model with walls in an order."""
+        """Return the model with walls in the given order."""
         return replace(self.given, vertices=self.vertices, edges=self.edges, walls=list(walls)).over(self.loop)
 
     def loop(self, loop: Loop) -> Loop:
-        """The same edges as they are now."""
+        """Return a loop with the replaced edges."""
         found: Loop = []
         for e, ahead in loop:
             steps = self.forwards.get(e, [(e, True)])

@@ -10,15 +10,9 @@ from dsfab.core.arrays import Floats, Ints
 from dsfab.export.cad.step.by_members.regions import VOID, Chain, ChainNet, Loop, ends_at, outline_through
 from dsfab.export.cad.step.shared.lifting import Lifting
 
-FEWEST_SIDES = 3
-"""Of a region, that it keeps."""
-
-FEWEST = 5
-"""Points of a chain whose ends are moved, at least."""
-
 
 def with_moved_ends(net: ChainNet, moves: Mapping[tuple[int, int], int], lifting: Lifting) -> ChainNet:
-    """The net with some ends of chains, (chain, 0 or -1), at other points; what is between follows by a share."""
+    """Move ends of chains, (chain, 0 or -1), to other points; the points between move by a linear share."""
     P: Floats = np.asarray(net.weights @ lifting.skins.points)
     ends = {
         k: [moves.get((k, i), int(net.chains[k].points[i])) for i in (0, -1)]
@@ -36,26 +30,27 @@ def with_moved_ends(net: ChainNet, moves: Mapping[tuple[int, int], int], lifting
 
 
 def _between(P: Floats, points: Ints, ends: list[int]) -> Floats:
-    """(k, 3) millimetres along a chain whose ends are elsewhere now."""
+    """(k, 3) points in mm along a chain with moved ends."""
+    fewest = 5  # points of a chain with moved ends
     line = P[points]
     way = _way(line)
     start, end = P[ends[0]] - line[0], P[ends[1]] - line[-1]
-    x = np.linspace(0, 1, max(len(points), FEWEST))
+    x = np.linspace(0, 1, max(len(points), fewest))
     at = np.stack([np.interp(x * way[-1], way, c) for c in line.T], axis=1)
     return np.asarray((at + (1 - x)[:, None] * start + x[:, None] * end)[1:-1])
 
 
 def _way(line: Floats) -> Floats:
-    """(k,) lengths along a line (k, 3), from 0."""
     return np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
 
 
 def without_short_walls(net: ChainNet, lifting: Lifting, most: float) -> ChainNet:
-    """The net without walls shorter than `most` millimetres between the ends of two borders: these end in one place.
+    """Remove walls shorter than `shortest` mm between the ends of two borders, which then end in one place.
 
-    Left as they are, walls of a millimetre leave an arc's end at any angle: where members of four feet meet their rim,
-    eight of twelve edges were such, and took no fillet.
+    Such walls leave an arc's end at any angle: where members of four feet meet their rim, eight of twelve edges were
+    such walls and took no fillet.
     """
+    fewest_sides = 3  # a region keeps at least three sides
     P: Floats = np.asarray(net.weights @ lifting.skins.points)
     chains, moves, at = dict(net.chains), dict[tuple[int, int], int](), ends_at(net)
     loops = {region: [list(loop) for loop in some] for region, some in net.loops.items()}
@@ -64,11 +59,11 @@ def without_short_walls(net: ChainNet, lifting: Lifting, most: float) -> ChainNe
             continue
         before, after = (outline_and_border(net, at[int(chain.points[i])]) for i in (0, -1))
         mine = next(loop for loop in loops[chain.left] if (k, True) in loop)
-        if not before or not after or len(mine) <= FEWEST_SIDES:
+        if not before or not after or len(mine) <= fewest_sides:
             continue
         three = ([net.chains[i].points[-2], *net.chains[j].points[:2]] for i, j in (before[:2], after[:2]))
         turned = [turn_at(P[points]) for points in three]
-        first = turned[0] < turned[1]  # the end that gives way
+        first = turned[0] < turned[1]  # the straighter end gives way
         other, border = (before[0], before[2]) if first else (after[1], after[2])
         if other not in chains or chains[other].left == chain.left or border in moves:
             continue
@@ -81,21 +76,24 @@ def without_short_walls(net: ChainNet, lifting: Lifting, most: float) -> ChainNe
 
 
 def outline_and_border(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int, int, tuple[int, int]] | None:
-    """The outline's chains that end and begin where ends of chains are, and the end of the one border there."""
+    """Return the outline's chains that end and begin at a node, and the end of its only border there; None
+    otherwise."""
     outline, borders = outline_through(net, ends), [one for one in ends if net.chains[one[0]].right != VOID]
     return (*outline, borders[0]) if outline and len(borders) == 1 else None
 
 
 def turn_at(three: Floats) -> float:
-    """Degrees that a line through three points (3, 3) turns at the middle one."""
+    """Turn in degrees at the middle of three points (3, 3)."""
     ways = np.diff(three, axis=0)
     long = max(float(np.prod(np.linalg.norm(ways, axis=1))), 1e-300)
     return float(np.degrees(np.arccos(np.clip(ways[0] @ ways[1] / long, -1, 1))))
 
 
 def with_whole_arcs(net: ChainNet, arcs: Collection[int], lifting: Lifting) -> ChainNet:
-    """The net whose crossings have what of their round corners lies in the outlines of members: short chains beside an
-    arc that end where nothing else does, and that the member's wall goes on from."""
+    """Give crossings those parts of their round corners that lie in outlines of members.
+
+    Such a part is a short chain beside an arc; no border ends between them, and the wall of the member continues it.
+    """
     work = _Arcs(net, np.asarray(net.weights @ lifting.skins.points), frozenset(arcs))
     for arc in arcs:
         for way in (-1, 1):
@@ -112,7 +110,7 @@ class _Arcs:
         self.degree = np.bincount(ends, minlength=len(P))
 
     def take(self, arc: int, way: int) -> None:
-        """What follows an arc (way = 1), or is before it (-1)."""
+        """Take the chain after an arc (way = 1) or before it (-1)."""
         chain = self.chains[arc]
         loop = self._loop(chain.left, (arc, True))
         border, ahead = loop[(loop.index((arc, True)) + way) % len(loop)]
@@ -137,11 +135,9 @@ class _Arcs:
         del self.chains[rest[0]]
 
     def _loop(self, region: int, step: tuple[int, bool]) -> Loop:
-        """The loop of a region with a step; none of the void."""
         return next((loop for loop in self.loops.get(region, []) if step in loop), [])
 
     def _beyond(self, step: tuple[int, bool]) -> int:
-        """The region on the other side of a step."""
         chain = self.chains[step[0]]
         return chain.right if step[1] else chain.left
 
@@ -149,19 +145,8 @@ class _Arcs:
         return float(_way(self.P[points])[-1])
 
 
-DETOUR = 2.2
-"""A loose region is a fillet if the way along the members behind it is at most so many times its arc: 1.27 of a round
-right angle, 1.65 of one of 60 degrees, 3 of a square."""
-
-SMALLER = 0.6
-"""Of two regions behind a fillet, that whose border is shorter than this share of the other's is the crossing."""
-
-FLATTER = 4.0
-"""The same where only two members are behind it: some of the arc lies within these where their walls were made fair."""
-
-
 def without_fillets(net: ChainNet, lifting: Lifting) -> ChainNet:
-    """The net with every fillet taken into its neighbours; loose regions of another kind stay as they are."""
+    """Take every fillet into the neighbouring regions; other loose regions stay."""
     work = _Fillets(net, lifting)
     for region in sorted(net.loose & net.loops.keys()):
         work.take(region)
@@ -187,7 +172,10 @@ class _Fillets:
         self.outline = {int(p) for c in net.chains.values() if c.right == VOID for p in (c.points[0], c.points[-1])}
 
     def take(self, region: int) -> None:
-        """A loose region, if it is a fillet."""
+        flat_detour = 4.0  # the same where only two members are behind: fair walls hold part of the arc
+        # Largest length along the members behind a fillet over its arc: 1.27 of a right angle, 1.65 of 60 degrees, 3 of
+        # a square.
+        detour = 2.2
         if len(self.loops[region]) != 1:
             return
         inner, arc = _inner_and_arc(self.loops[region][0], self._others(region))
@@ -197,7 +185,7 @@ class _Fillets:
         behind = [int(self._points(step)[-1]) for step in inner[:-1]]
         if any(p in self.place or p in self.outline for p in behind):
             return
-        most = DETOUR if len(inner) > 2 else FLATTER
+        most = detour if len(inner) > 2 else flat_detour
         if sum(self._length(self._points(step)) for step in inner) > most * self._length(points):
             return
         others = [self._other(step) for step in inner]
@@ -216,7 +204,6 @@ class _Fillets:
         self.loose.discard(region)
 
     def _to_crossing(self, region: int, inner: Loop, arc: Loop, others: list[int]) -> bool:
-        """Give a whole arc to the crossing behind it, if there is one."""
         crossing = self._crossing(inner, others)
         if crossing is None or crossing in self.loose:
             return False
@@ -244,7 +231,6 @@ class _Fillets:
         return True
 
     def _forget(self, region: int, inner: Loop, arc: Loop, others: list[int]) -> None:
-        """A region, and the chains around it."""
         for (k, ahead), other in zip(inner, others, strict=True):
             for loop in self.loops[other]:
                 if (k, not ahead) in loop:
@@ -255,7 +241,8 @@ class _Fillets:
         self.loose.discard(region)
 
     def _crossing(self, inner: Loop, others: list[int]) -> int | None:
-        """The region behind a fillet that has borders with both of the members beside it, or is by far the smaller."""
+        """Return the region behind a fillet that borders on both members beside it, or is by far the smaller one."""
+        smaller = 0.6  # the region with a border shorter than this share of the other's border is the crossing
         if len(inner) == 3 and len(set(others)) == 3:
             return others[1]
         if len(inner) != 2 or others[0] == others[1]:
@@ -264,17 +251,16 @@ class _Fillets:
         beside = [self.chains[k] for k in self._ending(corner) if k not in (inner[0][0], inner[1][0])]
         if len(beside) == 1:
             small, large = sorted(others, key=self._around)
-            return small if self._around(small) < SMALLER * self._around(large) else None
+            return small if self._around(small) < smaller * self._around(large) else None
         behind = [({c.left, c.right} - {other}) for c in beside for other in others if other in (c.left, c.right)]
         same = len(beside) == 2 and len(behind) == 2 and behind[0] == behind[1] and VOID not in behind[0]
         return behind[0].pop() if same else None
 
     def _around(self, region: int) -> float:
-        """The length of a region's border."""
         return sum(self._length(self._points(step)) for loop in self.loops[region] for step in loop)
 
     def _border(self, corner: int, member: int, crossing: int) -> int:
-        """The chain between two regions that ends at a corner; -1 where there is not one."""
+        """Return the only chain between two regions that ends at a corner, or -1."""
         some = [
             k
             for k in self._ending(corner)
@@ -283,15 +269,13 @@ class _Fillets:
         return some[0] if len(some) == 1 else -1
 
     def _ending(self, point: int) -> list[int]:
-        """The chains that began or ended at a point, as far as they are left."""
         return [k for k in self.at.get(point, []) if k in self.chains]
 
     def _leaving(self, k: int, point: int) -> tuple[int, bool]:
-        """A chain, run through away from one of its ends."""
         return k, int(self.chains[k].points[0]) == point
 
     def _hand_over(self, inner: Loop, others: list[int], halves: list[Ints]) -> None:
-        """The parts of an arc, the last one first, to the first and the last of the regions behind it."""
+        """Give the parts of an arc, the last one first, to the first and the last region behind it."""
         for i, ((k, ahead), other) in enumerate(zip(inner, others, strict=True)):
             new: Loop = []
             half = halves[0] if i == 0 else halves[-1] if i == len(inner) - 1 and len(halves) > 1 else None
@@ -320,7 +304,7 @@ class _Fillets:
         return float(np.linalg.norm(np.diff(self.P[points], axis=0), axis=1).sum())
 
     def _middle(self, points: Ints) -> tuple[Ints, int]:
-        """The points of an arc, with one in its middle, and where that is."""
+        """Insert the middle of an arc into its points; return the points and its index."""
         way = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(self.P[points], axis=0), axis=1))])
         half = way[-1] / 2
         i = int(np.clip(np.searchsorted(way, half) - 1, 0, len(points) - 2))
@@ -331,7 +315,6 @@ class _Fillets:
         return np.insert(points, i + 1, self.count - 1), i + 1
 
     def result(self) -> ChainNet:
-        """The new net: sides of crossings and borders of members moved with their ends."""
         one, two, t = (
             (np.array(x) for x in zip(*self.middles, strict=True)) if self.middles else (np.zeros(0, int),) * 3
         )
@@ -353,7 +336,7 @@ class _Fillets:
 
 
 def _inner_and_arc(loop: Loop, others: list[int]) -> tuple[Loop, Loop]:
-    """The steps along other regions, and those along the void, each in order; nothing where these are not in one."""
+    """Return the steps along other regions and along the void; empty unless each is one run."""
     void = [other == VOID for other in others]
     starts = [i for i in range(len(loop)) if not void[i] and void[i - 1]]
     if len(starts) != 1:

@@ -16,30 +16,30 @@ from dsfab.export.cad.step.by_members.curves import BETWEEN, ChainCurve, Sampled
 from dsfab.export.cad.step.by_members.regions import VOID, ChainNet, Loop, ends_at, outline_through, turns
 
 Part = tuple[int, float, float]
-"""Of a line: its number, and from which parameter to which it is run through."""
+"""Part of a line: its number, and the parameters where the part begins and ends."""
 
 End = tuple[int, int]
-"""A chain's first (0) or last (-1) point."""
+"""A chain, with 0 for its first point or -1 for its last."""
 
 
 SHORTEST = 1 / 16
-"""Share of a line's parameters that a cubic is at least, if it was longer, where one is divided: ends of lines may be
-outside of a box."""
+"""Least share of a line's parameters for the parts of a divided cubic. Ends of lines may lie outside of the box."""
 
 OFF_MIDDLE = 1 / 4
-"""Share of a cubic by which the end of a chain is off its middle, at most, where that is divided."""
+"""Largest distance of a division from the middle of a cubic, as a share of it, if a chain ends there."""
 
 
 @dataclass(frozen=True, eq=False)
 class ChainLine:
-    """steps : chains in order.    curve : of all of them.    at : (k + 1,) its parameters where they end."""
+    """Chains in a row as one curve. at : (k + 1,) parameters where its chains end."""
 
     steps: Loop
     curve: ChainCurve
     at: Floats
 
     def outlines(self, net: ChainNet) -> list[tuple[float, float]]:
-        """Where void is on one side: parameters, the material on the left of the way from the first to the second."""
+        """Return pairs of parameters where VOID is on one side; the material is on the left from the first to the
+        second."""
         found = list[tuple[float, float]]()
         for (k, ahead), (a, b) in zip(self.steps, pairwise(self.at.tolist()), strict=True):
             if net.chains[k].right != VOID or net.on_seam(k):
@@ -53,18 +53,18 @@ class ChainLine:
         return found
 
     def with_poles_in(self, box: Floats) -> "ChainLine":
-        """Its cubics divided until all poles are in a box (2, 3), since CAD programs draw boxes around poles."""
+        """Divide its cubics until all poles lie in a box (2, 3), because CAD programs draw boxes around poles."""
         return self._divided(lambda a, b, P: _within(P, box))
 
     def halved(self, spans: Bools) -> "ChainLine":
-        """Some of its cubics (k,) in two."""
+        """Halve the cubics that `spans` (k,) marks."""
         ends = pairwise(self.curve.breaks.tolist())
         some = {both for both, is_one in zip(ends, spans.tolist(), strict=True) if is_one}
         return self._divided(lambda a, b, P: (float(a), float(b)) not in some)
 
     def _divided(self, whole: Callable[[float, float, Floats], bool]) -> "ChainLine":
-        """Its cubics divided until they may stay whole, or are short. One is divided at its middle, or at the end of a
-        chain near it, where a wall ends as well."""
+        """Divide cubics until `may_stay` accepts them or they are short, each at its middle or at the end of a chain
+        near it."""
         todo = list(zip(self.curve.breaks[:-1], self.curve.breaks[1:], self.curve.spans, strict=True))[::-1]
         breaks, spans = [0.0], list[Floats]()
         while todo:
@@ -85,8 +85,8 @@ class ChainLine:
 
 
 class NetLines:
-    """The lines of a net; `place` says of each chain in which line it is, and between which parameters.
-    twins : lines on both sides of a seam, by each other."""
+    """Lines of a net. `place` maps each chain to its line and parameters. twins : pairs of lines on both sides of a
+    seam."""
 
     def __init__(self, net: ChainNet, lines: list[ChainLine], twins: dict[int, int] | None = None) -> None:
         self.net, self.lines, self.twins = net, lines, twins or {}
@@ -96,12 +96,12 @@ class NetLines:
                 self.place[k] = (i, a, b) if ahead else (i, b, a)
 
     def along(self, step: tuple[int, bool]) -> Part:
-        """The line of a step of a loop, and the parameters from which to which it runs."""
+        """Line of a step of a loop, with the parameters from which to which the step runs."""
         i, a, b = self.place[step[0]]
         return (i, a, b) if step[1] else (i, b, a)
 
     def nodes(self, i: int) -> list[int]:
-        """The nodes of a line, in order."""
+        """Nodes of a line in order."""
         steps = self.lines[i].steps
         return [
             *(node_of(self.net, (k, 0 if ahead else -1)) for k, ahead in steps),
@@ -109,7 +109,7 @@ class NetLines:
         ]
 
     def parts(self, some: Sequence[Part]) -> Floats:
-        """(k, 4, 6) poles of parts of lines that have no break inside, backwards where they run so."""
+        """(k, 4, 6) poles of parts of lines without a break inside, in their direction."""
         if not some:
             return np.zeros((0, 4, 6))
         i, a, b = (np.array(column) for column in zip(*some, strict=True))
@@ -120,19 +120,18 @@ class NetLines:
 
     @cached_property
     def _spans(self) -> tuple[Floats, Ints, Floats, Floats]:
-        """Poles (k, 4, 6) of the cubics of all lines, the lines they are of, and between which breaks they are."""
         curves = [line.curve for line in self.lines]
         line = np.repeat(np.arange(len(curves)), [len(curve.spans) for curve in curves])
         first, last = (np.concatenate([curve.breaks[some] for curve in curves]) for some in (np.s_[:-1], np.s_[1:]))
         return np.concatenate([curve.spans for curve in curves]), line, first, last
 
     def curve(self, k: int) -> ChainCurve:
-        """Of a chain."""
+        """Curve of a chain."""
         return self._curves[k]
 
     @cached_property
     def _curves(self) -> dict[int, ChainCurve]:
-        """Of all chains, by number: one by one they take three times as long."""
+        """Curves of all chains, computed at once, because one by one they take three times as long."""
         stops, parts = dict[int, Floats](), list[Part]()
         for k, (i, a, b) in self.place.items():
             stops[k] = self.lines[i].curve.stops(min(a, b), max(a, b))
@@ -146,13 +145,13 @@ class NetLines:
         return found
 
     def curves(self, regions: Iterable[int]) -> dict[int, ChainCurve]:
-        """Of the chains around regions, by number."""
+        """Curves of all chains around regions, by number."""
         around = {k for region in regions for loop in self.net.loops[region] for k, _ in loop}
         return {k: self.curve(k) for k in around}
 
 
 def with_ends_on_lines(lines: NetLines) -> NetLines:
-    """The lines with their ends moved onto others that these are on."""
+    """Move ends of lines onto the lines on which they end."""
     at = _points_on(lines)
     moved = list[ChainLine]()
     for line in lines.lines:
@@ -166,8 +165,10 @@ def with_ends_on_lines(lines: NetLines) -> NetLines:
 
 
 def with_twins(lines: NetLines) -> NetLines:
-    """The lines whose curves on both sides of a seam are one: the outer poles of each are the inner ones of the other.
-    Raises ExportError where chains of one side are not those of the other."""
+    """Unite the curves on both sides of a seam: the outer poles of one are the inner poles of the other.
+
+    Raises ExportError if the chains on both sides differ.
+    """
     net, found, twins = lines.net, list(lines.lines), dict[int, int]()
     seam = {tuple(net.chains[k].points.tolist()): lines.place[k][0] for k in net.chains if net.on_seam(k)}
     for points, i in seam.items():
@@ -182,10 +183,9 @@ def with_twins(lines: NetLines) -> NetLines:
 
 
 def _points_on(lines: NetLines) -> dict[int, Floats]:
-    """Points (6,) of the nodes that lie on lines, between the ends of these.
+    """Points (6,) of nodes inside lines.
 
-    A line that ends on another moves where that goes, and this one where those go that it ends on itself: such points
-    are linear in each other.
+    The ends of a line move nodes that lie on it, and these nodes may be ends of further lines: a linear system.
     """
     net, on = lines.net, list[tuple[int, int, float]]()
     for i, line in enumerate(lines.lines):
@@ -207,59 +207,51 @@ def _points_on(lines: NetLines) -> dict[int, Floats]:
 
 
 def ends_of(net: ChainNet, line: ChainLine) -> tuple[int, int]:
-    """The nodes where a line ends."""
+    """Nodes at the ends of a line."""
     (first, ahead), last = line.steps[0], line.steps[-1]
     return node_of(net, (first, 0 if ahead else -1)), node_of(net, end_of(last))
 
 
 def node_of(net: ChainNet, end: End) -> int:
-    """The node at an end of a chain."""
+    """Node at an end of a chain."""
     return int(net.chains[end[0]].points[end[1]])
 
 
 def end_of(step: tuple[int, bool]) -> End:
-    """The end of a chain where a step arrives."""
+    """End of a chain where a step arrives."""
     return step[0], -1 if step[1] else 0
 
 
 def _within(P: Floats, box: Floats) -> bool:
-    """Whether poles (4, 6) on both skins are in a box."""
     points = P.reshape(8, 3)
     return bool((points >= box[0]).all() and (points <= box[1]).all())
 
 
 CORNER = np.deg2rad(50.0)
-"""Turn from one chain of an outline to the next from which on there is a corner."""
+"""Turn between two chains of an outline from which on there is a corner."""
 
 BENT = np.deg2rad(10.0)
-"""Turn at one vertex from which on an outline is round there, as in `graph`: where a coarse mesh bends, outlines turn
-with it, and are straight."""
+"""Turn at a vertex from which on an outline is round, see `regions.ROUND`."""
 
 FLATTEST = np.cos(np.deg2rad(25.0))
-"""Cosine of the least angle between an arc and a border between members that ends where it does: patches in narrower
-wedges are folded."""
+"""Cosine of the least angle between an arc and a border that ends with it; patches in narrower wedges are folded."""
 
 WIDEST = np.cos(np.deg2rad(80.0))
 """Cosine of the largest angle between an arc's chord and its direction at an end."""
 
-ROUNDS = 4
-"""How often arcs that are off their chords become walls, which may do the same to others."""
-
 DENSE = np.linspace(0, 1, 65)
-"""Where an arc is compared with its chords."""
+"""Parameters where an arc is compared with its chords."""
 
 
 class ArcsOnSkins:
-    """Arcs on both skins, with how far chains are off them; those of a chain that were asked before are not made anew.
-
-    away : the ways (k, 6) to both skins from points near them.
-    """
+    """Arcs on both skins with their distance from the chains, memoised by chain. away : vectors (k, 6) from points to
+    the skins."""
 
     def __init__(self, away: Callable[[Floats], Floats]) -> None:
         self.away, self.known = away, dict[int, tuple[SampledChain, bytes, ChainCurve]]()
 
     def __call__(self, arcs: Mapping[int, ChainCurve], chains: Mapping[int, SampledChain]) -> dict[int, ChainCurve]:
-        """By chain."""
+        """Return the arcs on the skins, by chain."""
         poles = {k: arc.spans.tobytes() for k, arc in arcs.items()}
         new = [k for k in arcs if not self._same(k, chains[k], poles[k])]
         for k, curve in zip(new, on_skins([arcs[k] for k in new], self.away), strict=True):
@@ -277,13 +269,12 @@ def with_arcs(
     rounded: Collection[int],
     on: ArcsOnSkins,
 ) -> NetLines:
-    """The lines, those of round corners as arcs as far as these are within tolerances (millimetres, by chain) of them.
-
-    rounded : the chains of round corners.
-    """
+    """Replace lines of round corners by arcs within tolerances (mm, by chain). rounded : the chains of round
+    corners."""
+    rounds = 4  # an arc that becomes a wall may push others off their chords
     corners = _Corners(lines, rounded)
     arcs = dict[int, ChainCurve]()
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         arcs = on(corners.arcs(), chains)
         wrong = {k for k, arc in arcs.items() if arc.off > within[k]}
         arcs = {k: arc for k, arc in arcs.items() if k not in wrong}
@@ -295,19 +286,16 @@ def with_arcs(
 
 
 def _replaced(line: ChainLine, arc: ChainCurve) -> ChainLine:
-    """A line of one chain with the curve of this."""
     return replace(line, curve=arc if line.steps[0][1] else arc.reversed())
 
 
 def _off(Q: Floats, curve: ChainCurve) -> float:
-    """The largest distance of points (k, 6) from a curve, on either skin."""
     line = curve(DENSE)
     return max(float(cdist(Q[:, s : s + 3], line[:, s : s + 3]).min(axis=1).max()) for s in (0, 3))
 
 
 def round_chains(net: ChainNet, chains: Mapping[int, SampledChain], within: Mapping[int, float]) -> set[int]:
-    """The chains of outlines that have a bent vertex inside, or are chords of arcs that are within tolerances of them
-    (millimetres, by chain)."""
+    """Return outline chains with a bent vertex inside, and chords of arcs within tolerances (mm, by chain)."""
     nodes = _nodes(net, ends_at(net))
     angles = dict(
         zip(nodes, _turns([(chains[before], chains[after]) for before, after in nodes.values()]), strict=True)
@@ -324,12 +312,12 @@ def round_chains(net: ChainNet, chains: Mapping[int, SampledChain], within: Mapp
 
 
 def _nodes(net: ChainNet, ends: Mapping[int, list[tuple[int, int]]]) -> dict[int, tuple[int, int]]:
-    """The nodes of outlines, each with the chain that ends there and the one that begins, if there is one of each."""
+    """Nodes of outlines with exactly one chain that ends there and one that begins."""
     return {node: two for node, some in ends.items() if (two := outline_through(net, some))}
 
 
 class _Corners:
-    """The outlines of a net; round : chains that are to be arcs."""
+    """Outlines of a net. round : chains that become arcs."""
 
     def __init__(self, lines: NetLines, rounded: Collection[int]) -> None:
         self.lines, self.net = lines, lines.net
@@ -341,7 +329,7 @@ class _Corners:
         self.made = dict[int, tuple[Floats | None, Floats | None, ChainCurve | None]]()
 
     def arcs(self) -> dict[int, ChainCurve]:
-        """The chains of round corners as arcs; where an outline has no direction at a node, a chain keeps its own."""
+        """Return the chains of round corners as arcs; without a common direction at a node a chain keeps its own."""
         found = dict[int, ChainCurve]()
         for k in sorted(self.round):
             arc = self._arc(k, *(self._known_way(int(self.net.chains[k].points[i])) for i in (0, -1)))
@@ -350,7 +338,6 @@ class _Corners:
         return found
 
     def _arc(self, k: int, start: Floats | None, end: Floats | None) -> ChainCurve | None:
-        """A chain as an arc with directions (6,) at its ends, made once for these."""
         if start is None and end is None:
             return None
         if k not in self.made or self.made[k][0] is not start or self.made[k][1] is not end:
@@ -361,13 +348,13 @@ class _Corners:
         return self.made[k][2]
 
     def _chord(self, k: int) -> tuple[Floats, Floats]:
-        """(6,) twice: where a chain begins and ends."""
+        """(6,) twice: start and end of a chain."""
         spans = self.curves[k].spans
         return spans[0, 0], spans[-1, -1]
 
     def _known_way(self, node: int) -> Floats | None:
-        """(6,) the direction of an outline at a node, found once for each way in which its chains are round; None where
-        it has a corner there, or a seam in its direction."""
+        """(6,) direction of an outline at a node, memoised; None at a corner, or where a border leaves in that
+        direction."""
         if node not in self.nodes:
             return None
         before, after = self.nodes[node]
@@ -388,24 +375,24 @@ class _Corners:
         return way if steep else None
 
     def _end_ways(self, before: int, after: int) -> tuple[Floats, Floats]:
-        """(6,) twice: the directions of two chains where the second begins."""
+        """(6,) twice: directions of two chains where the second begins."""
         P, Q = self.curves[before].spans[-1], self.curves[after].spans[0]
         return _scaled(P[3] - P[2]), _scaled(Q[1] - Q[0])
 
     def _on_circle(self, before: int, after: int) -> Floats:
-        """(6,) of the circle through the ends of two chains in a row, where they meet."""
+        """(6,) tangent where two consecutive chains meet, of the circle through their ends."""
         (a, b), (_, c) = self._chord(before), self._chord(after)
         one, two = (float(np.linalg.norm(_middle(way))) for way in (b - a, c - b))
         return _scaled((b - a) * two / one + (c - b) * one / two)
 
     def _seam_way(self, k: int, end: int) -> Floats:
-        """(3,) the direction of a chain at an end."""
+        """(3,) direction of a chain at an end."""
         P = self.lines.curve(k).spans[end]
         return _unit(_middle(P[1] - P[0]) if end == 0 else _middle(P[2] - P[3]))
 
 
 def _turns(pairs: Sequence[tuple[SampledChain, SampledChain]]) -> list[float]:
-    """Radians that an outline turns, seen along the sheet's normal, from a chain's end to another's beginning."""
+    """Angles in radians, seen along the sheet's normal, between the end of a chain and the beginning of another."""
     if not pairs:
         return []
     Q = np.array([[before.Q[-2], before.Q[-1], after.Q[0], after.Q[1]] for before, after in pairs])
@@ -415,22 +402,22 @@ def _turns(pairs: Sequence[tuple[SampledChain, SampledChain]]) -> list[float]:
 
 
 def _bends(chains: Sequence[SampledChain]) -> list[bool]:
-    """Whether chains have a vertex inside at which they turn as round corners do, seen along the sheet's normal."""
+    """Whether chains have a vertex inside that bends like a round corner, seen along the sheet's normal."""
     parts = [chain.Q[::BETWEEN] for chain in chains]
     if not parts:
         return []
     Q, of = np.concatenate(parts), np.repeat(np.arange(len(parts)), [len(part) for part in parts])
     way = np.diff((Q[:, :3] + Q[:, 3:]) / 2, axis=0)
-    inside = np.flatnonzero(of[2:] == of[:-2])  # and the vertex before it, and the one after it
+    inside = np.flatnonzero(of[2:] == of[:-2])  # index of the vertex before each inner vertex
     cosines = turns(way[inside], way[inside + 1], (Q[:, :3] - Q[:, 3:])[inside + 1])
     bent = set(of[inside[cosines < np.cos(BENT)]].tolist())
     return [i in bent for i in range(len(parts))]
 
 
 def _arc(start: Floats, end: Floats, one: Floats, two: Floats) -> ChainCurve | None:
-    """From a point (6,) to another, with directions (6,) there; None where it would turn too far.
+    """Arc between two points (6,) with directions (6,); None if it would turn too far.
 
-    Handles are those of the cubic nearest to a circle with so long a chord and such a turn, chord / (3 cos^2(turn/4)).
+    Handles are those of the cubic nearest to a circle with this chord and turn: chord / (3 cos^2(turn/4)).
     """
     chord, ways = _middle(end - start), (_middle(one), _middle(two))
     long = float(np.linalg.norm(chord))
@@ -443,12 +430,12 @@ def _arc(start: Floats, end: Floats, one: Floats, two: Floats) -> ChainCurve | N
 
 
 def _middle(way: Floats) -> Floats:
-    """(3,) of both skins."""
+    """(3,) mean of both skins."""
     return np.asarray((way[:3] + way[3:]) / 2)
 
 
 def _scaled(way: Floats) -> Floats:
-    """(6,) with a middle 1 mm long."""
+    """(6,) scaled so that the mean of both skins has length 1 mm."""
     return np.asarray(way / np.linalg.norm(_middle(way)))
 
 

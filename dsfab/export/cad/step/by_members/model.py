@@ -14,15 +14,12 @@ from dsfab.export.cad.step.by_members.patches import Covering
 from dsfab.export.cad.step.by_members.regions import Loop, mean_width
 
 MOST_CELLS = 2
-"""Patches that a compact region is divided into; one that needs more, a crossing with round corners, is trimmed."""
-
-COMPACT = 10.0
-"""Outline of a compact region over its mean width, at most: 8 of a square, 9 of two, 10.7 of three in a row."""
+"""Most patches of a compact region. A region that needs more, such as a crossing with round corners, is trimmed."""
 
 
 @dataclass(frozen=True, eq=False)
 class NetEdge:
-    """Two cubics, one on each skin. start, end : vertices.    poles : (4, 6), outer and inner, millimetres."""
+    """Two cubics, one on each skin. start, end : vertices.    poles : (4, 6), outer and inner, mm."""
 
     start: int
     end: int
@@ -31,7 +28,8 @@ class NetEdge:
 
 @dataclass(frozen=True, eq=False)
 class NetWall:
-    """A ruled face between the skins. steps : edges in a row, the material on their left.    poles : (4, 6) of all."""
+    """Ruled face between the skins. steps : consecutive edges with the material on the left.    poles : (4, 6) of all
+    together."""
 
     steps: Loop
     poles: Floats
@@ -39,8 +37,11 @@ class NetWall:
 
 @dataclass(frozen=True, eq=False)
 class NetPatch:
-    """A four-sided face on each skin. loop : edges, counter-clockwise from outside, one or several along each side of
-    the surface.    poles : (4, 4, 6).    within : whether the surface goes on beyond some edges."""
+    """Four-sided face on each skin.
+
+    loop   : edges counter-clockwise from outside, one or several along each side.    poles : (4, 4, 6).
+    within : True if the surface extends beyond an edge.
+    """
 
     loop: Loop
     poles: Floats
@@ -49,9 +50,12 @@ class NetPatch:
 
 @dataclass(eq=False)
 class NetModel:
-    """vertices : points (6,) on both skins, millimetres.    trimmed : loops of edges of regions without patches.
-    compact : those of them that have four sides, and could be divided into patches.    seam : whether edges are there
-    twice, once on each side of a seam, where the outer skin is the inner one of the other."""
+    """Boundary model of a solid by members.
+
+    vertices : (6,) points on both skins, mm.    trimmed : loops of edges of regions without patches.
+    compact  : trimmed regions with four sides, which could be divided into patches.
+    seam     : True if edges exist on both sides of a seam, where the outer skin of one is the inner skin of the other.
+    """
 
     vertices: list[Floats] = field(default_factory=list)
     edges: list[NetEdge] = field(default_factory=list)
@@ -63,25 +67,25 @@ class NetModel:
 
     @property
     def faces(self) -> int:
-        """How many the solid has."""
+        """Number of faces of the solid."""
         return 2 * (len(self.patches) + len(self.trimmed)) + len(self.walls)
 
     def outline(self, loops: Iterable[Loop]) -> bytes:
-        """The poles along loops of edges: equal where the curves are, whatever the edges' numbers."""
+        """Poles along loops of edges as bytes: equal for equal curves, whatever the edge numbers."""
         return b"".join(self.poles(step).tobytes() for loop in loops for step in loop)
 
     def poles(self, step: tuple[int, bool]) -> Floats:
-        """(4, 6) of the edge of a step, as it is run through."""
+        """(4, 6) poles of the edge of a step, in its direction."""
         e, ahead = step
         return self.edges[e].poles[:: 1 if ahead else -1]
 
     def vertex(self, step: tuple[int, bool], first: bool) -> int:
-        """Where a step begins, or ends."""
+        """Vertex where a step begins (`at_start`) or ends."""
         edge = self.edges[step[0]]
         return edge.start if step[1] == first else edge.end
 
     def over(self, loop: Callable[[Loop], Loop]) -> "NetModel":
-        """The model whose faces run over other edges: those that `loop` gives for a loop of them."""
+        """Return the model with each loop of edges replaced by `loop` of it."""
         return replace(
             self,
             walls=[replace(wall, steps=loop(wall.steps)) for wall in self.walls],
@@ -98,9 +102,9 @@ def net_model(
     covering: Covering,
     patched: Collection[int] = (),
 ) -> NetModel:
-    """The model of a net of quads and other regions.
+    """Build the model of a net.
 
-    covering : makes patches; a region whose patches are not good is trimmed.    patched : quads that are divided into
+    covering : builds patches; a region whose patches are bad is trimmed.    patched : quads that are divided into
     patches, whatever their number.
     """
     stations, some = Stations(lines, chains), list(quads)
@@ -155,7 +159,6 @@ class _Assembly:
         return len(self.model.edges) - 1
 
     def _line(self, i: int, stops: list[float], poles: Floats) -> None:
-        """The vertices and the edges (k, 4, 6) of a line that is divided at some parameters."""
         nodes = dict(zip(self.lines.lines[i].at.tolist(), self.lines.nodes(i), strict=True))
         points = [*poles[:, 0], poles[-1, -1]]
         vertices = list[int]()
@@ -170,14 +173,12 @@ class _Assembly:
         self.edges.append([self._edge(a, b, P) for (a, b), P in zip(pairwise(vertices), poles, strict=True)])
 
     def _steps(self, part: Part) -> Loop:
-        """The edges of a part of a line."""
         i, a, b = part
         first, last = self.place[i][min(a, b)], self.place[i][max(a, b)]
         some = self.edges[i][first:last]
         return [(e, True) for e in some] if a < b else [(e, False) for e in some[::-1]]
 
     def _walls(self) -> None:
-        """One for each cubic of an outline."""
         parts = list[Part]()
         for i, line in enumerate(self.lines.lines):
             for a, b in line.outlines(self.lines.net):
@@ -187,7 +188,7 @@ class _Assembly:
             self.model.walls.append(NetWall(self._steps(part), P))
 
     def _sides(self, grids: list[Grid]) -> list[list[Floats]]:
-        """(k, 4, 6) poles of the parts of each side of regions, in the order of their grids."""
+        """(k, 4, 6) poles of each side of regions, in the order of their grids."""
         poles, at = self.lines.parts([part for four in grids for side in four for part in side]), 0
         found = list[list[Floats]]()
         for four in grids:
@@ -197,7 +198,6 @@ class _Assembly:
         return found
 
     def _add(self, P: Floats, grid: Grid) -> None:
-        """Add the patches of a region."""
         bottom, right, top, left = ([self._steps(part) for part in side] for side in grid)
         along, up = self._inner(P, bottom, right, top, left)
         for i in range(P.shape[0]):
@@ -208,7 +208,7 @@ class _Assembly:
     def _inner(
         self, P: Floats, bottom: list[Loop], right: list[Loop], top: list[Loop], left: list[Loop]
     ) -> tuple[list[list[Loop]], list[list[Loop]]]:
-        """The edges of all cells: along [i][j] below cell (i, j), and up [i][j] on its left."""
+        """Return the edges of all cells: along [i][j] below cell (i, j), and up [i][j] on its left."""
         ku, kv = P.shape[:2]
         vertex: Ints = np.zeros((ku + 1, kv + 1), dtype=np.int64)
         for j, side in ((0, bottom), (kv, top)):
@@ -227,36 +227,34 @@ class _Assembly:
         return along, up
 
     def _stations(self, side: list[Loop]) -> list[int]:
-        """The vertices where parts of a side begin and end."""
         return [*(self.model.vertex(steps[0], True) for steps in side), self.model.vertex(side[-1][-1], False)]
 
 
 def turned(loop: Loop) -> Loop:
-    """The same edges, run through the other way."""
+    """Return a loop in the opposite direction."""
     return [(e, not ahead) for e, ahead in loop[::-1]]
 
 
 def _compact(quad: Quad, chains: Mapping[int, SampledChain]) -> bool:
-    """Whether a region is about as long as wide."""
+    most = 10.0  # outline over mean width: 8 of a square, 9 of two squares, 10.7 of three in a row
     steps = [step for side in quad.sides for step in side]
     line = np.concatenate([chains[k].middle[:: 1 if ahead else -1][:-1] for k, ahead in steps])
-    return sum(float(chains[k].way[-1]) for k, _ in steps) <= COMPACT * mean_width(line)
+    return sum(float(chains[k].way[-1]) for k, _ in steps) <= most * mean_width(line)
 
 
 SMOOTH = np.cos(np.deg2rad(10.0))
-"""Cosine of the turn between two walls up to which there is no corner to be rounded."""
+"""Cosine of the turn between two walls up to which no corner needs a fillet."""
 
 STRAIGHT = np.cos(0.01)
-"""Cosine of the angle up to which OCCT (8.0) takes a seam for what a wall's edge goes on as."""
+"""Cosine of the angle up to which OCCT (8.0) takes a seam for the continuation of a wall's edge."""
 
 
 @dataclass(frozen=True)
 class FilledCorner:
-    """A corner where the void is less than a half turn, and the one seam that ends there.
+    """Corner with less than half a turn of void, where one seam ends.
 
-    seam, end : the edge, and whether that is its last end (1) or its first (0).    half : tangent of half the turn.
-    beside : the edges of walls before and after the corner.    straight : that of them that the seam goes straight on
-    from, if there is one.
+    seam, end : the edge, and 1 for its last end or 0 for its first.    half : tangent of half the turn.
+    beside : edges of the walls before and after the corner.    straight : the one that the seam continues, or None.
     """
 
     vertex: int
@@ -268,12 +266,12 @@ class FilledCorner:
 
 
 def corner_tangents(model: NetModel) -> dict[int, float]:
-    """By vertex where an outline has a corner the tangent of half its turn."""
+    """Tangent of half the turn, by vertex with a corner of an outline."""
     return {vertex: half for vertex, (half, _, _) in _corners(model).items()}
 
 
 def filled_corners(model: NetModel) -> list[FilledCorner]:
-    """Where one seam alone ends at a corner that a fillet fills; none of a model whose edges are there twice."""
+    """Return corners that a fillet fills and where exactly one seam ends; none for a model with a seam."""
     if model.seam:
         return []
     walls = {e for wall in model.walls for e, _ in wall.steps}
@@ -296,7 +294,7 @@ def filled_corners(model: NetModel) -> list[FilledCorner]:
 
 
 def _corners(model: NetModel) -> dict[int, tuple[float, tuple[int, bool], tuple[int, bool]]]:
-    """By vertex where an outline has a corner the tangent of half its turn, and the edges before and after it."""
+    """By corner vertex: tangent of half the turn, and the edges before and after it."""
     found = dict[int, tuple[float, tuple[int, bool], tuple[int, bool]]]()
     for outline in outlines(model):
         for i, wall in enumerate(outline):
@@ -308,12 +306,12 @@ def _corners(model: NetModel) -> dict[int, tuple[float, tuple[int, bool], tuple[
 
 
 def half_turn(cosine: float) -> float:
-    """The tangent of half the turn at a corner, by which a fillet's radius is multiplied; 0 where there is none."""
+    """Tangent of half the turn at a corner, the factor of a fillet's radius; 0 for a smooth corner."""
     return float(np.sqrt((1 - cosine) / max(1 + cosine, 0.05))) if cosine < SMOOTH else 0.0
 
 
 def outlines(model: NetModel) -> list[list[NetWall]]:
-    """Walls that follow each other, each once."""
+    """Group walls into consecutive rows."""
     begin = dict[int, list[NetWall]]()
     for wall in model.walls:
         begin.setdefault(model.vertex(wall.steps[0], True), []).append(wall)
@@ -327,12 +325,12 @@ def outlines(model: NetModel) -> list[list[NetWall]]:
 
 
 def way(wall: NetWall, model: NetModel, first: bool) -> Floats:
-    """(3,) the direction of a wall where it begins, or ends."""
+    """(3,) direction of a wall where it begins (`at_start`) or ends."""
     return _end_way(model, wall.steps[0 if first else -1], first)
 
 
 def _end_way(model: NetModel, step: tuple[int, bool], first: bool) -> Floats:
-    """(3,) the direction of an edge where it begins, or ends, as it is run through."""
+    """(3,) direction of a step where it begins (`at_start`) or ends."""
     P = model.poles(step)[:, :3]
     ahead = P[1] - P[0] if first else P[3] - P[2]
     return np.asarray(ahead / max(float(np.linalg.norm(ahead)), 1e-300))

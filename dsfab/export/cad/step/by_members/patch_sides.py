@@ -26,26 +26,20 @@ from dsfab.export.cad.step.by_members.regions import VOID, ChainNet, Loop, mean_
 from dsfab.export.cad.step.smooth.edges import FLAT, OF_LOOP
 from dsfab.export.splines import bernstein
 
-STRAIGHT = 30.0
-"""Degrees off 180 within which a node is on a side, not at a corner."""
-
-BLUNT = 60.0
-"""Degrees off 180 within which it may be on a side where a region has more than four corners."""
-
 REACH = 3 / 4
-"""Of the thickness along a chain, at most, at which its direction is read."""
+"""Largest distance along a chain, over the thickness, at which its direction is measured."""
 
 
 @dataclass(frozen=True, eq=False)
 class Quad:
-    """A region with four sides in order, each of chains with whether they are run through forwards, it on the left."""
+    """Region with four sides in order; each side is a row of chains with the region on the left."""
 
     region: int
     sides: tuple[Loop, Loop, Loop, Loop]
 
 
 def quads_of(net: ChainNet, chains: Mapping[int, SampledChain], reach: float) -> tuple[list[Quad], list[int]]:
-    """The regions of a net with four sides, and the others; directions are read within `reach`, millimetres."""
+    """Separate regions with four sides from all others. reach : millimetres within which directions are measured."""
     quads, others = list[Quad](), list[int]()
     for region, loops in net.loops.items():
         quad = _quad(region, loops, chains, reach)
@@ -70,16 +64,18 @@ def _quad(region: int, loops: list[Loop], chains: Mapping[int, SampledChain], re
 
 
 def _corners(angle: Floats) -> Ints | None:
-    """The four places among interior angles (k,), degrees, where sides begin, or None."""
+    """Indices of the four corners among interior angles (k,) in degrees, or None."""
+    blunt = 60.0  # the same for regions with more than four corners
+    straight = 30.0  # degrees off 180 within which a node is no corner
     off = 180 - angle
-    corners = np.flatnonzero(np.abs(off) > STRAIGHT)
+    corners = np.flatnonzero(np.abs(off) > straight)
     if len(corners) > 4:
         corners = np.sort(np.argsort(-off, kind="stable")[:4])
         rest = np.setdiff1d(np.arange(len(angle)), corners)
-        if (np.abs(off[rest]) > BLUNT).any():
+        if (np.abs(off[rest]) > blunt).any():
             return None
     if len(corners) < 4:
-        more = [i for i in np.argsort(-off, kind="stable").tolist() if i not in corners and off[i] > STRAIGHT / 3]
+        more = [i for i in np.argsort(-off, kind="stable").tolist() if i not in corners and off[i] > straight / 3]
         corners = np.sort(np.concatenate([corners, more[: 4 - len(corners)]]).astype(np.int64))
     return corners if len(corners) == 4 and (off[corners] > 0).all() else None
 
@@ -93,45 +89,38 @@ def _angles(loop: Loop, chains: Mapping[int, SampledChain], reach: float) -> Flo
     return np.asarray(np.degrees(np.arctan2(sine, np.einsum("ki,ki->k", out, back))) % 360)
 
 
-NEAR = 0.1
-"""Share of a side by which stations on opposite sides differ at most."""
-
-SNAP = 0.15
-"""Share of what is between two stations within which one between them moves to where a line is divided already."""
-
-
 @dataclass(frozen=True, eq=False)
 class QuadSide:
-    """parts : of lines in a row.    at : (k + 1,) shares of its length where these end."""
+    """parts : consecutive parts of lines.    at : (k + 1,) shares of the side's length where they end."""
 
     parts: list[Part]
     at: Floats
 
     def turned(self) -> "QuadSide":
-        """Run through the other way."""
+        """Return the side in the opposite direction."""
         return QuadSide([(i, b, a) for i, a, b in self.parts[::-1]], 1 - self.at[::-1])
 
 
 Grid = tuple[list[Part], list[Part], list[Part], list[Part]]
-"""Bottom, right, top and left of a region between its stations, opposite ones run through the same way."""
+"""Bottom, right, top and left of a region between its stations; opposite sides run in the same direction."""
 
 
 class Stations:
-    """The stations of regions; stops : of each line all parameters where it is divided, not in order."""
+    """Stations: the points that divide opposite sides of regions alike. stops : divisions of each line."""
 
     def __init__(self, lines: NetLines, chains: Mapping[int, SampledChain]) -> None:
         self.lines, self.chains = lines, chains
         self.stops = [{*line.at.tolist(), *line.curve.breaks.tolist()} for line in lines.lines]
 
     def cells(self, quad: Quad) -> int:
-        """How many patches a region has between its stations."""
+        """Number of patches of a region between its stations."""
         bottom, right, top, left = (self._side(steps) for steps in quad.sides)
         pairs = (bottom, top.turned()), (left.turned(), right)
         along, up = (1 + len(paired(*(np.array(list(self._breaks(side))) for side in two))[0]) for two in pairs)
         return along * up
 
     def grid(self, quad: Quad) -> Grid:
-        """Of a region: its stations are made where they are not there."""
+        """Return the sides of a region between stations; adds stations if needed."""
         bottom, right, top, left = (self._side(steps) for steps in quad.sides)
         below, above = self._divided(bottom, top.turned())
         before, after = self._divided(left.turned(), right)
@@ -152,7 +141,7 @@ class Stations:
         return QuadSide(parts, at / at[-1])
 
     def _breaks(self, side: QuadSide) -> dict[float, tuple[int, float]]:
-        """By shares of a side its breaks: a part that begins there, or has one inside, and the parameter."""
+        """Breaks of a side by share of its length: the part with the break, and the parameter."""
         found = dict[float, tuple[int, float]]()
         for p, (i, a, b) in enumerate(side.parts):
             if p:
@@ -163,13 +152,12 @@ class Stations:
         return dict(sorted(found.items()))
 
     def _divided(self, one: QuadSide, two: QuadSide) -> tuple[list[Part], list[Part]]:
-        """Two opposite sides between as many stations."""
         mine, theirs = self._breaks(one), self._breaks(two)
         pairs = paired(np.array(list(mine)), np.array(list(theirs)))
         return self._between(one, mine, pairs[0]), self._between(two, theirs, pairs[1])
 
     def _between(self, side: QuadSide, breaks: Mapping[float, tuple[int, float]], shares: Floats) -> list[Part]:
-        """The parts of a side between stations; those that are no breaks are new, or where it is divided already."""
+        """Parts of a side between stations. Stations without a break are new, or lie at an existing division."""
         ends, found = np.concatenate([[0.0], shares, [1.0]]), list[Part]()
         p, x = 0, side.parts[0][1]
         for before, share, after in zip(ends, ends[1:-1].tolist(), ends[2:], strict=False):
@@ -180,7 +168,7 @@ class Stations:
         return found
 
     def _new(self, side: QuadSide, share: float, before: float, after: float) -> tuple[int, float]:
-        """A station at a share of a side, between two others."""
+        snap = 0.15  # share of the distance between two stations within which a new one moves to an existing division
         p = int(np.clip(np.searchsorted(side.at, share, side="right") - 1, 0, len(side.parts) - 1))
         i, a, b = side.parts[p]
         long = side.at[p + 1] - side.at[p]
@@ -188,19 +176,20 @@ class Stations:
         inside = [y for y in self.stops[i] if min(a, b) < y < max(a, b)]
         if inside:
             near = min(inside, key=lambda y: abs(y - x))
-            if abs(near - x) * long < SNAP * abs(b - a) * min(share - before, after - share):
+            if abs(near - x) * long < snap * abs(b - a) * min(share - before, after - share):
                 return p, near
         self.stops[i].add(float(x))
         return p, float(x)
 
 
 def paired(one: Floats, two: Floats) -> tuple[Floats, Floats]:
-    """Shares (k,) of two opposite sides that belong together, of those that each has to have, both in ascending order.
+    """Return pairs of shares (k,) of two opposite sides, ascending, from the shares that each side needs.
 
-    Two that are near are a pair, and so are all where both sides have as many that are not far from each other; each
-    other one gets one as far along between its neighbours.
+    Near shares form a pair; so do all if both sides have as many and none differ by much. A share without a partner
+    gets one by interpolation between its neighbours.
     """
-    if len(one) == len(two) and (np.abs(one - two) < NEAR).all():
+    near = 0.1  # largest difference of paired stations, as a share of a side
+    if len(one) == len(two) and (np.abs(one - two) < near).all():
         return one, two
     pairs = [(0.0, 0.0), (1.0, 1.0)]
     if len(one) and len(two):
@@ -208,7 +197,7 @@ def paired(one: Floats, two: Floats) -> tuple[Floats, Floats]:
         pairs += [
             (float(one[i]), float(two[j]))
             for i, j in enumerate(away.argmin(axis=1))
-            if away[i, j] < NEAR and away[:, j].argmin() == i
+            if away[i, j] < near and away[:, j].argmin() == i
         ]
     pairs.sort()
     known = np.array(pairs).T
@@ -218,27 +207,21 @@ def paired(one: Floats, two: Floats) -> tuple[Floats, Floats]:
     return found[:, 0], found[:, 1]
 
 
-APART = 0.1
-"""Share of a span by which the ends of chains in a line are away from its breaks, at least."""
-
-SMOOTH = 10.0
-"""Degrees that an outline may turn where two of its chains are one line, if no region needs that."""
-
 OF_CHORD = 1 / 8
-"""Share of the mesh's own chord error that is added to the tolerance, a quarter of what walls of smooth solids get: the
-skins of a coarse mesh wave, onto which curves are brought afterwards. With half, a torus was 3.8 mm off of 3.4."""
+"""Share of the mesh's chord error in the tolerance, a quarter of that for walls of smooth solids. Skins of a coarse
+mesh wave, and curves are moved onto them later. With 1/2 a torus was 3.8 mm off where 3.4 are allowed."""
 
 BETWEEN = np.linspace(0, 1, 9)[1:-1]
-"""Shares of a cubic where it is asked how far it is off the skins; one shorter than the sheet is thick stays whole."""
+"""Parameters where the distance of a cubic from the skins is measured. Cubics shorter than the thickness are not
+divided."""
 
 
 class LineFits:
-    """The lines of nets; those whose chains have the points that they had are not fitted anew.
+    """Fits of lines, memoised by chains with unchanged points.
 
-    distance : that a solid may be off the mesh, millimetres.    box : (2, 3) where poles should be, millimetres.
-    skins : (2, 3) around the skins; parabolas are only taken where their poles, farther out, are in there too.
-    away : the ways (k, 6) to both skins from points near them.    closely : whether cubics that stray from these are
-    divided.
+    distance : largest distance of a solid from the mesh, mm.    box : (2, 3) for the poles, mm.
+    skins    : (2, 3) box around the skins; a parabola's poles must lie in it.
+    away     : vectors (k, 6) from points to both skins.    closely : divide cubics that stray from the skins.
     """
 
     def __init__(
@@ -250,7 +233,7 @@ class LineFits:
         self.pulled, self.arcs = dict[int, tuple[ChainLine, ChainLine]](), ArcsOnSkins(away)
 
     def lines(self, net: ChainNet, chains: Mapping[int, SampledChain], quads: Iterable[Quad], reach: float) -> NetLines:
-        """The lines of a net, each with as few spans as its chains have at most."""
+        """Fit the lines of a net, each with at most as many spans as its chains have alone."""
         turns, self.within = _Turns(chains, reach), _tolerances(net, chains, self.distance)
         arced = {k: FLAT * self.distance + OF_CHORD * chain.chord for k, chain in chains.items()}
         rounded = round_chains(net, chains, arced)
@@ -265,11 +248,10 @@ class LineFits:
                 else:
                     todo += _halves(line.steps, turns)
         fair = with_ends_on_lines(NetLines(net, self._on_skins(found)))
-        # arcs bulge away from what is between an opening's sides
+        # arcs come last: they bulge away from the material between an opening's sides
         return with_twins(with_arcs(fair, chains, arced, rounded, self.arcs))
 
     def _fits(self, net: ChainNet, chains: Mapping[int, SampledChain], rows: list[Loop]) -> list[ChainLine]:
-        """Lines through rows of chains."""
         points = {tuple(row): [net.chains[k].points for k, _ in row] for row in rows}
         new = [row for row, now in points.items() if not _same(self.known.get(row), now)]
         samples = [_samples(row, chains) for row in new]
@@ -279,11 +261,10 @@ class LineFits:
         return [self.known[row][1] for row in points]
 
     def _tolerance(self, row: Iterable[tuple[int, bool]]) -> float:
-        """Millimetres that a line of some chains may be off them."""
         return min(self.within[k] for k, _ in row)
 
     def _good(self, net: ChainNet, chains: Mapping[int, SampledChain], lines: list[ChainLine]) -> list[bool]:
-        """Whether each is one chain, or near enough to all of its chains with fewer spans than these have alone."""
+        """Return whether each line is one chain, or close to its chains with fewer spans than they have alone."""
         maybe = [line for line in lines if len(line.curve.spans) > 1 and self._near(net, line)]
         alone = iter(self._fits(net, chains, [[step] for line in maybe for step in line.steps]))
         fewer = {
@@ -295,11 +276,11 @@ class LineFits:
         ]
 
     def _near(self, net: ChainNet, line: ChainLine) -> bool:
-        """Whether a line of several chains is within the tolerance, and none of them ends close to a break of it."""
+        apart = 0.1  # least distance of chain ends from breaks, as a share of a span
         nodes, breaks = line.at[1:-1], line.curve.breaks
         if not len(nodes) or line.curve.off > self._tolerance(line.steps) or len(set(ends_of(net, line))) == 1:
             return False
-        return len(breaks) == 2 or bool(np.abs(breaks[:, None] - nodes).min() >= APART * np.diff(breaks).min())
+        return len(breaks) == 2 or bool(np.abs(breaks[:, None] - nodes).min() >= apart * np.diff(breaks).min())
 
     def _on_skins(self, lines: list[ChainLine]) -> list[ChainLine]:
         new = [line for line in lines if id(line) not in self.pulled]
@@ -312,8 +293,10 @@ class LineFits:
         return [self.pulled[id(line)][1] for line in lines]
 
     def _halved(self, lines: list[ChainLine]) -> list[ChainLine]:
-        """The lines with those cubics in two that would leave the skins between the places where they are brought onto
-        these: a mesh point was 1.5 mm off a patch of which 1.49 were allowed, and the skin .8 off that point."""
+        """Halve cubics that would leave the skins between the places where they are moved onto them.
+
+        A mesh point was 1.5 mm off such a patch where 1.49 are allowed, with the skin 0.8 mm off that point.
+        """
         curves = on_skins([line.curve for line in lines], self.away)
         if not curves:
             return lines
@@ -328,8 +311,7 @@ class LineFits:
 
 
 def _tolerances(net: ChainNet, chains: Mapping[int, SampledChain], distance: float) -> dict[int, float]:
-    """By chain, millimetres that its curve may be off it: a share of the distance that is allowed and of what the mesh
-    does not know of its outline, but so little of a narrow opening that its sides do not cross."""
+    """Tolerance of each chain, mm: a share of the allowed distance and of the chord error, less at narrow openings."""
     found = {k: FLAT * distance + OF_CHORD * chain.chord for k, chain in chains.items()}
     after = {int(chain.points[0]): k for k, chain in net.chains.items() if chain.right == VOID}
     while after:
@@ -349,7 +331,7 @@ def _same(known: tuple[list[Ints], ChainLine] | None, points: list[Ints]) -> boo
 
 
 def _samples(row: Iterable[tuple[int, bool]], chains: Mapping[int, SampledChain]) -> tuple[Floats, Floats]:
-    """(k, 6) points of chains in a row, and the shares of its length where they end."""
+    """(k, 6) points of consecutive chains, and shares of the length where they end."""
     parts = [chains[k].Q[:: 1 if ahead else -1] for k, ahead in row]
     long = [np.linalg.norm(np.diff(part, axis=0), axis=1).sum() for part in parts]
     at = np.concatenate([[0.0], np.cumsum(long)])
@@ -357,7 +339,7 @@ def _samples(row: Iterable[tuple[int, bool]], chains: Mapping[int, SampledChain]
 
 
 class _Turns:
-    """By how many degrees one is turned who goes from one end of a chain into another chain."""
+    """Angle in degrees between the end of one chain and the continuation in another."""
 
     def __init__(self, chains: Mapping[int, SampledChain], reach: float) -> None:
         self.chains, self.reach = chains, reach
@@ -369,10 +351,11 @@ class _Turns:
 
 
 def _links(net: ChainNet, quads: Iterable[Quad], turn: _Turns, arcs: Collection[int]) -> dict[End, End]:
-    """Ends of chains that are one line: between those on a side of a region, and where only the outline goes on.
+    """Pair chain ends that form one line: inside a side of a region, and along outlines that only continue.
 
-    Those of arcs go on as an outline does, not as a border between members.
+    Arcs continue outlines, but not borders between members.
     """
+    smooth = 10.0  # degrees that an outline may turn where two of its chains become one line
     wanted = list[tuple[int, float, End, End]]()
     for quad in quads:
         for side in quad.sides:
@@ -384,7 +367,7 @@ def _links(net: ChainNet, quads: Iterable[Quad], turn: _Turns, arcs: Collection[
     starts = {int(c.points[0]): k for k, c in net.chains.items() if c.right == VOID and not net.on_seam(k)}
     for k, chain in net.chains.items():
         j = starts.get(int(chain.points[-1])) if chain.right == VOID and not net.on_seam(k) else None
-        if j is not None and j != k and (degrees := turn((k, -1), (j, 0))) < SMOOTH:
+        if j is not None and j != k and (degrees := turn((k, -1), (j, 0))) < smooth:
             wanted.append((1, degrees, (k, -1), (j, 0)))
     found, used = dict[End, End](), set[int]()
     for _, _, one, two in sorted(wanted):
@@ -396,7 +379,6 @@ def _links(net: ChainNet, quads: Iterable[Quad], turn: _Turns, arcs: Collection[
 
 
 def _rows(chains: Iterable[int], links: Mapping[End, End]) -> list[Loop]:
-    """The chains in rows; each is in one."""
     found, known = list[Loop](), set[int]()
     for first in chains:
         if first in known:
@@ -413,7 +395,6 @@ def _rows(chains: Iterable[int], links: Mapping[End, End]) -> list[Loop]:
 
 
 def _halves(row: Loop, turn: _Turns) -> list[Loop]:
-    """A row divided where it turns most."""
     turns = [turn(end_of(a), end_of((k, not ahead))) for a, (k, ahead) in pairwise(row)]
     i = int(np.argmax(turns)) + 1
     return [row[:i], row[i:]]

@@ -13,25 +13,27 @@ from dsfab.export.splines import bernstein
 
 
 def places(poles: Floats, axes: Floats, points: Floats) -> Floats:
-    """(k, 2) parameters of points (k, 3) over a surface with such poles (p + 1, p + 1, 3), which lie evenly over a
-    parallelogram in the plane of the first two axes."""
+    """(k, 2) parameters of points (k, 3) over a surface with poles (p + 1, p + 1, 3).
+
+    The poles lie evenly over a parallelogram in the plane of the first two axes.
+    """
     (a, b), (c, _) = poles[:: len(poles) - 1, :: len(poles) - 1] @ axes[:2].T
     return np.asarray(np.linalg.solve(np.stack([c - a, b - a], axis=1), (points @ axes[:2].T - a).T).T)
 
 
 def height_rows(uv: Floats, degree: int) -> Floats:
-    """(k, (degree + 1)^2) what each pole counts at places (k, 2) of a square."""
+    """(k, (degree + 1)^2) Bernstein products at parameters (k, 2) in the unit square."""
     both = np.einsum("ka,kb->kab", _powers(uv[:, 0], degree), _powers(uv[:, 1], degree))
     return np.asarray(both.reshape(len(uv), -1))
 
 
 def rows_at(uv: Floats) -> Callable[[int], Floats]:
-    """The same by degree at places (k, 2) that are asked often, found once."""
+    """Return `height_rows` at fixed parameters (k, 2) as a memoised function of the degree."""
     return cache(partial(height_rows, uv))
 
 
 def raised(poles: Floats, degree: int) -> Floats:
-    """(degree + 1, degree + 1) poles of the same surface as those (p + 1, p + 1)."""
+    """(degree + 1, degree + 1) poles of the same surface in a higher degree."""
     while (n := len(poles)) <= degree:
         poles = _higher(n) @ poles @ _higher(n).T
     return poles
@@ -39,7 +41,7 @@ def raised(poles: Floats, degree: int) -> Floats:
 
 @cache
 def _higher(n: int) -> Floats:
-    """(n + 1, n) the poles of a curve a degree higher than its n are."""
+    """(n + 1, n) matrix that raises the degree of a curve with n poles by one."""
     share = np.arange(n + 1)[:, None] / n
     return np.asarray(share * np.eye(n + 1, n, -1) + (1 - share) * np.eye(n + 1, n))
 
@@ -52,32 +54,32 @@ def _powers(x: Floats, degree: int) -> Floats:
 
 @cache
 def _binomials(degree: int) -> Floats:
-    """(degree + 1,) how many ways there are to take 0, 1 ... of as many things as the degree is."""
     return np.asarray(comb(degree, np.arange(degree + 1)))
 
 
 @cache
 def differences(count: int) -> Floats:
-    """(2 (k - 2) k, k^2) second differences of a square (k, k) of poles, along both directions."""
+    """(2 (k - 2) k, k^2) matrix of second differences of poles (k, k) along both directions."""
     second = np.diff(np.eye(count), n=2, axis=0)
     return np.concatenate([np.kron(second, np.eye(count)), np.kron(np.eye(count), second)])
 
 
 PLACES = (np.stack(np.meshgrid(*[np.arange(24)] * 2, indexing="ij"), axis=2).reshape(-1, 2) + 0.5) / 24
-"""(k, 2) of the square that a surface is over: of a face of 40 mm beside a cow's ear, 12 along a side missed a bulge
-of 1.6 mm in a corner."""
+"""(k, 2) sample parameters of a surface. With 12 along a side a bulge of 1.6 mm in a corner of a face of 40 mm was
+missed."""
 
 ROWS = rows_at(PLACES)
 
 
 @dataclass(frozen=True, eq=False)
 class FaceLimits:
-    """What faces are asked for, millimetres.
+    """Limits of faces, millimetres.
 
-    gap : between trimmed ones and their edges.
-    off : what points inside may be off; where the gap is wider, but such that edges can be split, too.
-    box : (2, 3) where poles should be.
-    beyond_mesh : how much farther points (k, 3) are from the mesh than they may be (k,), where that is asked, too.
+    gap : between trimmed faces and their edges.
+    off : of inner points; also if the gap is wider but small enough to split edges.
+    box : (2, 3) for the poles.
+    beyond_mesh : function of points (k, 3) that returns by how much they exceed the allowed distance from the mesh
+                  (k,), or None.
     """
 
     gap: float
@@ -91,8 +93,8 @@ def farthest(
     lines: Sequence[Sequence[Floats]],
     beyond_mesh: Callable[[Floats], Floats] | None,
 ) -> float:
-    """The most that a region's surfaces, poles (p + 1, p + 1, 3) and axes, are farther from a mesh than they may be,
-    inside of its outlines (., 3) on each of them; none where nobody asks."""
+    """Largest excess of a region's surfaces over the allowed distance from the mesh, inside outlines (., 3); -inf if
+    unlimited."""
     if beyond_mesh is None:
         return -np.inf
     inside = [
@@ -102,32 +104,34 @@ def farthest(
 
 
 def places_inside(poles: Floats, axes: Floats, lines: Sequence[Floats]) -> Floats:
-    """(k, 3) points of a surface with such poles (p + 1, p + 1, 3) and axes that closed lines (., 3) go around."""
+    """(k, 3) points of a surface with poles (p + 1, p + 1, 3) inside closed lines (., 3)."""
     points = ROWS(len(poles) - 1) @ poles.reshape(-1, 3)
     return np.asarray(points[enclosed(points @ axes[:2].T, [line @ axes[:2].T for line in lines])])
 
 
 def enclosed(points: Floats, lines: Sequence[Floats]) -> Bools:
-    """(k,) which points (k, 2) of a plane an odd number of closed lines (., 2) goes around."""
+    """(k,) points (k, 2) of a plane inside an odd number of closed lines (., 2)."""
     x, y = points.T
     found = np.zeros(len(points), dtype=bool)
     for line in lines:
         (ax, ay), (bx, by) = line.T, np.roll(line, -1, axis=0).T
         slope = (bx - ax) / np.where(by != ay, by - ay, 1.0)
         above = ay > y[:, None]
-        i, j = np.nonzero(above != np.roll(above, -1, axis=1))  # few: only there it is asked on which side they pass
+        i, j = np.nonzero(above != np.roll(above, -1, axis=1))  # only the few crossing segments need the exact test
         beside = x[i] < ax[j] + (y[i] - ay[j]) * slope[j]
         found ^= np.bincount(i[beside], minlength=len(points)) % 2 == 1
     return found
 
 
 SHARE_PLACES = np.linspace(0, 1, 5)
-"""Where a patch is asked whether it is folded, in both directions."""
+"""Parameters in both directions where a patch is tested for folds."""
 
 
 def coons(bottom: Floats, right: Floats, top: Floats, left: Floats) -> Floats:
-    """(ku, kv, 4, 4, d) poles of the patches between spans: bottom and top (ku, 4, d) from left to right, left and
-    right (kv, 4, d) upwards."""
+    """(ku, kv, 4, 4, d) poles of Coons patches between spans.
+
+    bottom_poles, top_poles : (ku, 4, d) from left to right.    left_poles, right_poles : (kv, 4, d) upwards.
+    """
     b, t = bottom[:, None, :, None, :], top[:, None, :, None, :]
     lt, rt = left[None, :, None, :, :], right[None, :, None, :, :]
     u = _shares(bottom, top)[:, None, :, None, None]
@@ -141,8 +145,10 @@ def coons(bottom: Floats, right: Floats, top: Floats, left: Floats) -> Floats:
 
 
 def pulled(grids: Sequence[Floats], away: Callable[[Floats], Floats]) -> list[Floats]:
-    """Patches of regions (ku, kv, 4, 4, d), their insides moved by what `away` says of points (k, d) of theirs; their
-    borders stay, and cells meet as before."""
+    """Move the insides of patches (ku, kv, 4, 4, d) onto the skins; borders stay, and cells remain continuous.
+
+    vectors_to_skins : returns the vectors from points (k, d) to the skins.
+    """
     both = [
         (InnerSpline.of(_way(P[:, 0, :, 0], P[:, -1, :, -1])), InnerSpline.of(_way(P[0, :, 0], P[-1, :, -1])))
         for P in grids
@@ -161,13 +167,13 @@ def pulled(grids: Sequence[Floats], away: Callable[[Floats], Floats]) -> list[Fl
 
 
 def _shares(one: Floats, other: Floats) -> Floats:
-    """(k, 4) how far each pole of the spans of opposite sides is along them."""
+    """(k, 4) mean position of each pole along two opposite sides."""
     way = _way(one, other)
     return np.asarray(way[:-1, None] + np.diff(way)[:, None] * np.arange(4) / 3)
 
 
 def _way(one: Floats, other: Floats) -> Floats:
-    """(k + 1,) how far the ends of the spans of opposite sides are along them, as the mean of both."""
+    """(k + 1,) mean positions of breaks along two opposite sides."""
     way = np.zeros(len(one) + 1)
     for side in (one, other):
         long = np.cumsum(np.linalg.norm(side[:, -1, :3] - side[:, 0, :3], axis=1))
@@ -176,8 +182,8 @@ def _way(one: Floats, other: Floats) -> Floats:
 
 
 def least_jacobian(P: Floats) -> float:
-    """The smallest ratio of normals of patches (..., 4, 4, 3), not of unit length, along the mean one to the largest
-    of these; under 0 where one is folded."""
+    """Least ratio of a normal's component along the mean normal to the largest one, for patches (..., 4, 4, 3); < 0 if
+    folded."""
     P = P.reshape(-1, 4, 4, 3)
     y = 1 - SHARE_PLACES
     B = np.stack([y**3, 3 * SHARE_PLACES * y**2, 3 * SHARE_PLACES**2 * y, SHARE_PLACES**3], axis=1)
@@ -190,19 +196,14 @@ def least_jacobian(P: Floats) -> float:
     return float((along.min(axis=(1, 2)) / along.max(axis=(1, 2))).min())
 
 
-FOLDED = 0.1
-"""Least relative Jacobian of a patch: one that is less is trimmed instead."""
-
 ASKED = np.linspace(0, 1, 7)
-"""Where a patch is asked how far it is off the mesh, in both directions."""
+"""Parameters in both directions where the distance of a patch from the mesh is measured."""
 
 
 class Covering:
-    """Makes the patches of regions. A net is changed some times, each time in a few places: regions with the curves
-    that they had have the patches that they had.
+    """Builder of patches, memoised by region and its curves, because a net changes several times in few places.
 
-    away : the ways (k, 6) to both skins from points there.    limits : of patches, with `off` what they may be off the
-    skins in their middles.
+    away : vectors (k, 6) from points to both skins.    limits : of patches; `off` limits their middles.
     """
 
     def __init__(self, away: Callable[[Floats], Floats], limits: FaceLimits) -> None:
@@ -210,8 +211,10 @@ class Covering:
         self.known = dict[int, tuple[list[bytes], Floats | None]]()
 
     def __call__(self, regions: Sequence[int], sides: Sequence[Sequence[Floats]]) -> list[Floats | None]:
-        """(ku, kv, 4, 4, 6) poles for each region, or none where its patches are folded or too far off; sides : for
-        each, bottom, right, top and left as `coons` takes them."""
+        """Return poles (ku, kv, 4, 4, 6) for each region, or None if its patches are folded or too far off.
+
+        sides : bottom, right, top and left of each, see `coons`.
+        """
         poles = [[side.tobytes() for side in four] for four in sides]
         new = [i for i, (r, now) in enumerate(zip(regions, poles, strict=True)) if self.known.get(r, ((),))[0] != now]
         for i, P in zip(new, self._made([sides[i] for i in new]), strict=True):
@@ -219,7 +222,6 @@ class Covering:
         return [self.known[region][1] for region in regions]
 
     def _made(self, sides: Sequence[Sequence[Floats]]) -> list[Floats | None]:
-        """The same for regions that are new."""
         if not sides:
             return []
         patches = [lowered_patches(P, self.limits.off) for P in pulled([coons(*four) for four in sides], self.away)]
@@ -228,13 +230,12 @@ class Covering:
 
 
 def _folded(P: Floats) -> bool:
-    """Whether one of the patches of a region is, on either skin."""
-    return least_jacobian(np.concatenate([P[..., :3], P[..., 3:]])) < FOLDED
+    least = 0.1  # relative Jacobian; a region with a worse patch is trimmed instead
+    return least_jacobian(np.concatenate([P[..., :3], P[..., 3:]])) < least
 
 
 def _strays(patches: Sequence[Floats], away: Callable[[Floats], Floats]) -> Floats:
-    """(k,) how far patches (ku, kv, 4, 4, 6) of regions are off the skins in the middles of their cells, at most: on a
-    coarse mesh these wave, and splines from border to border pass by."""
+    """(k,) largest distance of the middles of patches from the skins, which wave on coarse meshes."""
     if not patches:
         return np.zeros(0)
     half = bernstein(np.array([0.5]))[0]
@@ -244,8 +245,10 @@ def _strays(patches: Sequence[Floats], away: Callable[[Floats], Floats]) -> Floa
 
 
 def _beyond_mesh(patches: Sequence[Floats], limits: FaceLimits) -> Floats:
-    """(k,) how much farther patches (ku, kv, 4, 4, 6) of regions are from the mesh than they may be, if that is asked:
-    beside a crease one was on the skins in its middle, and 1.4 mm off where 1.1 are allowed."""
+    """(k,) excess of patches over the allowed distance from the mesh; -inf if unlimited.
+
+    Beside a crease one patch met the skins in its middle, but was 1.4 mm off the mesh where 1.1 are allowed.
+    """
     if not patches or limits.beyond_mesh is None:
         return np.full(len(patches), -np.inf)
     poles, ends = [P.reshape(-1, 4, 4, 6) for P in patches], np.cumsum([P.shape[0] * P.shape[1] for P in patches])

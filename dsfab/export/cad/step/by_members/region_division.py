@@ -18,16 +18,13 @@ from dsfab.export.cad.step.shared.skins import Limits
 from dsfab.export.part import StripedSheet
 from dsfab.surface import connected, edge_table, half_edges
 
-LONG = 1.5
-"""Times the distance between them that both walls of a member are long at least."""
-
-POINTS = 9
-"""Of a chain that divides a region."""
-
 
 def divided(net: ChainNet, regions: Iterable[int], lifting: Lifting, width: float) -> ChainNet:
-    """The net with the ends of some regions as regions of their own, where these have two long walls; an end that is
-    narrower than a width, millimetres, stays with the member."""
+    """Cut the ends off regions with two long walls, as regions of their own.
+
+    An end narrower than `width` mm stays with the member.
+    """
+    points_each = 9  # of a chain that divides a region
     P = np.asarray(net.weights @ lifting.skins.points)
     chains, loops, cell = dict(net.chains), dict(net.loops), dict(net.parent)
     free, count, lines = max(loops) + 1, len(P), list[Floats]()
@@ -48,8 +45,8 @@ def divided(net: ChainNet, regions: Iterable[int], lifting: Lifting, width: floa
                 member += end
                 continue
             a, b = net.ends(end[0])[0], net.ends(end[-1])[1]
-            k, between = max(chains) + 1, np.arange(count, count + POINTS - 2)
-            lines.append(P[a] + np.linspace(0, 1, POINTS)[1:-1, None] * (P[b] - P[a]))
+            k, between = max(chains) + 1, np.arange(count, count + points_each - 2)
+            lines.append(P[a] + np.linspace(0, 1, points_each)[1:-1, None] * (P[b] - P[a]))
             chains[k] = Chain(np.concatenate([[a], between, [b]]), region, free)
             count += len(between)
             member.append((k, True))
@@ -67,7 +64,9 @@ def divided(net: ChainNet, regions: Iterable[int], lifting: Lifting, width: floa
 
 
 def _long_walls(net: ChainNet, loops: list[Loop], P: Floats) -> tuple[int, int] | None:
-    """The places in a region's only loop of two walls, longer than they are apart, with something between them."""
+    """Positions of two walls in a region's only loop that are longer than their distance and not adjacent; None
+    otherwise."""
+    long = 1.5  # least length of both walls of a member over the distance between them
     if len(loops) != 1 or len(loops[0]) < 5:
         return None
     loop = loops[0]
@@ -77,18 +76,16 @@ def _long_walls(net: ChainNet, loops: list[Loop], P: Floats) -> tuple[int, int] 
         return None
     (a, b), (c, d) = net.ends(loop[i]), net.ends(loop[j])
     apart = max(np.linalg.norm(P[a] - P[d]), np.linalg.norm(P[b] - P[c]))
-    return (i, j) if min(length[i], length[j]) > LONG * apart > 0 else None
+    return (i, j) if min(length[i], length[j]) > long * apart > 0 else None
 
 
 def _narrow(net: ChainNet, end: Loop, P: Floats, width: float, whole: Floats) -> bool:
-    """Whether chains in a row are nearly straight, or turn back: what a line between their ends cuts off from a region
-    with a vector area (3,) is narrow, or lies beyond it."""
+    """Return whether a line between the ends of a row of chains cuts off a narrow piece, or one on the wrong side."""
     line = P[_points(net, end)]
     return mean_width(line) < width or float(vector_area(line) @ whole) < 0
 
 
 def _points(net: ChainNet, loop: Loop) -> Ints:
-    """The points of chains in a row."""
     return np.concatenate([net.chains[k].points[:: 1 if ahead else -1] for k, ahead in loop])
 
 
@@ -101,32 +98,18 @@ def _length(P: Floats, net: ChainNet, step: tuple[int, bool]) -> float:
 
 
 LEVEL = 0.75
-"""Least cosine between the mean normal of a region and any: at .35, which trimmed faces ask, some were 2 mm off their
-edges."""
-
-STOUT = 32.0
-"""Square of a region's outline over its area, from which on it is long: 16 of a square, 29 of five in a row."""
-
-SHORT = 0.1
-"""What a seam as long as the root of a region's area counts for, where all that the region bends is 1."""
-
-MUCH = 0.8
-"""Share of what a region bends that is left at most, with what its seam counts for."""
-
-FEW = 8
-"""A chain is long where so many of them are more than its region's outline."""
-
-MOST = 200
-"""Seams that a sheet gets at most."""
+"""Least cosine between the mean normal of a region and any of its normals. Trimmed faces need 0.35, but with that limit
+a few were 2 mm off their edges."""
 
 
 def level(net: ChainNet, sheet: StripedSheet, lifting: Lifting, limits: Limits) -> ChainNet:
-    """The net without regions that bend too much, if they have one outline and nodes to divide them at; its points
-    are first those of the sheet."""
+    """Divide regions that bend too much, if they have one outline and nodes. The net's first points are those of the
+    sheet."""
+    most_seams = 200  # of one sheet
     work = _Seams(net, sheet, lifting, limits.thickness)
     bends = {r: work.least(r) for r, loops in net.loops.items() if len(loops) == 1}
     todo = {r: x for r, x in bends.items() if x < LEVEL and not _is_member(work, r, lifting, limits)}
-    for _ in range(MOST):
+    for _ in range(most_seams):
         if not todo:
             break
         region = min(todo, key=todo.__getitem__)
@@ -137,7 +120,6 @@ def level(net: ChainNet, sheet: StripedSheet, lifting: Lifting, limits: Limits) 
 
 
 def _is_member(work: "_Seams", region: int, lifting: Lifting, limits: Limits) -> bool:
-    """Whether a region is long and has four sides: its patches follow it however much it bends."""
     if region in work.net.loose or work.stout(region):
         return False
     chains = {k: work.net.chains[k] for k, _ in work.net.loops[region][0]}
@@ -146,19 +128,18 @@ def _is_member(work: "_Seams", region: int, lifting: Lifting, limits: Limits) ->
 
 
 class _Seams:
-    """A net whose regions are divided one after another."""
+    """Net whose regions are divided one after another."""
 
     def __init__(self, net: ChainNet, sheet: StripedSheet, lifting: Lifting, near: float) -> None:
         self.near = near
         self.net, self.F, self.skins = net, sheet.F, lifting.skins
         self.P = np.asarray(sheet.weights @ self.skins.points)
         a, b, c = (self.P[self.F[:, i]] for i in range(3))
-        N = np.asarray(sheet.weights @ self.skins.normals)[self.F].sum(axis=1)  # slivers know no normal
+        N = np.asarray(sheet.weights @ self.skins.normals)[self.F].sum(axis=1)  # slivers have no own normal
         long = np.maximum(np.linalg.norm(N, axis=1, keepdims=True), 1e-300)
         self.N = N / long * np.linalg.norm(cross(b - a, c - a), axis=1)[:, None]
 
     def least(self, region: int) -> float:
-        """The least cosine between the mean normal of a region and any."""
         cells = np.flatnonzero(self.net.cell == region)
         if not len(cells):
             return 1.0
@@ -169,40 +150,41 @@ class _Seams:
         return float((N @ mean).min() / max(np.linalg.norm(mean), 1e-300))
 
     def stout(self, region: int) -> bool:
-        """Whether a region is not long."""
+        stout_limit = 32.0  # squared outline over area: 16 of a square, 29 of five squares in a row
         area = np.linalg.norm(self.N[self.net.cell == region], axis=1).sum() / 2
         outline = sum(self._length(self.net.chains[k].points) for k, _ in self.net.loops[region][0])
-        return bool(outline**2 < STOUT * area)
+        return bool(outline**2 < stout_limit * area)
 
     def _spread(self, cells: Ints) -> float:
-        """How much the normals of cells differ, as a share of the area that their sum lacks; in units of area."""
+        """Spread of the normals of cells: sum of their areas minus length of the area vector."""
         N = self.N[cells]
         return float(np.linalg.norm(N, axis=1).sum() - np.linalg.norm(N.sum(axis=0)))
 
     def divide(self, region: int) -> int:
-        """Divide a region; returns the number of the new one, or -1 where no seam makes it bend less."""
+        """Divide a region; return the number of the new region, or -1 if no seam reduces the bend enough."""
         seam = self._seam(region)
         if seam is None and self._halve_chains(region):
             seam = self._seam(region)
         return -1 if seam is None else self._with_seam(region, *seam)
 
     def _seam(self, region: int) -> tuple[Ints, Ints] | None:
-        """The best way through a region, and the cells on its right."""
+        most_left = 0.8  # largest share of the bend that may remain, with the cost of the seam
+        seam_cost = 0.1  # of a seam as long as the root of the area, where the whole bend of the region costs 1
         cells = np.flatnonzero(self.net.cell == region)
         nodes = [self.net.ends(step)[0] for step in self.net.loops[region][0]]
         whole, size = self._spread(cells), np.sqrt(np.linalg.norm(self.N[cells], axis=1).sum())
-        best, least = None, MUCH
+        best, least = None, most_left
         for way, long in _ways(self.F[cells], self.P, nodes, self.near):
             right = _on_the_right(self.F[cells], way)
             left = self._spread(cells[right]) + self._spread(cells[~right])
-            if (worth := left / whole + SHORT * long / size) < least:
+            if (worth := left / whole + seam_cost * long / size) < least:
                 best, least = (way, cells[right]), worth
         return best
 
     def _halve_chains(self, region: int) -> bool:
-        """Whether a region has long chains, which then have a node in their middle."""
+        few = 8  # a chain longer than an eighth of the outline is long
         long = {k: self._length(self.net.chains[k].points) for k, _ in self.net.loops[region][0]}
-        some = [k for k, x in long.items() if FEW * x > sum(long.values()) and len(self.net.chains[k].points) > 2]
+        some = [k for k, x in long.items() if few * x > sum(long.values()) and len(self.net.chains[k].points) > 2]
         for k in some:
             chain, new = self.net.chains[k], max(self.net.chains) + 1
             half = len(chain.points) // 2
@@ -223,7 +205,7 @@ class _Seams:
         return float(np.linalg.norm(np.diff(P, axis=0), axis=1).sum())
 
     def _with_seam(self, region: int, way: Ints, right: Ints) -> int:
-        """The number of a new region, some cells of another one on the right of a way."""
+        """Divide a region along a path; return the number of the new region, which holds the cells on its right."""
         chains, loops, cell = dict(self.net.chains), dict(self.net.loops), self.net.cell.copy()
         loop, new, first = loops[region][0], max(*loops, int(cell.max())) + 1, max(chains) + 1
         nodes = [self.net.ends(step)[0] for step in loop]
@@ -243,7 +225,6 @@ class _Seams:
 
 
 def _ways(F: Ints, P: Floats, nodes: list[int], near: float) -> Iterator[tuple[Ints, float]]:
-    """Ways along edges inside of cells F (m, 3) between two of some nodes, in the order of these, and their lengths."""
     used, local = np.unique(F, return_inverse=True)
     edges = edge_table(local.reshape(-1, 3))
     place = {int(v): x for x, v in enumerate(used) if nodes.count(int(v)) == 1}
@@ -251,7 +232,7 @@ def _ways(F: Ints, P: Floats, nodes: list[int], near: float) -> Iterator[tuple[I
     border = np.zeros(len(used), dtype=bool)
     border[edges.ends[edges.boundary]] = True
     away = np.asarray(cKDTree(P[used[border]]).query(P[used])[0])
-    beside = 1 + near / np.maximum(away[ends].mean(axis=1), near / 4)  # what hugs a wall would cross it once straight
+    beside = 1 + near / np.maximum(away[ends].mean(axis=1), near / 4)  # walls repel: straightening would cross them
     long = beside * np.linalg.norm(P[used[ends[:, 0]]] - P[used[ends[:, 1]]], axis=1)
     start, end, long = (
         np.concatenate([ends[:, 0], ends[:, 1]]),
@@ -261,7 +242,7 @@ def _ways(F: Ints, P: Floats, nodes: list[int], near: float) -> Iterator[tuple[I
     for i, node in enumerate(nodes):
         if node not in place:
             continue
-        out = ~border[start] | (start == place[node])  # a way ends where it comes to the outline
+        out = ~border[start] | (start == place[node])  # a path ends at the outline
         graph = csr_array((long[out], (start[out], end[out])), shape=(len(used), len(used)))
         far, before = (x[0] for x in dijkstra(graph, indices=[place[node]], return_predecessors=True))
         for other in nodes[i + 1 :]:
@@ -273,7 +254,7 @@ def _ways(F: Ints, P: Floats, nodes: list[int], near: float) -> Iterator[tuple[I
 
 
 def _on_the_right(F: Ints, way: Ints) -> Bools:
-    """(m,) which cells F (m, 3) hang together with those on the right of a way along their edges."""
+    """(m,) cells connected to those on the right of a path along their edges."""
     _, local = np.unique(np.append(F.ravel(), way), return_inverse=True)
     cells, line = local[: F.size].reshape(-1, 3), local[F.size :]
     edges = edge_table(cells)

@@ -13,41 +13,44 @@ from dsfab.export.part import StripedSheet
 from dsfab.surface import EdgeTable, connected, edge_table, half_edges, next_half_edge
 
 TURN = np.cos(np.deg2rad(40.0))
-"""Cosine of the turn of an outline from which on it has a corner."""
+"""Cosine of the turn from which on an outline has a corner."""
 
 ROUND = np.cos(np.deg2rad(10.0))
-"""Cosine of the turn, seen along the sheet's normal, from which on vertices are on a round corner: it begins and ends
-at a node. Where a coarse mesh bends, outlines turn with it, and are straight."""
+"""Cosine of the turn, seen along the sheet's normal, from which on a vertex belongs to a round corner. Nodes mark its
+ends. Where a coarse mesh bends, the outline turns with it in space but is straight in this view."""
 
 SLIVER = 1 / 4
-"""Regions smaller than the square of this share of the thickness join the neighbour with the longest border."""
+"""Root of a region's area over the thickness below which the region joins the neighbour with the longest border."""
 
 VOID = -1
-"""The region beyond an outline."""
+"""Number of the region beyond an outline."""
 
 Loop = list[tuple[int, bool]]
-"""Chains in order, each with whether it is run through forwards."""
+"""Chains in order, each with True if it runs forwards."""
 
 
 @dataclass(frozen=True, eq=False)
 class Chain:
-    """points : (k,) rows of the net's weights, nodes first and last.    left, right : regions, right may be VOID."""
+    """points : (k,) rows of the net's weights, first and last are nodes.    left, right : regions (or VOID)."""
 
     points: Ints
     left: int
     right: int
 
     def beside(self, region: int, ahead: bool) -> "Chain":
-        """The same chain with another region on its left, as it is run through (`ahead`, or backwards)."""
+        """Return the chain with another region on its left in the direction of travel (`ahead`, or backwards)."""
         return Chain(self.points, region, self.right) if ahead else Chain(self.points, self.left, region)
 
 
 @dataclass(frozen=True, eq=False)
 class ChainNet:
-    """weights : (p, n) barycentric, of all points on the uncut surface.    chains : by number.
-    loops : by region, with the region on the left.    loose : regions that lie in no stripe.    cell : (m,) the region
-    of each cell of the sheet.    parent : regions that are parts of one that has cells.    twins : points on both sides
-    of a seam, see `StripedSheet`, by each other."""
+    """Regions of a sheet and the chains of mesh edges between them.
+
+    weights : (p, n) barycentric weights of all points on the uncut surface.    chains : by number.
+    loops   : by region, with the region on the left.    loose : regions outside of all stripes.
+    cell    : (m,) region of each cell of the sheet.    parent : original region of each part that has no cells.
+    twins   : pairs of points on both sides of a seam, see `StripedSheet`.
+    """
 
     weights: csr_array
     chains: dict[int, Chain]
@@ -58,7 +61,7 @@ class ChainNet:
     twins: dict[int, int] = field(default_factory=dict)
 
     def on_seam(self, k: int) -> bool:
-        """Whether a chain runs along a seam: void is beyond it, but in the solid the sheet goes on there."""
+        """Return whether a chain runs along a seam. Beyond it is VOID, but the solid continues there."""
         points = self.chains[k].points
         return bool(self.twins) and self.chains[k].right == VOID and all(int(p) in self.twins for p in points)
 
@@ -69,11 +72,11 @@ class ChainNet:
 
 
 Creased = Callable[[csr_array, Ints, Ints], Bools]
-"""Whether lines between points with weights lie on a crease: see `Sides.along`."""
+"""Function that tells whether lines between points with weights lie on a crease, see `CreaseSides.along`."""
 
 
 def net_of(sheet: StripedSheet, V: Floats, N: Floats, thickness: float, creased: Creased | None = None) -> ChainNet:
-    """The net of a sheet on an uncut surface with vertices V and normals N (n, 3); both lengths in one unit."""
+    """Build the net of a sheet on an uncut surface with vertices V and normals N (n, 3); thickness in the unit of V."""
     P, normals = (np.asarray(sheet.weights @ x) for x in (V, N))
     edges = edge_table(sheet.F)
     start, end = half_edges(sheet.F)
@@ -84,7 +87,7 @@ def net_of(sheet: StripedSheet, V: Floats, N: Floats, thickness: float, creased:
 
 
 def ends_at(net: ChainNet) -> dict[int, list[tuple[int, int]]]:
-    """By node the ends there, each a chain and 0 where it begins, -1 where it ends."""
+    """Return for each node the chains that end there, each with 0 if it begins and -1 if it ends."""
     found = dict[int, list[tuple[int, int]]]()
     for k, chain in net.chains.items():
         for end in (0, -1):
@@ -93,13 +96,13 @@ def ends_at(net: ChainNet) -> dict[int, list[tuple[int, int]]]:
 
 
 def outline_through(net: ChainNet, ends: list[tuple[int, int]]) -> tuple[int, int] | None:
-    """Of the ends at a node the chain of the outline that ends there, and the one that begins; None if not one each."""
+    """Return the outline's chains that end and begin at a node; None unless there is exactly one each."""
     before, after = ([k for k, end in ends if end == which and net.chains[k].right == VOID] for which in (-1, 0))
     return (before[0], after[0]) if len(before) == len(after) == 1 and before != after else None
 
 
 def turns(before: Floats, after: Floats, N: Floats) -> Floats:
-    """(k,) cosines of the angles between ways (k, 3), seen along directions N (k, 3) of any length."""
+    """(k,) cosines of the angles between directions (k, 3), seen along normals N (k, 3) of any length."""
     one, two = (
         way - N * (np.einsum("ki,ki->k", way, N) / np.einsum("ki,ki->k", N, N))[:, None] for way in (before, after)
     )
@@ -110,9 +113,9 @@ def turns(before: Floats, after: Floats, N: Floats) -> Floats:
 def _regions(
     sheet: StripedSheet, P: Floats, edges: EdgeTable, thickness: float, apart: Bools
 ) -> tuple[Ints, frozenset[int]]:
-    """(m,) the region of each cell, connected and of one label; and those that are loose.
+    """Return the connected region (m,) of each cell, with one label each, and the loose regions.
 
-    apart : (i,) pairs of neighbours with a crease between them.
+    apart : (i,) True for pairs of neighbours with a crease between them.
     """
     f, g = edges.pairs.T // 3
     same = (sheet.label[f] == sheet.label[g]) & (sheet.loose[f] == sheet.loose[g]) & ~apart
@@ -134,7 +137,7 @@ def _regions(
 
 
 class _Walk:
-    """Along the borders of regions, half-edge by half-edge."""
+    """Walk along the borders of regions, half-edge by half-edge."""
 
     def __init__(self, sheet: StripedSheet, P: Floats, N: Floats, edges: EdgeTable, region: Ints) -> None:
         self.weights, self.P, self.N, self.region = sheet.weights, P, N, region
@@ -150,19 +153,18 @@ class _Walk:
         self.node = self._nodes(sheet.loose)
 
     def _successors(self) -> Ints:
-        """The half-edge of the same region's border that follows each of its border."""
         step = next_half_edge(self.along)
         while (inside := ~self.border[step]).any():
             step[inside] = next_half_edge(self.twin[step[inside]])
         return step
 
     def _nodes(self, loose: Bools) -> Bools:
-        """(n,) the vertices where chains end."""
+        """(n,) vertices where chains end."""
         n, h = len(self.P), self.along
         once = h[(self.twin[h] < 0) | (h < self.twin[h])]
         ends = np.concatenate([self.start[once], self.end[once]])
         pair = np.minimum(self.left[once], self.right[once]) * (self.region.max() + 2) + self.left[once]
-        pair = pair + self.right[once]  # the same for both ways
+        pair = pair + self.right[once]  # the same from both sides
         low, high = np.full(n, np.inf), np.full(n, -np.inf)
         np.minimum.at(low, ends, np.tile(pair, 2))
         np.maximum.at(high, ends, np.tile(pair, 2))
@@ -186,14 +188,11 @@ class _Walk:
         return np.stack([np.append(self.start[side], self.end[side]) for side in (one, two)])
 
     def _seam_ends(self, n: int) -> Bools:
-        """(n,) the vertices where a seam ends."""
         return np.asarray(np.bincount(self._seam_points.ravel(), minlength=n) == 1)
 
     def _round_ends(self, bent: Bools, void: Bools) -> Bools:
-        """(k,) half-edges of borders after which the outline begins or ends to be round; `bent` (k,) is the turn there.
-
-        void : (k,) which are of the outline.
-        """
+        """(k,) border half-edges after which the outline begins or ends to be round. bent (k,) turns there; void (k,)
+        outline."""
         h, at = self.along, np.full(len(self.border), -1)
         at[h] = np.arange(len(h))
         after = at[self.after[h]]
@@ -203,7 +202,6 @@ class _Walk:
         return np.asarray(bent & both & ~(bent[before] & bent[after] & both[before] & both[after]))
 
     def net(self, loose: frozenset[int]) -> ChainNet:
-        """Its chains, and the loops of every region."""
         cycles = list(self._cycles())
         for cycle in cycles:
             self._mark(cycle)
@@ -230,7 +228,6 @@ class _Walk:
         )
 
     def _cycles(self) -> Iterator[Ints]:
-        """The closed borders of regions as half-edges, in order."""
         known = np.zeros(len(self.border), dtype=bool)
         for h in self.along.tolist():
             if known[h]:
@@ -243,7 +240,6 @@ class _Walk:
             yield np.array(cycle)
 
     def _mark(self, cycle: Ints) -> None:
-        """Make two vertices of a border nodes at least, and four where it has none."""
         at = np.flatnonzero(self.node[self.start[cycle]])
         if len(at) > 1:
             return
@@ -256,27 +252,22 @@ class _Walk:
             self.node[self.start[some[np.abs(share - x).argmin()]]] = True
 
 
-FEWEST = 4
-"""Chains that a loop keeps."""
-
-
 def joined_outlines(net: ChainNet, P: Floats, N: Floats) -> ChainNet:
-    """The net without nodes in the middle of round corners and of straight walls; P and N (p, 3) are its points and the
-    normals there."""
+    """Remove nodes inside round corners and straight walls. P and N (p, 3) are the net's points and normals."""
     ends = [int(p) for chain in net.chains.values() for p in (chain.points[0], chain.points[-1])]
     degree = np.bincount(ends, minlength=len(P))
-    degree[list(net.twins)] = 0  # a seam, and what it ends, stay two
+    degree[list(net.twins)] = 0  # chains on both sides of a seam stay apart
     chains = dict(net.chains)
     loops = {region: [_joined(loop, chains, P, N, degree) for loop in some] for region, some in net.loops.items()}
     return replace(net, chains=chains, loops=loops)
 
 
 def _joined(loop: Loop, chains: dict[int, Chain], P: Floats, N: Floats, degree: Ints) -> Loop:
-    """A loop with fewer chains; `chains` loses those that have become part of others."""
+    fewest = 4  # chains of a loop
     if all(chains[k].right == VOID for k, _ in loop):
         return loop
     found, at = list(loop), 0
-    while at < len(found) and len(found) > FEWEST:
+    while at < len(found) and len(found) > fewest:
         (j, _), (k, _) = found[at - 1], found[at]
         a, b = chains[j], chains[k]
         outer = a.right == VOID and b.right == VOID and j != k
@@ -290,7 +281,7 @@ def _joined(loop: Loop, chains: dict[int, Chain], P: Floats, N: Floats, degree: 
 
 
 def _around(loop: Loop, at: int, chains: dict[int, Chain]) -> Ints:
-    """(5,) points of the outline around that where a chain of a loop begins; (0,) where it is not that long."""
+    """(5,) outline points around the start of a chain of a loop; (0,) if the outline is too short."""
     parts = [chains[loop[(at + i) % len(loop)][0]] for i in (-2, -1, 0, 1)]
     before, after = parts[1].points, parts[2].points
     if parts[0].right == VOID:
@@ -301,8 +292,8 @@ def _around(loop: Loop, at: int, chains: dict[int, Chain]) -> Ints:
 
 
 def _ends(line: Floats, N: Floats) -> bool:
-    """Whether something ends in the middle of five points (5, 3) with normals there: a sharp corner, or that an outline
-    is round; and where there are fewer."""
+    """Return whether an outline has a sharp corner, or begins or ends to be round, at the middle of five points (5,
+    3)."""
     if len(line) < 5:
         return True
     way = np.diff(line, axis=0)
@@ -312,10 +303,10 @@ def _ends(line: Floats, N: Floats) -> bool:
 
 
 def without_lenses(net: ChainNet, P: Floats, width: float) -> ChainNet:
-    """The net without regions of two chains that are narrower than a width, each part of the region beyond an inner
-    chain of its own; P (p, 3) are the net's points, in the same unit.
+    """Remove regions of two chains narrower than `width`: each joins the region beyond an inner chain. P (p, 3) net
+    points.
 
-    Straightened, that chain may run along the other one, or beyond it, an outline too: no face is between them then.
+    A straightened chain could otherwise run along or beyond the other one, with no face between them.
     """
     chains, loops, loose, cell = dict(net.chains), dict(net.loops), set(net.loose), net.cell.copy()
     for region in list(loops):
@@ -337,32 +328,32 @@ def without_lenses(net: ChainNet, P: Floats, width: float) -> ChainNet:
 
 
 def mean_width(line: Floats) -> float:
-    """Of what a closed line (k, 3) is around: its area over half its length."""
+    """Area inside a closed line (k, 3) over half of its length."""
     around = float(np.linalg.norm(np.roll(line, -1, axis=0) - line, axis=1).sum())
     return 2 * float(np.linalg.norm(vector_area(line))) / max(around, 1e-300)
 
 
 def vector_area(line: Floats) -> Floats:
-    """(3,) of what a closed line (k, 3) is around, along its normal."""
+    """(3,) area vector of a closed line (k, 3)."""
     line = line - line.mean(axis=0)
     return np.asarray(np.cross(line, np.roll(line, -1, axis=0)).sum(axis=0) / 2)
 
 
 INNER = ((1 / 3, 1 / 3, 1 / 3), (2 / 3, 1 / 6, 1 / 6), (1 / 6, 2 / 3, 1 / 6), (1 / 6, 1 / 6, 2 / 3))
-"""Barycentric weights of the points where a trimmed face is held in each cell: with the middle alone it may wave."""
+"""Barycentric points in each cell that hold a trimmed face; with the centre alone the face may wave."""
 
 MORE = tuple((a / 7, b / 7, 1 - (a + b) / 7) for a in range(1, 6) for b in range(1, 7 - a))
-"""Of more points in cells that are longer than the sheet is thick: between four of them a surface of degree 9 waved by
-6 mm, in triangles of 180 mm of a canopy of 100 mm."""
+"""Extra points in cells longer than the thickness: between four points a surface of degree 9 waved by 6 mm, in
+triangles of 180 mm and a sheet of 100 mm."""
 
 OF_REGION = 1 / 6
-"""Share of its region's size that a shorter cell is long from, too: in a notched region of 200 mm of a sheet of 60 mm
-one of degree 9 waved by 4 mm between the points of cells of 50 mm."""
+"""Length of a cell over the size of its region from which on it is long, too: in a notched region of 200 mm a surface
+of degree 9 waved by 4 mm between points of cells of 50 mm."""
 
 
 @dataclass(frozen=True, eq=False)
 class Interior:
-    """Where it is asked for.    fine : whether long cells have `MORE` points."""
+    """Points of the skins inside regions.    fine : True if long cells get the points `MORE`."""
 
     sheet: StripedSheet
     lifting: Lifting
@@ -370,7 +361,7 @@ class Interior:
     fine: bool = False
 
     def points(self, net: ChainNet, regions: Sequence[int]) -> dict[int, Floats]:
-        """By region, (k, 6) points of the skins over its cells; all are found at once."""
+        """Return for each region (k, 6) points of the skins over its cells."""
         if not regions:
             return {}
         cells = [np.flatnonzero(net.cell == net.parent.get(region, region)) for region in regions]
@@ -385,22 +376,21 @@ class Interior:
         return dict(zip(regions, np.split(np.concatenate(found)[order], ends), strict=True))
 
     def _lifted(self, F: Ints, weights: Sequence[tuple[float, float, float]]) -> Floats:
-        """(k m, 6) points at each of k weights of cells (m, 3)."""
+        """(k m, 6) points at each of k barycentric weights in cells (m, 3)."""
         a, b, c = (self.sheet.weights[F[:, i]] for i in range(3))
         return self.lifting.points(csr_array(vstack([a * u + b * v + c * w for u, v, w in weights], format="csr")))
 
     def _are_long(self, F: Ints, size: Floats) -> Bools:
-        """(m,) whether a side of cells (m, 3) is longer than the sheet is thick, or for its region's size (m,)."""
+        """(m,) whether a side of a cell is longer than the thickness, or long for its region of size (m,)."""
         P = self._on_mesh(self.sheet.weights)[F]
         long = np.linalg.norm(P - np.roll(P, 1, axis=1), axis=2).max(axis=1)
         return np.asarray(long > np.minimum(self.thickness, OF_REGION * size))
 
     def _sizes(self, net: ChainNet, regions: Sequence[int]) -> Floats:
-        """(r,) diagonals of boxes around the outlines of regions, millimetres."""
+        """(r,) diagonals of boxes around regions, millimetres."""
         P = self._on_mesh(net.weights)
         outlines = ([net.chains[k].points for loop in net.loops[region] for k, _ in loop] for region in regions)
         return np.array([np.linalg.norm(np.ptp(P[np.concatenate(line)], axis=0)) for line in outlines])
 
     def _on_mesh(self, weights: csr_array) -> Floats:
-        """(k, 3) millimetres, places of weights (k, n)."""
         return np.asarray(weights @ self.lifting.skins.points)

@@ -14,12 +14,12 @@ from dsfab.export.cad.step.by_members.trimmed import SPLIT, TrimmedFace, inside_
 from dsfab.export.splines import bernstein
 
 NODES = np.linspace(0, 1, 4)[:, None]
-"""(4, 1) shares of a piece where it is moved onto a face: a cubic through so many heights."""
+"""(4, 1) shares of a piece where it is moved onto a face: a cubic has four heights."""
 
 
 @dataclass(frozen=True)
 class MovedRim:
-    """What is changed for one face: pieces of its rims that are on it then, edges, and vertices (6,), by number."""
+    """Changes for one face: numbers of rim pieces that then lie on it, and new edges and vertices (6,) by number."""
 
     pieces: list[int]
     edges: dict[int, NetEdge]
@@ -27,9 +27,9 @@ class MovedRim:
 
 
 class Rims:
-    """The rims of a model, some of them moved onto the faces beside.
+    """Rims of a model, that can move onto the faces beside them.
 
-    pieces : edges at sharp corners, rims among them.    ends : by vertex the edges that end there.
+    pieces : rim edges at sharp corners.    ends : edges by vertex.
     """
 
     def __init__(self, model: NetModel, pieces: Collection[int]) -> None:
@@ -43,18 +43,18 @@ class Rims:
         self.moved = set[int]()
 
     def beside(self, face: TrimmedFace) -> set[int]:
-        """The pieces around a face."""
+        """Pieces around a face."""
         return self.pieces & _around(face)
 
     def seams(self, face: TrimmedFace, curves: Mapping[int, Floats]) -> dict[int, Floats]:
-        """Those of some curves that are around a face, and no rims."""
+        """Curves around a face that are no rims."""
         around = _around(face)
         return {e: poles for e, poles in curves.items() if e in around and e not in self.rims}
 
     def moved_onto(self, face: TrimmedFace, on_seams: bool) -> MovedRim | None:
-        """What is changed so that the pieces around a face are on it; nothing where it has none.
+        """Return the changes that put the pieces around a face onto it; None if it has no such pieces.
 
-        on_seams : whether it runs through the seams that end at corners: then pieces beside these can be on it, too.
+        on_seams : True if the face runs through the seams at corners, so that pieces beside them can lie on it, too.
         """
         around = _around(face)
         free = {v for v, ends in self.ends.items() if len(ends) == 2 and around & self.rims >= set(ends)}
@@ -78,7 +78,7 @@ class Rims:
         return MovedRim(mine, edges, vertices)
 
     def take(self, change: MovedRim) -> None:
-        """Move edges and vertices."""
+        """Apply changes."""
         for e, edge in change.edges.items():
             self.edges[e] = edge
         for v, point in change.vertices.items():
@@ -86,7 +86,7 @@ class Rims:
         self.moved |= change.edges.keys()
 
     def result(self) -> NetModel:
-        """The model, with walls along what its rims are now."""
+        """Return the model with walls along the moved rims."""
         new, walls = replace(self.model, edges=self.edges, vertices=self.vertices), list[NetWall]()
         for wall in self.model.walls:
             still = self.moved.isdisjoint(e for e, _ in wall.steps)
@@ -95,61 +95,46 @@ class Rims:
 
 
 def _around(face: TrimmedFace) -> set[int]:
-    """The edges of a face."""
     return {e for loop in face.loops for e, _ in loop}
 
 
 CLEAR = 1 / 6
-"""Of the thickness, radius of a fillet that takes no more of an edge than the surface is on."""
+"""Radius over the thickness of the largest fillet that takes no more of an edge than the surface lies on."""
 
 INNER = 6 / 7
-"""Share of it that this is on the inner skin, at least. Around a cow's ear that is shorter by a quarter, and fillets of
-2 mm in a sheet of 16 took all of it, and some of what is beyond.
-"""
+"""Least share of that radius on the inner skin. Around one opening the inner edge is a quarter shorter, and fillets of
+2 mm in a sheet of 16 mm took all of it and more."""
 
 HELD = (1 - np.cos(np.pi * np.arange(6) / 5)) / 2
-"""Where a surface is held on a part of an edge; between six places it is then off by less than `EXACT`."""
+"""Parameters where a part of an edge is held; between six of them the surface is off by less than 5e-8 mm."""
 
 ASKED = np.linspace(0, 1, 33)
-"""Where that is measured, and where an edge is cut."""
-
-EXACT = 5e-8
-"""Millimetres that it is wanted to be off at most: OCCT takes 1e-7 as nothing, and poles are rounded."""
+"""Parameters where the distance is measured, and where an edge may be cut."""
 
 NEARLY = 1e-6
-"""What it may be off: with 5e-7 all corners of a dome are rounded."""
+"""Largest accepted distance in mm: with 5e-7 all corners of a dome take fillets."""
 
 FAST, SMALL = 1e6, 1e-4
-"""Weights of places where it is held, and of what poles move by, against 1 of points along edges."""
+"""Weights of held points and of the movement of poles, against 1 of points along edges."""
 
 OTHERS = ((1.0, 1e-2), (0.1, 1e-4))
-"""Weights of places where it was, and of second differences of what poles move by. With the first, faces of a blob with
-three corners of openings strayed .07 to .3 mm from other edges, where only `SPLIT` is allowed; with the second .02."""
+"""Weights of old places and of second differences of the movement of poles. With the first, faces with three corners of
+openings strayed 0.07 to 0.3 mm from other edges, where only `SPLIT` is allowed; with the second 0.02 mm."""
 
 HOLD = np.stack(np.meshgrid(*[np.linspace(0, 1, 13)] * 2), axis=2).reshape(-1, 2)
-"""Where else a surface is held where it was, over all of its domain: of a sphere of 2 m one went 1.4 mm away."""
+"""Parameters where a surface stays in place; without them one of a sphere of 2 m moved by 1.4 mm."""
 
 ROWS = rows_at(HOLD)
 
 MOVED = 1 / 400
-"""Share of the thickness that it may move there."""
-
-MORE = 6
-"""Degrees that a surface gets more, at most."""
-
-HOPELESS = 20.0
-"""Of a face that is more than so many times too far off with three degrees, no more are tried: of 502 faces that could
-be made flush in seven designs, one was 10.3 times too far. Those that could not took nine tenths of the time."""
-
-WHOLE = 0.1
-"""Share of an edge that is not worth a cut."""
+"""Largest movement there over the thickness."""
 
 
 def flush_at_corners(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetModel, list[TrimmedFace]]:
-    """The same solid, whose edges at sharp corners beside trimmed faces are cut, and these faces on what is there.
+    """Cut edges at sharp corners beside trimmed faces, and put these faces exactly onto the cut parts.
 
-    Where no degree does it within `SPLIT`, or only if the inside moves by more than `MOVED`, a face stays as it is,
-    and rims are moved onto it, as far as they may be.
+    If no degree fits within `SPLIT`, or if the inside moves by more than `MOVED`, the face stays and rims move onto it
+    as far as they may.
     """
     beside = {e for face in faces for loop in face.loops for e, _ in loop}
     near = {v for e in beside for v in (model.edges[e].start, model.edges[e].end)}
@@ -177,8 +162,8 @@ def flush_at_corners(model: NetModel, faces: list[TrimmedFace]) -> tuple[NetMode
 
 
 def _on_rims(face: TrimmedFace, rims: Rims, held: Iterable[Mapping[int, Floats]]) -> TrimmedFace:
-    """A face that cannot be on all that is held: it is on its seams there at least, and its rims are moved onto it, or
-    those at corners where no seam ends; else as it is."""
+    """Put a face at least on its seams and move its rims onto it, or the rims at corners without seams; else return it
+    unchanged."""
     if not rims.beside(face):
         return face
     ways = [rims.seams(face, curves) for curves in held]
@@ -192,7 +177,7 @@ def _on_rims(face: TrimmedFace, rims: Rims, held: Iterable[Mapping[int, Floats]]
 
 
 def _with_moved_rims(face: TrimmedFace, rims: Rims, seams: Mapping[int, Floats]) -> TrimmedFace | None:
-    """A face that is on such seams, on moved rims; nothing where these move, or edges are off, by more than `SPLIT`."""
+    """Return the face with moved rims; None if these move, or edges are off, by more than `SPLIT`."""
     change = rims.moved_onto(face, bool(seams))
     moves = [edge.poles - rims.edges[e].poles for e, edge in change.edges.items()] if change else []
     if change is None or np.abs(moves).max() > SPLIT:
@@ -211,23 +196,24 @@ def _with_moved_rims(face: TrimmedFace, rims: Rims, seams: Mapping[int, Floats])
 
 
 def _stops(poles: Floats, halves: tuple[float, float]) -> list[float]:
-    """Where an edge is cut, between whose walls fillets at its ends go on for their radius times `halves`."""
+    """Shares where an edge is cut, beyond fillets whose radius times `halves` reaches along it."""
+    whole = 0.1  # share of an edge that is too short for a cut
     radius = CLEAR * float(np.linalg.norm(poles[0, :3] - poles[0, 3:]))
     line, found = bernstein(ASKED) @ poles, list[float]()
     for end, half in enumerate(halves):
         if half:
             away = np.linalg.norm((line - line[-end]).reshape(-1, 2, 3), axis=2)[:: -1 if end else 1]
             far = zip((radius * half, INNER * radius * half), np.maximum.accumulate(away).T, strict=True)
-            x = max(float(np.interp(far_as, skin, ASKED)) for far_as, skin in far)  # 1 where the edge is shorter
-            if x > 1 - WHOLE:
+            x = max(float(np.interp(far_as, skin, ASKED)) for far_as, skin in far)  # 1 for a shorter edge
+            if x > 1 - whole:
                 return []
             found.append(1 - x if end else x)
-    near = len(found) == 2 and found[1] - found[0] < WHOLE
+    near = len(found) == 2 and found[1] - found[0] < whole
     return [float(np.mean(found))] if near else found
 
 
 def _flush(face: TrimmedFace, model: NetModel, held: Mapping[int, Floats]) -> TrimmedFace:
-    """A face on those of its edges on which it is held, by curves with poles (4, 6)."""
+    """Return a face that runs through its held edges, curves with poles (4, 6); the same face if that fails."""
     mine = [held[e] for e in sorted({e for loop in face.loops for e, _ in loop} & held.keys())]
     if not mine:
         return face
@@ -246,26 +232,34 @@ def _flush(face: TrimmedFace, model: NetModel, held: Mapping[int, Floats]) -> Tr
 
 
 def _through(poles: Floats, axes: Floats, points: tuple[Floats, ...], most: float) -> Floats | None:
-    """Poles of a surface through the first points, that is off the second ones by less than `NEARLY`; near to the third
-    ones, of the edges, and nowhere at the last ones, inside, farther than `most` from the given one. All are (k, 3)."""
+    """Return poles of a surface through the first points; None if that fails. All points are (k, 3).
+
+    It is within `FLUSH_TOLERANCE` of the second points, near to the third, those of edges, and within `largest_move` of
+    the old surface at the fourth, inside.
+    """
+    # Largest excess after three degrees: of 502 faces that became flush in seven designs the worst had 10.3. Hopeless
+    # faces took nine tenths of the time.
+    hopeless = 20.0
+    more_degrees = 6  # by which a surface may be raised
+    exact = 5e-8  # millimetres: OCCT ignores 1e-7, and poles are rounded
     local, most_off = poles @ axes.T, (NEARLY, SPLIT, most)
     each, heights = [places(poles, axes, some) for some in points], [some @ axes[2] for some in points[:3]]
     heights.append(height_rows(each[3], len(poles) - 1) @ local[..., 2].ravel())
     for calm, smooth in OTHERS:
         best, least = None, NEARLY
-        for degree in range(len(poles) - 1, len(poles) + MORE):
+        for degree in range(len(poles) - 1, len(poles) + more_degrees):
             new = np.stack([raised(local[..., i], degree) for i in range(3)], axis=2)
             rows = [height_rows(uv, degree) for uv in each]
             off = [z - A @ new[..., 2].ravel() for z, A in zip(heights, rows, strict=True)]
             more = _moves(rows, off, calm, smooth)
             left = [float(np.abs(z - A @ more).max()) for z, A in zip(off, rows, strict=True)][1:]
             share = max(x / y for x, y in zip(left, most_off, strict=True))
-            if degree == len(poles) + 1 and share > HOPELESS:
+            if degree == len(poles) + 1 and share > hopeless:
                 return None
             new[..., 2] += more.reshape(new.shape[:2])
             if left[0] < least and share <= 1:
                 best, least = new @ axes, left[0]
-            if least < EXACT:
+            if least < exact:
                 break
         if best is not None:
             return best
@@ -273,8 +267,10 @@ def _through(poles: Floats, axes: Floats, points: tuple[Floats, ...], most: floa
 
 
 def _moves(rows: list[Floats], off: list[Floats], calm: float, smooth: float) -> Floats:
-    """(k,) what heights of poles move by, where they count for each kind of points as in rows (., k), so that they are
-    on the first points, off which they are, and near to the third."""
+    """(k,) movement of pole heights that brings the surface onto the first points and near to the third.
+
+    rows : basis (., k) for each kind of points.    distances : from the surface.
+    """
     degree = int(np.sqrt(rows[0].shape[1])) - 1
     still = [smooth * differences(degree + 1), SMALL * np.eye((degree + 1) ** 2), calm * ROWS(degree)]
     right = np.concatenate([FAST * off[0], off[2], np.zeros(sum(map(len, still)))])

@@ -23,15 +23,15 @@ from dsfab.export.cad.step.by_members.regions import Loop
 from dsfab.export.splines import bernstein
 
 ASLANT = 1 / 4
-"""Least sine of the angle of a parallelogram that surfaces are over: they are folded otherwise where they bend."""
+"""Least sine of a parallelogram's angle; surfaces over flatter ones are folded where they bend."""
 
 
 @dataclass(frozen=True, eq=False)
 class FaceDomain:
-    """A parallelogram in the plane of the first two axes (3, 3), around edges.
+    """Parallelogram around edges, in the plane of the first two axes (3, 3).
 
-    origin : (3,)    sides : (2, 2) its directions.    low, high : (2,) where it begins and ends along these.
-    uv, z : (k, 2) parameters and (k,) heights of points inside of it, of which there are `inside`, and of edges.
+    origin : (3,)    sides : (2, 2) its directions.    low, high : (2,) its extent along these.
+    uv, z  : (k, 2) parameters and (k,) heights of points: first `inside` inner points, then points of edges.
     """
 
     origin: Floats
@@ -45,7 +45,7 @@ class FaceDomain:
 
     @classmethod
     def of(cls, points: Floats, edges: Floats, axes: Floats, sides: Floats) -> "FaceDomain":
-        """Around edges (j, 3), and a little larger."""
+        """Return the domain around edges (j, 3), 1 mm larger on all sides."""
         origin, across = edges.mean(axis=0), np.linalg.inv(sides)
         inside, around = (points - origin) @ axes.T, (edges - origin) @ axes.T
         at, ends = inside[:, :2] @ across, around[:, :2] @ across
@@ -56,18 +56,21 @@ class FaceDomain:
         return cls(origin, axes, sides, low, high, uv, z, int(within.sum()))
 
     def lifted(self, z: Floats) -> Floats:
-        """(p + 1, p + 1, 3) poles that lie evenly over it, at heights z (p + 1, p + 1)."""
+        """(p + 1, p + 1, 3) evenly spaced poles at heights z (p + 1, p + 1)."""
         u, v = (np.linspace(self.low[i], self.high[i], len(z)) for i in (0, 1))
         plane = np.stack(np.broadcast_arrays(u[:, None], v[None]), axis=2) @ self.sides
         return np.asarray(self.origin + np.concatenate([plane, z[..., None]], axis=2) @ self.axes)
 
     def least_beyond(self, ways: Floats, box: Floats) -> Floats:
-        """(2, 2) right-handed directions, of those of ways (k, 2) in the plane, along which the corners of the
-        parallelogram around all points are least out of a box, at the heights of a quadric."""
+        """Return two right-handed directions (2, 2) out of `ways` (k, 2) for the parallelogram that least leaves the
+        box.
+
+        Its corners count, at the heights of a quadric through all points.
+        """
         at = (self.low + self.uv * (self.high - self.low)) @ self.sides
         heights = lstsq(_quadric(at), self.z, check_finite=False)[0]
         long = np.linalg.norm(ways, axis=1)[:, None]
-        ways = ways[long[:, 0] > 0] / long[long > 0][:, None]  # a closed edge has no chord
+        ways = ways[long[:, 0] > 0] / long[long > 0][:, None]  # drop closed edges, which have no chord
         turned = np.stack([-ways[:, 1], ways[:, 0]])
         ends = np.stack([(at @ turned).min(axis=0), (at @ turned).max(axis=0)])  # (2, k) how far left of each way
         i, j = np.triu_indices(len(ways), 1)
@@ -86,62 +89,59 @@ class FaceDomain:
 
 
 def _quadric(at: Floats) -> Floats:
-    """(k, 6) what the coefficients of a quadric count at places (k, 2)."""
+    """(k, 6) monomials of a quadric at places (k, 2)."""
     x, y = at.T
     return np.stack([np.ones(len(at)), x, y, x * x, x * y, y * y], axis=1)
 
 
 def beyond(points: Floats, box: Floats) -> float:
-    """How far any of points (..., 3) is out of a box (2, 3)."""
+    """Largest distance of points (..., 3) outside of a box (2, 3)."""
     return float(_outside(points, box).max(initial=0.0))
 
 
 def _outside(points: Floats, box: Floats) -> Floats:
-    """(..., 3) how far points (..., 3) are out of a box (2, 3) along each axis; below 0 inside."""
+    """(..., 3) distances outside of a box (2, 3) along each axis; negative inside."""
     return np.asarray(np.maximum(box[0] - points, points - box[1]))
 
 
 SPLIT = 0.045
-"""Millimetres of a gap up to which edges may be cut in two. A reader measures the tolerance of an edge at 23 points of
-it; at those of a half the gap may be wider, and OCCT finds that invalid. What it cuts gets a new tolerance, but not one
-over .05 mm (`BOPAlgo_Builder::PostTreat`): all cuts that failed of a pavilion went through wider ones."""
+"""Millimetres of a gap up to which a cut may split edges. A reader measures an edge's tolerance at 23 points; at those
+of a half the gap may be wider, which OCCT finds invalid. Its cuts set a new tolerance, but none above 0.05 mm
+(`BOPAlgo_Builder::PostTreat`). All failed cuts of a pavilion crossed wider gaps."""
 
 BOUNDARY = (100.0, 10.0)
-"""Weights of points of the edges, against 1 of points inside. With 30, one cut of eight through the vault missed its
-volume by 1.1e-5; without points inside, faces bulged by a hundred millimetres. The second where the first does not
-close the gap: in the bill of a duck of 1 m the gap stays .2 mm, and the inside is .4 mm off instead of 2.8."""
+"""Weights of edge points, against 1 of inner points; the second is for gaps that the first does not close. With 30 one
+cut of eight through a vault missed its volume by 1.1e-5. Without inner points faces bulged by 100 mm. In one face of a
+mesh of 1 m the gap stays 0.2 mm; the second weight reduces the inner distance from 2.8 to 0.4 mm."""
 
 SMOOTH = (1e-1, 1e-2)
-"""Weights of second differences of poles, of what is added to a surface of degree `BASE`: they hold what no point does.
-With the second, poles beside the faces of a torus of 2.5 m were up to .35 m off them, and OCCT's box with them."""
+"""Weights of second differences of the poles added to a surface of degree `BASE_DEGREE`; they hold poles far from all
+points. With the second, poles beside faces of a torus of 2.5 m were up to 0.35 m off, and OCCT's box with them."""
 
 BASE = 2
-
-HIGH = 2.0
-"""Times what points inside may be off that poles of degree `BASE` are above or below all points, at most: those of the
-same surface, a degree higher, are nearer. OCCT's box of a dome was 38 mm too high, and is 13."""
+"""Degree of the surface to which corrections of higher degree are added."""
 
 INWARDS = np.array([0.3, 0.5, 0.7, 0.85, 0.95])
 """Shares of the way from the middle of an outline to it."""
 
 USUAL = tuple((BOUNDARY[0], SMOOTH[0], degree) for degree in (2, 3, 4, 5, 6, 7, 8, 9))
-"""Weights of edges and of second differences, and degrees, tried in this order until the gap is as narrow as wanted."""
+"""Weights of edges and of second differences, and degrees, in the order of trials until the gap is narrow enough."""
 
 OTHERS = (
     *((BOUNDARY[0], SMOOTH[1], degree) for degree in (7, 9, 11, 13, 15)),
     *((BOUNDARY[1], SMOOTH[1], degree) for degree in (3, 4, 5, 6, 7, 8, 9)),
 )
-"""Tried after these until edges can be split."""
+"""Further trials until edges can be split."""
 
 TURNED = np.array([[[np.cos(a), np.sin(a)], [-np.sin(a), np.cos(a)]] for a in np.radians(np.arange(0, 90, 5))])
-"""(t, 2, 2) the axes of rectangles around a region, in a plane."""
+"""(t, 2, 2) axes of the tried rectangles around a region."""
 
 SMALLER = 3 / 4
-"""Share of its area that it then has at most: corners of turned ones are beyond the box around the region."""
+"""Share of its area below which the rectangle is turned; corners of turned ones leave the box around the region."""
 
 FEWEST, OF_LOOP = 12, 1 / 160
-"""Steps along an edge, at least, and share of the outline that one is long on average: with 8 along an edge of 2.8 m,
-between the last two of which a surface of degree 5 was .12 mm off it, the gap seemed to be .01 mm."""
+"""Least steps along an edge, and average step over the outline's length. With 8 steps along an edge of 2.8 m the gap
+seemed to be 0.01 mm, but a surface of degree 5 was 0.12 mm off between two."""
 
 SEEN = 0.35
 """Least cosine between the mean plane's normal and those of a region."""
@@ -149,12 +149,13 @@ SEEN = 0.35
 
 @dataclass(frozen=True, eq=False)
 class TrimmedFace:
-    """A region's faces: loops of edges, the outer one first; poles (p + 1, p + 1, 3) of both surfaces, millimetres, and
-    axes (3, 3) of these: their planes' and their heights'.
+    """Faces of a region on both skins.
 
-    gap : widest between them and the edges.    off : largest distance from points inside, along the mean normal.
-    exact : whether they run through some of their edges, or so near to them that all digits of poles count.
-    astray : how much farther they are from the mesh than they may be; none where that is not asked.
+    loops : of edges, the outer one first.    outer, inner : poles (p + 1, p + 1, 3), mm.
+    axes  : (3, 3) for each surface: its plane and the direction of its heights.
+    gap   : widest gap at the edges.    off : largest distance of inner points along the mean normal.
+    exact : True if the surfaces run through edges, or so near that all digits of the poles count.
+    astray : excess over the allowed distance from the mesh; -inf if unlimited.
     """
 
     loops: list[Loop]
@@ -167,7 +168,7 @@ class TrimmedFace:
     astray: float = -np.inf
 
     def gaps(self, points: Floats) -> Floats:
-        """(k, 2) heights of both surfaces over points (k, 6) of edges, millimetres."""
+        """(k, 2) heights of edge points (k, 6) above both surfaces, millimetres."""
         both = zip((self.outer, self.inner), self.axes, np.split(points, 2, axis=1), strict=True)
         return np.stack([_heights_over(*each) for each in both], axis=1)
 
@@ -175,9 +176,9 @@ class TrimmedFace:
 def trimmed_face(
     model: NetModel, loops: list[Loop], points: Floats, limits: FaceLimits, part: bool = False
 ) -> TrimmedFace:
-    """The faces of a region with points (k, 6) inside; raises ExportError where no plane sees it as one outline.
+    """Fit the faces of a region with inner points (k, 6); raises ExportError if no plane sees it as one outline.
 
-    part : whether the points are those of a larger region that it was cut off from, which may bend away.
+    part : True if the points are those of a larger region, which may bend away.
     """
     lines = [loop_samples(model, loop) for loop in loops]
     edges = np.concatenate(lines)
@@ -202,7 +203,7 @@ def trimmed_face(
 
 
 def surrounded(points: Floats, lines: list[Floats]) -> Bools:
-    """(k,) which points (k, 6) closed lines (., 6) go around, on the side of the sheet where these are."""
+    """(k,) points (k, 6) inside closed lines (., 6), on the same side of the sheet."""
     mean = middle_normal(np.concatenate(lines))
     plane = axes_of(mean)[:2].T
     found = enclosed(points[:, :3] @ plane, [line[:, :3] @ plane for line in lines])
@@ -210,13 +211,13 @@ def surrounded(points: Floats, lines: list[Floats]) -> Bools:
 
 
 def inside_of(line: Floats) -> Floats:
-    """(k, d) points inside of an outline (n, d), where it is measured what a surface over it moves by."""
+    """(k, d) points inside an outline (n, d), where the movement of a surface is measured."""
     middle = line.mean(axis=0)
     return np.asarray((middle + INWARDS[:, None, None] * (line - middle)).reshape(-1, line.shape[1]))
 
 
 def loop_samples(model: NetModel, loop: Loop) -> Floats:
-    """(k, 6) points along a loop, closer to each other at the ends of edges: there a surface strays first."""
+    """(k, 6) points along a loop, denser at the ends of edges, where a surface strays first."""
     poles = [model.poles(step) for step in loop]
     long = np.array([np.linalg.norm(np.diff(P[:, :3], axis=0), axis=1).sum() for P in poles])
     steps = np.maximum(FEWEST, np.ceil(long / (OF_LOOP * max(long.sum(), 1e-300)))).astype(int)
@@ -225,31 +226,31 @@ def loop_samples(model: NetModel, loop: Loop) -> Floats:
 
 @cache
 def _sampled(n: int) -> Floats:
-    """(n, 4) what the poles of an edge count at so many places along it."""
+    """(n, 4) Bernstein polynomials at n parameters along an edge."""
     return bernstein((1 - np.cos(np.pi * np.arange(n) / n)) / 2)
 
 
 def _across(points: Floats) -> Floats:
-    """(k, 3) unit vectors from the inner skin to the outer at points (k, 6)."""
+    """(k, 3) unit vectors from the inner to the outer skin at points (k, 6)."""
     way = points[:, :3] - points[:, 3:]
     return np.asarray(way / np.linalg.norm(way, axis=1)[:, None])
 
 
 def middle_normal(points: Floats) -> Floats:
-    """(3,) of both skins, over points (k, 6) of them."""
+    """(3,) mean normal of both skins at points (k, 6)."""
     mean = _across(points).mean(axis=0)
     return np.asarray(mean / np.linalg.norm(mean))
 
 
 def axes_of(normal: Floats) -> Floats:
-    """(3, 3) right-handed, the normal last."""
+    """(3, 3) right-handed axes, the normal last."""
     along = np.cross(normal, np.eye(3)[np.abs(normal).argmin()])
     along /= np.linalg.norm(along)
     return np.stack([along, np.cross(normal, along), normal])
 
 
 def signed_area(P: Floats) -> float:
-    """Of a closed line in the plane (k, 2), positive counter-clockwise."""
+    """Area of a closed line (k, 2), positive counter-clockwise."""
     x, y = P.T
     return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
 
@@ -257,11 +258,10 @@ def signed_area(P: Floats) -> float:
 def _surface(
     points: Floats, edges: Floats, ways: Floats, axes: Floats, limits: FaceLimits
 ) -> tuple[Floats, Floats, float, float]:
-    """Poles and axes of the surface nearest to points inside and, more so, on the edges, whose chords are `ways`; how
-    far the latter and the former are off.
+    """Fit poles and axes of a surface; return also its gap at the edges and its distance from inner points.
 
-    What a surface does beside its outline nothing holds, and programs draw boxes around poles. Where those over a
-    rectangle are out of the box, it is over the parallelogram along two chords that is least out of it.
+    ways : chords of the edges. Nothing holds a surface beside its outline, but programs draw boxes around poles. If
+    poles over a rectangle leave the box, the surface lies over the parallelogram along two chords that leaves it least.
     """
     axes = _along_smallest_rectangle(edges - edges.mean(axis=0), axes)
     over = FaceDomain.of(points, edges, axes, np.eye(2))
@@ -276,32 +276,37 @@ def _surface(
 
 
 def _fitted(over: FaceDomain, limits: FaceLimits) -> tuple[Floats, float, float]:
-    """Poles of the best surface over a domain, and how far edges and points inside are off it."""
+    """Return poles of the best surface over a domain, and its distances from edges and inner points."""
+    # Times `limits.off` that poles of degree `BASE` may lie above or below all points. Poles of a higher degree are
+    # nearer: OCCT's box of a dome was 38 mm too high, then 13.
+    high = 2.0
     z, gap, off = _best(over.uv, over.z, over.inside, limits.gap, limits.off)
-    if len(z) == BASE + 1 and max(z.max() - over.z.max(), over.z.min() - z.min()) > HIGH * limits.off:
+    if len(z) == BASE + 1 and max(z.max() - over.z.max(), over.z.min() - z.min()) > high * limits.off:
         z = raised(z, BASE + 1)
     return over.lifted(z), gap, off
 
 
 def _heights_over(poles: Floats, axes: Floats, points: Floats) -> Floats:
-    """(k,) how far points (k, 3) are above a surface with such poles and axes, millimetres."""
+    """(k,) heights of points (k, 3) above a surface, millimetres."""
     rows = height_rows(places(poles, axes, points), len(poles) - 1)
     return np.asarray(points @ axes[2] - rows @ (poles @ axes[2]).ravel())
 
 
 def _ways(model: NetModel, loop: Loop) -> Floats:
-    """(k, 6) chords of the edges of a loop on both skins."""
     return np.stack([P[3] - P[0] for P in map(model.poles, loop)])
 
 
 def misfit(points: Floats, line: Floats, degree: int) -> Floats:
-    """(k,) millimetres, the more of both skins: how far a closed line (k, 6) is off one surface of a degree near to it
-    and to those points (j, 6) that it goes around; infinite where no plane sees both."""
+    """(k,) distance in mm of a closed line (k, 6) from one surface near it and near inner points (j, 6); maximum of
+    both skins.
+
+    Infinite if no plane sees all points.
+    """
     return np.maximum(*misfits(points, line, degree))
 
 
 def misfits(points: Floats, line: Floats, degree: int) -> Iterator[Floats]:
-    """(k,) the same on the outer skin, and then on the inner one."""
+    """Yield the distances (k,) of `misfit` on the outer and then on the inner skin."""
     points = points[surrounded(points, [line])]
     allowed = np.concatenate([points, line])
     mean = middle_normal(allowed)
@@ -313,7 +318,6 @@ def misfits(points: Floats, line: Floats, degree: int) -> Iterator[Floats]:
 
 
 def _misfit(points: Floats, line: Floats, axes: Floats, degree: int) -> Floats:
-    """(k,) the same on one skin, with the first weights."""
     axes = _along_smallest_rectangle(line - line.mean(axis=0), axes)
     over = FaceDomain.of(points, line, axes, np.eye(2))
     uv, z, inside = over.uv, over.z, over.inside
@@ -324,8 +328,10 @@ def _misfit(points: Floats, line: Floats, axes: Floats, degree: int) -> Floats:
 
 
 def _along_smallest_rectangle(line: Floats, axes: Floats) -> Floats:
-    """(3, 3) axes turned about the last of them if the rectangle around a line (k, 3) is far smaller then: the more of
-    it a region fills, the fewer poles are held by nothing."""
+    """(3, 3) axes, turned about the last one if the rectangle around a line (k, 3) becomes far smaller.
+
+    A fuller rectangle leaves fewer poles without points.
+    """
     turned = TURNED @ axes[:2]
     area = np.ptp(line @ turned.transpose(0, 2, 1), axis=1).prod(axis=1)
     best = int(np.argmin(area))
@@ -333,10 +339,11 @@ def _along_smallest_rectangle(line: Floats, axes: Floats) -> Floats:
 
 
 def _best(uv: Floats, z: Floats, inside: int, wanted: float, near: float) -> tuple[Floats, float, float]:
-    """Poles of heights z (k,) over a square, of which so many are inside, and how far edges and inside are off them.
+    """Return poles of heights z (k,) over a square, the first `inside` of them inner points, and the distances from
+    edges and from inner points.
 
-    Where none closes the gap as wanted, high degrees wave between the points for next to nothing: that is taken which
-    is least off inside of those whose edges can be split, or which is least off both together.
+    High degrees wave between the points for a tiny gain. If no trial closes the gap as wanted, the result is the one
+    with least inner distance among those whose edges can be split, or the one with the least sum.
     """
     first = height_rows(uv, BASE)
     base = _heights(first, z, np.ones(len(z)), SMOOTH[1], np.zeros((BASE + 1, BASE + 1)))
@@ -356,10 +363,10 @@ def _best(uv: Floats, z: Floats, inside: int, wanted: float, near: float) -> tup
 
 
 def _heights(A: Floats, z: Floats, weight: Floats, smooth: float, base: Floats) -> Floats:
-    """(p + 1, p + 1) poles near to heights z (k,) where they count as in A (k, (p + 1)^2), with weights, and to other
-    poles of as many."""
+    """(p + 1, p + 1) poles near to heights z (k,) with basis A (k, (p + 1)^2) and weights, and near to the poles
+    `base`."""
     rows = np.concatenate([weight[:, None] * A, smooth * differences(len(base))])
     right = np.zeros(len(rows))
     right[: len(z)] = weight * (z - A @ base.ravel())
-    more = lstsq(rows, right, lapack_driver="gelsy", check_finite=False)[0]  # in half the time of numpy's
+    more = lstsq(rows, right, lapack_driver="gelsy", check_finite=False)[0]  # twice as fast as numpy's
     return np.asarray(base + more.reshape(base.shape))

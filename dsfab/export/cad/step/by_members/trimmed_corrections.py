@@ -22,12 +22,9 @@ from dsfab.export.cad.step.by_members.trimmed import (
 from dsfab.export.splines import bernstein
 
 PLACES = np.stack(np.meshgrid(*[np.arange(0.5, 12) / 12] * 2, indexing="ij"), axis=2).reshape(-1, 2)
-"""(k, 2) where surfaces are asked, over their squares."""
+"""(k, 2) sample parameters of a surface."""
 
 ROWS = rows_at(PLACES)
-
-ROUNDS = 2
-"""Looks at a face; what a first one brings back may stray elsewhere."""
 
 
 def without_strays(
@@ -37,13 +34,14 @@ def without_strays(
     away: Callable[[Floats], Floats],
     limits: FaceLimits,
 ) -> dict[int, TrimmedFace]:
-    """The faces, those made anew with more points that are too far off the skins between these; as they are where they
-    are asked how far off the mesh they are, which divides them.
+    """Refit faces that are too far off the skins between their points, with more points.
 
-    points : (k, 6) that each was made with.    away : see `net_model`.
+    points : (k, 6) of each fit.    away : returns the vectors from points to both skins. Faces with a limit from the
+    mesh stay unchanged, because the division judges them.
     """
+    rounds = 2  # a face that was corrected in one place may stray in another
     found, todo, known = dict(faces), [] if limits.beyond_mesh else list(faces), dict(points)
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         if not todo:
             break
         new = _skins_beside(model, [found[i] for i in todo], away, limits.off)
@@ -53,7 +51,7 @@ def without_strays(
             known[i] = np.concatenate([known[i], some])
             try:
                 found[i] = trimmed_face(model, found[i].loops, known[i], limits, True)
-            except ExportError:  # it bends too much there, which its own points did not tell
+            except ExportError:  # with the new points the face bends too much
                 continue
             todo.append(i)
     return found
@@ -62,7 +60,8 @@ def without_strays(
 def _skins_beside(
     model: NetModel, faces: Sequence[TrimmedFace], away: Callable[[Floats], Floats], near: float
 ) -> list[Floats]:
-    """By face, points (k, 6) of the skins beside places of it if one of these is farther off than `near`; else none."""
+    """For each face (k, 6) points of the skins beside its samples if one sample is farther off than `tolerance`; else
+    none."""
     at = [_places(model, face) for face in faces]
     ways = away(np.concatenate(at))
     found = list[Floats]()
@@ -73,57 +72,43 @@ def _skins_beside(
 
 
 def _places(model: NetModel, face: TrimmedFace) -> Floats:
-    """(k, 6) points of a face that its outline goes around."""
+    """(k, 6) sample points of a face inside its outline."""
     skins = [ROWS(len(poles) - 1) @ poles.reshape(-1, 3) for poles in (face.outer, face.inner)]
     P = np.concatenate(skins, axis=1)
     return np.asarray(P[surrounded(P, [loop_samples(model, loop) for loop in face.loops])])
 
 
 SAMPLES = 23
-"""At which OCCT looks, ends among them."""
+"""Number of points along an edge, ends included, at which OCCT measures the gap."""
 
 BETWEEN = 8
-"""Steps from one to the next, where a gap is measured here."""
-
-SHORT = 3e-6
-"""Share that the widest of the places may be less than the widest gap; OCCT allows 1e-5."""
-
-HIGHER = 1.003
-"""Of the widest gap, what it is to be where it is moved to: another peak may be as high."""
-
-EXACT = 1e-7
-"""Millimetres of a gap that is none to OCCT."""
-
-HELD = 1e-6
-"""Gap up to which an edge is exact, of a face that `flush` made so, and has to stay so."""
-
-FINE = 5e-4
-"""Gap under which all digits of poles count: rounded ones move its peak."""
+"""Steps between two of them, where this module measures the gap."""
 
 FAST, SMOOTH, SMALL = 1e4, 1e-2, 1e-4
-"""Weights of peaks and exact edges, of second differences of what poles move by, and of that itself, against 1 of
+"""Weights of peaks and exact edges, of second differences of the movement of poles, and of that movement, against 1 of
 points along edges."""
 
 SAMPLING_ROUNDS, MORE = 6, 2
-"""How often peaks are looked for anew, and degrees that a surface may get more."""
+"""Number of rounds of moving peaks, and of degrees that a surface may gain."""
 
 STEP = 1e-3
-"""Millimetres between two points that tell how steep a surface is."""
+"""Millimetres between two points for the slope of a surface."""
 
 DENSE = np.linspace(0, 1, (SAMPLES - 1) * BETWEEN + 1)
-"""Where gaps are measured; every `BETWEEN`th is where OCCT looks."""
+"""Parameters where gaps are measured; OCCT looks at every `BETWEEN`th."""
 
 SLOPE = BETWEEN * np.array([[1.0, -8.0, 0.0, 8.0, -1.0]]) / 12
-"""Times five gaps in a row: how steep they are in the middle."""
+"""Coefficients of five consecutive gaps for the slope in the middle."""
 
 HOLD = (1 - np.cos(np.pi * np.arange(6) / 5)) / 2
-"""Where exact edges are held."""
+"""Parameters where exact edges are held."""
 
 
 def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[TrimmedFace]:
-    """The faces, whose gaps to seams that end at an outline are the widest at one of `PLACES` places.
+    """Move the widest gap of each seam that ends at an outline to a sample of OCCT, so that the measured tolerance is
+    right.
 
-    A face stays as it is where that makes a gap of more than `SPLIT`, or moves its inside by more.
+    A face stays if that opens a gap above `SPLIT`, or moves its inside by more.
     """
     walls = {e for wall in model.walls for e, _ in wall.steps}
     ends = {v for e in walls for v in (model.edges[e].start, model.edges[e].end)}
@@ -134,7 +119,8 @@ def with_sampled_peaks(model: NetModel, faces: list[TrimmedFace]) -> list[Trimme
 def _with_peaks(
     face: TrimmedFace, model: NetModel, walls: set[int], ends: set[int], held: Mapping[int, Floats]
 ) -> TrimmedFace:
-    """A face with all peaks that can be moved where they should be; held : poles of what stays exact."""
+    """Return a face with as many peaks as possible at samples. exact_poles : poles of edges that stay exact."""
+    fine = 5e-4  # gap under which all digits of the poles count, because rounding moves its peak
     mine = sorted({e for loop in face.loops for e, _ in loop})
     seams = [e for e in mine if e not in walls and {model.edges[e].start, model.edges[e].end} & ends]
     if not seams:
@@ -145,7 +131,7 @@ def _with_peaks(
     skins = (face.outer, face.axes[0], np.s_[..., :3]), (face.inner, face.axes[1], np.s_[..., 3:])
     surfaces = [_Surface(poles, axes, dense[s], firm[s], edges[s]) for poles, axes, s in skins]
     outer, inner = (surface.moved(face.exact) for surface in surfaces)
-    exact = face.exact or any(x.closest(P) < FINE for x, P in zip(surfaces, (outer, inner), strict=True))
+    exact = face.exact or any(x.closest(P) < fine for x, P in zip(surfaces, (outer, inner), strict=True))
     if outer is face.outer and inner is face.inner:
         return replace(face, exact=exact)
     new = replace(face, outer=outer, inner=inner, exact=exact)
@@ -154,8 +140,10 @@ def _with_peaks(
 
 @dataclass(frozen=True, eq=False)
 class _Surface:
-    """One of a face: poles (p + 1, p + 1, 3), axes (3, 3), and points (e, k, 3) of its seams, (h, 6, 3) of edges that
-    may be exact, and (j, 3) along all edges, millimetres."""
+    """One surface of a face: poles (p + 1, p + 1, 3), axes (3, 3), and points in mm.
+
+    seams : (e, k, 3) along seams.    held : (h, 6, 3) along edges that may be exact.    edges : (j, 3) along all edges.
+    """
 
     poles: Floats
     axes: Floats
@@ -163,30 +151,31 @@ class _Surface:
     held: Floats
     edges: Floats
     over: dict[int, Floats] = field(default_factory=dict)
-    """By degree: (3, e, k, poles) what each pole counts at points of seams, and a step along both axes beside them."""
+    """By degree: (3, e, k, poles) basis at points of seams, and a step along both axes beside them."""
     around: dict[int, Floats] = field(default_factory=dict)
-    """By degree: (j, poles) what each counts along all edges."""
+    """By degree: (j, poles) basis along all edges."""
 
     def moved(self, exact: bool) -> Floats:
-        """The poles with the fewest peaks at wrong places, of the lowest degree; exact edges stay so where asked."""
+        """Return the poles with the fewest peaks off the samples, in the lowest degree. exact : keep exact edges
+        exact."""
+        held = 1e-6  # largest gap of an exact edge of a flush face, which stays exact
         local, count = self.poles @ self.axes.T, len(self.poles)
         best, least = self.poles, int(self._wrong(self._gaps(local)).sum())
         for degree in range(count - 1, count + MORE):
             if not least:
                 break
             new = np.stack([raised(local[..., i], degree) for i in range(3)], axis=2)
-            for z, wrong in self._rounds(new, HELD if exact else 0.0):
+            for z, wrong in self._rounds(new, held if exact else 0.0):
                 if wrong < least and self._allowed(new, z):
                     best, least = np.concatenate([new[..., :2], z[..., None]], axis=2) @ self.axes, wrong
         return best
 
     def closest(self, poles: Floats) -> float:
-        """The widest gap to the seam that such a surface is nearest to, millimetres."""
         return float(np.abs(self._gaps(poles @ self.axes.T)).max(axis=1).min())
 
     def _rounds(self, local: Floats, near: float) -> list[tuple[Floats, int]]:
-        """Heights of poles after each round, and how many peaks are then at wrong places; edges with gaps that are less
-        than `near` keep these."""
+        """Heights of the poles after each round with the number of misplaced peaks. Edges with gaps below `exact_gap`
+        keep them."""
         degree, z, found = len(local) - 1, local[..., 2].ravel().copy(), list[tuple[Floats, int]]()
         gaps, cosines = self._across(local)
         rows, pinned = self._over(degree)[0] * cosines[..., None], dict[int, tuple[int, float]]()
@@ -208,7 +197,6 @@ class _Surface:
         return found
 
     def _allowed(self, local: Floats, z: Floats) -> bool:
-        """Whether a surface with other heights is near enough to its edges, and to what it was."""
         degree, inside = len(local) - 1, inside_of(self.edges)
         at = self._around(degree)
         before, after = (np.abs(self.edges @ self.axes[2] - at @ x.ravel()).max() for x in (local[..., 2], z))
@@ -216,12 +204,11 @@ class _Surface:
         return bool(after <= max(SPLIT, before) and np.abs(moved).max() <= SPLIT)
 
     def _rows(self, points: Floats, degree: int) -> Floats:
-        """(e, k, poles) what each pole counts at points (e, k, 3)."""
+        """(e, k, poles) basis at points (e, k, 3)."""
         rows = height_rows(places(self.poles, self.axes, points.reshape(-1, 3)), degree)
         return rows.reshape(*points.shape[:2], rows.shape[1])
 
     def _around(self, degree: int) -> Floats:
-        """(j, poles) the same along all edges."""
         if degree not in self.around:
             self.around[degree] = height_rows(places(self.poles, self.axes, self.edges), degree)
         return self.around[degree]
@@ -234,25 +221,27 @@ class _Surface:
         return self.over[degree]
 
     def _gaps(self, local: Floats) -> Floats:
-        """(e, k) how far seams are above the surface, across it."""
+        """(e, k) gaps of seams above the surface, normal to it."""
         return self._across(local)[0]
 
     def _across(self, local: Floats) -> tuple[Floats, Floats]:
-        """(e, k) these gaps, and the cosines of the angles between the heights and the surface's normals there."""
+        """(e, k) gaps, and cosines between the direction of heights and the surface's normals."""
         here, right, left = self._over(len(local) - 1) @ local[..., 2].ravel()
         cosines = 1 / np.sqrt(1 + ((right - here) / STEP) ** 2 + ((left - here) / STEP) ** 2)
         return (self.seams @ self.axes[2] - here) * cosines, cosines
 
     def _wrong(self, gaps: Floats) -> Bools:
-        """(e,) whether the widest gap is between two of the places at which OCCT looks."""
+        """(e,) whether the widest gap lies between two of OCCT's samples."""
+        exact = 1e-7  # millimetres of a gap that OCCT ignores
+        short = 3e-6  # share by which the widest sampled gap may be less than the widest gap; OCCT allows 1e-5
         wide = np.abs(gaps).max(axis=1)
         found = np.abs(gaps[:, ::BETWEEN]).max(axis=1)
-        wrong = (found < (1 - SHORT) * _summits(np.abs(gaps))) & (wide > EXACT) & (wide <= SPLIT)
+        wrong = (found < (1 - short) * _summits(np.abs(gaps))) & (wide > exact) & (wide <= SPLIT)
         return np.asarray(wrong)
 
 
 def _summits(gaps: Floats) -> Floats:
-    """(e,) the largest of gaps (e, k), or what a parabola through that and both beside it has."""
+    """(e,) largest of gaps (e, k), refined by a parabola through it and its neighbours."""
     at = gaps.argmax(axis=1)
     before, here, after = (gaps[np.arange(len(gaps)), np.clip(at + i, 0, gaps.shape[1] - 1)] for i in (-1, 0, 1))
     bend = 2 * here - before - after
@@ -261,14 +250,14 @@ def _summits(gaps: Floats) -> Floats:
 
 
 def _peak(gaps: Floats, again: bool) -> tuple[int, float]:
-    """The one of the places that is nearest to the peak of gaps (k,), and what the gap is to be there: 0 is anything,
-    unless this is asked `again`."""
+    """Sample nearest to the peak of gaps (k,), and the gap wanted there; 0 (any) in the first round."""
+    higher = 1.003  # the moved peak exceeds the old one, because another peak may be as high
     at = int(np.abs(gaps).argmax())
-    return BETWEEN * round(at / BETWEEN), HIGHER * float(gaps[at]) if again else 0.0
+    return BETWEEN * round(at / BETWEEN), higher * float(gaps[at]) if again else 0.0
 
 
 def _pins(rows: Floats, gaps: Floats, pinned: dict[int, tuple[int, float]]) -> tuple[Floats, Floats]:
-    """Rows (j, poles) and right sides (j,) for gaps that have a value at a place, and are flat there but at ends."""
+    """Rows (j, poles) and right sides (j,) that fix gaps at samples and, except at ends, make them flat there."""
     left, right = [np.zeros((0, rows.shape[2]))], [np.zeros(0)]
     for e, (k, value) in pinned.items():
         if 0 < k < gaps.shape[1] - 1:

@@ -27,36 +27,32 @@ from dsfab.export.cad.step.by_members.trimmed import (
 from dsfab.export.cad.step.by_members.trimmed_corrections import without_strays
 from dsfab.export.splines import bernstein
 
-CLEAR = 0.3
-"""Distance of each point of a chord from the outline over that from the chord's nearer end, at least: the sine of the
-angle there, and no other edge is nearer."""
-
 WIDE = 1 / 20
-"""Mean width of what a chord cuts off, as a share of the thickness, at least: of a lens of two edges, 1.6 mm long and
-.2 wide beside an edge that wiggles, OCCT draws no triangles."""
+"""Least mean width of the part that a chord cuts off over the thickness. OCCT draws no triangles of a lens of 1.6 x 0.2
+mm."""
 
 BESIDE = np.linspace(0, 1, 17)[1:-1]
-"""Shares of a chord where that is asked."""
+"""Shares of a chord where its distance from the outline is measured."""
 
 TRIED = 24
-"""Chords that are tried, half of them from where the gap is widest."""
+"""Number of tried chords; half of them begin where the gap is widest."""
 
 POINTS = 8
-"""Of the outline along half an edge."""
+"""Points of the outline along half an edge."""
 
 
 @dataclass(frozen=True, eq=False)
 class HalvedOutline:
-    """A region's outline in halves of its edges; a place is where one begins.
+    """Outline of a region in halves of its edges. A place is the index of a half.
 
-    poles : (2 e, 4, 6) cubics in a row, two for each step of the loop.
+    poles : (2 e, 4, 6) consecutive cubics, two for each step of the loop.
     """
 
     poles: Floats
 
     @classmethod
     def of(cls, model: NetModel, loop: Loop) -> "HalvedOutline":
-        """Of e steps."""
+        """Halve the e steps of a loop."""
         whole = np.stack([model.poles(step) for step in loop])
         start, end = np.tile([0.0, 0.5], len(loop)), np.tile([0.5, 1.0], len(loop))
         poles = parts_of(np.repeat(whole, 2, axis=0), start, end)
@@ -65,20 +61,21 @@ class HalvedOutline:
 
     @cached_property
     def line(self) -> Floats:
-        """(2 e POINTS, 6) points along it, the first of them at its first place."""
+        """(2 e POINTS, 6) points along the outline, from its first place."""
         return np.asarray(bernstein(np.arange(POINTS) / POINTS) @ self.poles).reshape(-1, 6)
 
     def part(self, a: int, b: int, seam: Floats) -> Floats:
-        """(k, 6) the closed line along it from place a to place b, and back along the cubics (c, 4, 6) of a seam from a
-        to b."""
+        """(k, 6) closed line from place a to place b, and back along the cubics (c, 4, 6) of a seam from a to b."""
         turned = np.roll(self.line, -a * POINTS, axis=0)[: (b - a) % len(self.poles) * POINTS]
         back = bernstein(1 - np.arange(2 * POINTS) / (2 * POINTS)) @ seam[::-1]
         return np.concatenate([turned, back.reshape(-1, 6)])
 
     def chords(self, worst: Ints, times: int = 1) -> Iterator[tuple[int, int]]:
-        """Pairs of places, ascending, between which a chord is inside and clear: those that are short for the smaller
-        area that they cut off first, once of those from the worst places (k,), and once of all others; so many times
-        `TRIED`."""
+        """Yield pairs of places, ascending, with a clear chord inside the outline.
+
+        Chords from the `worst` places (k,) come first, then all others, each group by length over the smaller area cut
+        off. Each group has `times * TRIED / 2` pairs at most.
+        """
         axes = axes_of(middle_normal(self.line))
         line, at = self.line[:, :3] @ axes[:2].T, self.poles[:, 0, :3] @ axes[:2].T
         i, j = np.triu_indices(len(at), 1)
@@ -88,7 +85,7 @@ class HalvedOutline:
         long = np.linalg.norm(at[j] - at[i], axis=1)
         order = np.argsort(long / np.maximum(least, 1e-300), kind="stable")
         narrow = WIDE * float(np.linalg.norm(self.line[:, :3] - self.line[:, 3:], axis=1).mean())
-        order = order[least[order] > narrow * long[order]]  # what a chord outside cuts off runs the other way
+        order = order[least[order] > narrow * long[order]]  # a chord outside has a negative area
         near = np.isin(i[order], worst) | np.isin(j[order], worst)
         for some in (order[near], order[~near]):
             clear = (k for k in some.tolist() if _is_clear(at[i[k]], at[j[k]], line))
@@ -100,52 +97,34 @@ def _cross(a: Floats, b: Floats) -> Floats:
 
 
 def _is_clear(a: Floats, b: Floats, line: Floats) -> bool:
-    """Whether the chord between two points (2,) of a closed line (k, 2) is as far from it as it has to be."""
+    """Return whether the chord between points a and b (2,) of a closed line (k, 2) keeps its distance from the line."""
+    clear = 0.3  # least distance from the outline over the distance from the nearer end: the sine of the angle there
     P, way = a + BESIDE[:, None] * (b - a), np.roll(line, -1, axis=0) - line
     from_start = P[:, None] - line
     x = np.clip((from_start * way).sum(axis=2) / np.maximum((way**2).sum(axis=1), 1e-300), 0, 1)
     apart = np.linalg.norm(from_start - x[..., None] * way, axis=2).min(axis=1)
-    return bool((apart >= CLEAR * np.minimum(BESIDE, 1 - BESIDE) * np.linalg.norm(b - a)).all())
+    return bool((apart >= clear * np.minimum(BESIDE, 1 - BESIDE) * np.linalg.norm(b - a)).all())
 
-
-AT_GAP = 4
-"""Places nearest to the widest gap, from which half of the seams that are tried begin."""
 
 DEGREE = 6
-"""Of the surfaces that seams are tried with."""
-
-MANY = 2000
-"""Points inside with which seams are tried, about, of more that there are: over a foot there were ten thousand."""
-
-FULL = 3
-"""Seams whose faces are made, of those that were tried, the best first."""
+"""Degree of the surfaces on trial."""
 
 TIMES = 3
-"""Times as many seams at most, where fewer do not help enough; then the best of all is taken: the first made of a cow's
-nostril six parts of a few millimetres, two of degree 15, that crossed where OCCT drew them, and the best four."""
-
-LESS = 0.9
-"""Share of a region's `allowance_used` that the worse of its parts' is at most."""
+"""Factor of the number of tried seams, if fewer do not help enough; then the best of all is taken. In one opening the
+first usable seam led to six parts of a few mm, two of degree 15, that crossed in OCCT's triangles; the best seam led to
+four."""
 
 OUT, OFF = 1 / 150, 2.0
-"""Share of the box's diagonal that poles may be out of it, and times the distance that points inside may be off: a
-hoof's poles were 320 mm beyond a cow of 2.3 m, and OCCT's box with them; the inside of another was 3.7 mm off where .8
-are asked for."""
-
-MOST = 12
-"""Parts of a region."""
+"""Largest distance of poles outside the box over its diagonal, and of inner points over `limits.off`. Poles of one face
+were 320 mm outside of a mesh of 2.3 m, with OCCT's box; another was 3.7 mm off inside for 0.8 allowed."""
 
 CUBICS, STRAYS = (1, 2, 4), 1 / 2
-"""Of a seam, tried in this order until it is off the skins by no more than this share of what points inside may be:
-one cubic through the foot of a figure of eight, 1.2 m long where the sheet waves, was 6.7 mm off, and so were faces.
-Where seams are asked how far off the mesh they are, those of one cubic that are too far off are not taken: OCCT drew no
-triangles of a cow's face beside one of more."""
-
-READ = 8
-"""Steps along a cubic between which that is asked."""
+"""Numbers of cubics of a seam, tried in order until it is off the skins by at most this share of `limits.off`. One
+cubic of 1.2 m on a waving sheet was 6.7 mm off, and so were the faces. With a limit from the mesh only one cubic is
+tried, because OCCT drew no triangles of a face beside a longer seam."""
 
 ALONG = np.linspace(0, 1, 17)
-"""Shares of a seam where it is asked how far it is off the mesh."""
+"""Shares of a seam where its distance from the mesh is measured."""
 
 
 def parted(
@@ -155,9 +134,9 @@ def parted(
     away: Callable[[Floats], Floats],
     limits: FaceLimits,
 ) -> list[TrimmedFace]:
-    """The faces of regions, those divided of which no edge can be split; the model gets the edges between their parts.
+    """Divide the faces whose edges no cut could split; adds the edges between the parts to the model.
 
-    inside : (k, 6) points inside of regions.    away : see `net_model`.
+    inside : returns (k, 6) inner points of regions.    away : returns the vectors from points to both skins.
     """
     bad = [region for region, face in faces.items() if allowance_used(face, limits) > 1 and len(face.loops) == 1]
     if not bad:
@@ -169,17 +148,19 @@ def parted(
 
 
 def allowance_used(face: TrimmedFace, limits: FaceLimits) -> float:
-    """The largest of a face's gap, its distance from points inside, that of its poles from the box and, where that is
-    asked, that from the mesh, each over what is allowed: over 1 it is divided."""
+    """Largest ratio of gap, inner distance, pole distance from the box and distance from the mesh to its limit; > 1 is
+    too much."""
     out = max(beyond(poles, limits.box) for poles in (face.outer, face.inner))
     size = float(np.linalg.norm(limits.box[1] - limits.box[0]))
-    astray = 1 + (face.astray + DEFLECTION * limits.off) / limits.off  # by so much what is drawn is farther off
+    astray = 1 + (face.astray + DEFLECTION * limits.off) / limits.off  # triangles are farther off by the deflection
     return max(face.gap / SPLIT, face.off / (OFF * limits.off), out / (OUT * size), astray)
 
 
 class _Parting:
-    """Divides regions of a model one after another; halves : of edges that became two, which.    times : as
-    many seams as usual that are tried."""
+    """Division of regions, one after another.
+
+    halves : new edges of each halved edge.    times : factor of the number of tried seams.
+    """
 
     def __init__(self, model: NetModel, away: Callable[[Floats], Floats], limits: FaceLimits) -> None:
         self.model, self.away, self.limits = model, away, limits
@@ -187,8 +168,8 @@ class _Parting:
         self.times = 1
 
     def parts(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
-        """The faces of a region with points (k, 6) inside that was one; where one of them still is too far off, and it
-        is asked how far they are off the mesh, more seams are tried."""
+        """Divide a face with inner points (k, 6). With a limit from the mesh more seams are tried if a part is still
+        too far off."""
         edges, vertices, halves = len(self.model.edges), len(self.model.vertices), dict(self.halves)
         for times in range(1, TIMES + 1 if self.limits.beyond_mesh else 2):
             del self.model.edges[edges:], self.model.vertices[vertices:]
@@ -199,17 +180,17 @@ class _Parting:
         return found
 
     def _parts(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
+        most = 12  # parts of one region
         todo, done = [replace(face, loops=[self.along(loop) for loop in face.loops])], list[TrimmedFace]()
         while todo:
             todo.sort(key=lambda face: allowance_used(face, self.limits))
             whole = todo.pop()
-            two = self._two(whole, points) if len(todo) + len(done) + 1 < MOST else []
+            two = self._two(whole, points) if len(todo) + len(done) + 1 < most else []
             for part in two or [whole]:
                 (todo if two and allowance_used(part, self.limits) > 1 else done).append(part)
         return done
 
     def along(self, loop: Loop) -> Loop:
-        """A loop over the halves of edges."""
         found: Loop = []
         for e, ahead in loop:
             two = self.halves.get(e, ())[:: 1 if ahead else -1]
@@ -217,15 +198,16 @@ class _Parting:
         return found
 
     def _two(self, face: TrimmedFace, points: Floats) -> list[TrimmedFace]:
-        """Two faces instead of one, if neither is as bad: by the first seam that does it, or the best of many."""
-        loop, model = self.along(face.loops[0]), self.model  # a seam that it has may have become two since
+        """Return two faces instead of one, if both are better: by the first such seam, or by the best of many."""
+        less = 0.9  # largest share of the region's `allowance_used` for the worse part
+        loop, model = self.along(face.loops[0]), self.model  # an earlier seam may have been halved since
         best: tuple[int, int, Floats] | None = None
-        least = LESS * allowance_used(face, self.limits)
+        least = less * allowance_used(face, self.limits)
         for ends, cubics in self._seams(HalvedOutline.of(model, loop), points):
             edges, vertices, halves = len(model.edges), len(model.vertices), dict(self.halves)
             two = self._faces(self._with_seam(loop, *ends, cubics), points)
             worse = max((allowance_used(part, self.limits) for part in two), default=np.inf)
-            wide = face.gap <= SPLIT < max((part.gap for part in two), default=0.0)  # what could be cut still can
+            wide = face.gap <= SPLIT < max((part.gap for part in two), default=0.0)  # cuts can still split it
             if worse < least and not wide:
                 if self.times == 1:
                     return two
@@ -235,7 +217,7 @@ class _Parting:
         return self._faces(self._with_seam(loop, *best), points) if best else []
 
     def _faces(self, loops: Iterable[Loop], points: Floats) -> list[TrimmedFace]:
-        """Of parts with one loop each, if all can be made."""
+        """Return faces of parts with one loop each, or [] if one fails."""
         try:
             two = {i: trimmed_face(self.model, [loop], points, self.limits, True) for i, loop in enumerate(loops)}
         except ExportError:
@@ -243,29 +225,31 @@ class _Parting:
         return list(without_strays(self.model, two, dict.fromkeys(two, points), self.away, self.limits).values())
 
     def _seams(self, outline: HalvedOutline, points: Floats) -> list[tuple[tuple[int, int], Floats]]:
-        """Between which places seams may be, and the poles (k, 4, 6) of their cubics on the skins; those few whose
-        parts fit best, the best first."""
-        points = points[:: 1 + len(points) // MANY]
+        full = 3  # best seams for which faces are built
+        many = 2000  # approximate number of points for trials; regions over a foot have ten thousand
+        at_gap = 4  # places nearest to the widest gap, where half of the tried seams begin
+        points = points[:: 1 + len(points) // many]
         off = misfit(points, outline.line, DEGREE).reshape(-1, POINTS).max(axis=1)
-        worst = np.argsort(-np.maximum(off, np.roll(off, 1)), kind="stable")[:AT_GAP]
+        worst = np.argsort(-np.maximum(off, np.roll(off, 1)), kind="stable")[:at_gap]
         pairs = list(outline.chords(worst, self.times))
         seams = self._on_skins([(outline.poles[a, 0], outline.poles[b, 0]) for a, b in pairs])
         near = [i for i, cubics in enumerate(seams) if self._is_near(cubics)]
         pairs, seams = [pairs[i] for i in near], [seams[i] for i in near]
-        left, most = list[float](), self.times * FULL
+        left, most = list[float](), self.times * full
         for (a, b), P in zip(pairs, seams, strict=True):
             two = outline.part(a, b, P), outline.part(b, a, P[::-1, ::-1])
             left.append(_worst_misfit(points, two, sorted(left)[most - 1] if len(left) >= most else np.inf))
         return [(pairs[i], seams[i]) for i in np.argsort(left, kind="stable").tolist()[:most]]
 
     def _on_skins(self, chords: Sequence[tuple[Floats, Floats]]) -> list[Floats]:
-        """Between both points (6,) of chords, the poles (k, 4, 6) of so many cubics that they are near to the skins, or
-        of as many as may be."""
+        """(k, 4, 6) cubics on the skins between both points (6,) of each chord, with as many cubics as needed or
+        allowed."""
+        checks = 8  # places along each cubic where its distance from the skins is measured
         found, todo, share = [np.zeros((0, 4, 6))] * len(chords), list(range(len(chords))), np.linspace(0, 1, 4)
         for count in CUBICS[:1] if self.limits.beyond_mesh else CUBICS:
             if not todo:
                 break
-            breaks, places = (np.linspace(0, 1, k * count + 1) for k in (1, READ))
+            breaks, places = (np.linspace(0, 1, k * count + 1) for k in (1, checks))
             at = (breaks[:-1, None] + share / count)[..., None]
             straight = [ChainCurve(breaks, a + at * (b - a)) for a, b in (chords[i] for i in todo)]
             curves = on_skins(straight, self.away)
@@ -277,12 +261,12 @@ class _Parting:
         return found
 
     def _is_near(self, cubics: Floats) -> bool:
-        """Whether a seam (k, 4, 6) is near enough to the mesh, where that is asked: some pass by a crease."""
+        """Return whether a seam (k, 4, 6) is near enough to the mesh, if that is limited; some pass beside a crease."""
         beyond = self.limits.beyond_mesh
         return beyond is None or float(beyond((bernstein(ALONG) @ cubics).reshape(-1, 3)).max()) <= 0
 
     def _with_seam(self, loop: Loop, a: int, b: int, cubics: Floats) -> tuple[Loop, Loop]:
-        """Both parts of a loop, with new edges in a row (k, 4, 6) from a place to a later one between them."""
+        """Return both parts of a loop, with new edges (k, 4, 6) between place a and the later place b."""
         steps, at, model = list[tuple[int, bool]](), list[int](), self.model
         for i, step in enumerate(loop):
             at.append(len(steps))
@@ -300,7 +284,6 @@ class _Parting:
         return [*onwards[:count], *turned(seam)], [*onwards[count:], *seam]
 
     def _halve(self, e: int) -> None:
-        """Make an edge two, in whose middle a vertex is."""
         edge, edges, middle = self.model.edges[e], self.model.edges, len(self.model.vertices)
         one, two = parts_of(np.stack([edge.poles] * 2), np.array([0.0, 0.5]), np.array([0.5, 1.0]))
         one[0], two[3], two[0] = edge.poles[0], edge.poles[3], one[3]
@@ -309,7 +292,6 @@ class _Parting:
         edges += [NetEdge(edge.start, middle, one), NetEdge(middle, edge.end, two)]
 
     def settled(self, faces: list[TrimmedFace]) -> list[TrimmedFace]:
-        """The faces, and all of the model, over halves instead of what they are of."""
         model = self.model
         left = [e for e in range(len(model.edges)) if e not in self.halves]
         number = {e: i for i, e in enumerate(left)}
@@ -324,7 +306,6 @@ class _Parting:
 
 
 def _worst_misfit(points: Floats, lines: Iterable[Floats], least: float) -> float:
-    """The largest misfit of some outlines on either skin; infinite as soon as one is not less than `least`."""
     worst = 0.0
     for line in lines:
         for off in misfits(points, line, DEGREE):

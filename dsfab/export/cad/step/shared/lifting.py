@@ -14,30 +14,29 @@ from dsfab.export.part import Curved
 from dsfab.surface import CREASE, Surface, connected, corner_fans
 
 WEAK = 8.0
-"""Degrees between two faces from which their edge may be part of a crease; one of its edges bends by `CREASE`."""
+"""Degrees between two faces from which their edge may be part of a crease, if an edge of the crease bends by
+`CREASE`."""
 
 RATIO = 4.0
-"""Times by which a crease bends more than the edges beside it."""
-
-SHORTEST = 6
-"""Edges that a crease has at least: single sharp edges are noise of the mesh."""
+"""Least bend of a crease over the bend of the edges beside it."""
 
 STRAIGHT = np.cos(np.radians(30.0))
-"""Cosine of the turn up to which an edge goes on from the end of a crease."""
+"""Cosine of the largest turn between the end of a crease and an edge that continues it."""
 
 OTHERS = [[1, 2], [2, 0], [0, 1]]
-"""Of a face's edges, those beside each."""
+"""The two other edges of a face, for each edge."""
 
 
 def crease_edges(surface: Surface) -> Bools:
-    """(e,) the edges that are parts of creases."""
+    """(e,) edges that are parts of creases."""
+    shortest = 6  # edges of a crease: single sharp edges are noise of the mesh
     edges = surface.edges
     inner = edges.count == 2
     bend = np.zeros(len(edges.ends))
     one, two = surface.normals[edges.pairs // 3].transpose(1, 0, 2)
     bend[inner] = np.degrees(np.arccos(np.clip(np.einsum("ei,ei->e", one, two), -1, 1)))
     crease = np.zeros(len(bend), dtype=bool)
-    for _ in range(2):  # again, for faces of two creases
+    for _ in range(2):  # the second round finds faces of two creases
         rest = np.where(crease | ~inner, 0.0, bend)
         beside = rest[edges.of[:, OTHERS]].max(axis=2)  # (m, 3) the sharper of a face's other edges
         around = np.zeros(len(bend))
@@ -47,7 +46,7 @@ def crease_edges(surface: Surface) -> Bools:
     at = np.flatnonzero(crease)
     _, part = connected(surface.n, *edges.ends[at].T)
     run = part[edges.ends[at, 0]]
-    long = np.bincount(run, minlength=surface.n) >= SHORTEST
+    long = np.bincount(run, minlength=surface.n) >= shortest
     sharpest = np.zeros(surface.n)
     np.maximum.at(sharpest, run, bend[at])
     crease[at] = (long & (sharpest >= CREASE))[run]
@@ -55,8 +54,10 @@ def crease_edges(surface: Surface) -> Bools:
 
 
 def _gone_on(surface: Surface, bend: Floats, inner: Bools, crease: Bools) -> Bools:
-    """(e,) creases with the edges that go on straight from their ends, up to where several of them meet: a face there
-    has another sharp edge, and is judged by the flatter one."""
+    """(e,) creases extended straight from their ends.
+
+    A face where several creases meet has another sharp edge, so the flatter one is the reference here.
+    """
     edges = surface.edges
     around = np.zeros(len(bend))
     np.maximum.at(around, edges.of, np.where(inner, bend, 0.0)[edges.of[:, OTHERS]].min(axis=2))
@@ -74,20 +75,17 @@ def _gone_on(surface: Surface, bend: Floats, inner: Bools, crease: Bools) -> Boo
 
 
 NOTHING = 1e-9
-"""A barycentric weight that is none."""
-
-LONGEST = 3.0
-"""Times half the thickness that a mitre may be long: sharper creases are blunt."""
+"""Barycentric weight that counts as zero."""
 
 
 @dataclass(frozen=True, eq=False)
 class Sides:
-    """The vertices of a surface as (s,) columns: the n vertices, then each side of those that are on creases.
+    """Vertices of a surface as (s,) columns: the n vertices, then one column for each side of a vertex on a crease.
 
     creases : (k, 2) edges, the smaller vertex first, in order.    vertex : (s,) of each column.
-    corner  : (m, 3) the column of each face's corners.    normals : (s, 3) of what is on one side.
-    half    : (s,) see `Dense`.
-    mitre   : (s, 3) metres, what half the thickness along a normal lacks for both sides to meet.
+    corner  : (m, 3) column of each face's corners.    normals : (s, 3) of one side each.
+    half    : (s,) see `DenseSurface`.
+    mitre   : (s, 3) metres, from half the thickness along a normal to the point where both sides meet.
     """
 
     surface: Surface
@@ -100,7 +98,7 @@ class Sides:
 
     @classmethod
     def of(cls, skins: Dense) -> "Sides":
-        """Those of a surface with its skins."""
+        """Return the sides of a surface with skins."""
         surface, crease = skins.surface, crease_edges(skins.surface)
         vertex, creases = np.arange(surface.n), surface.edges.ends[crease]
         if not len(creases):
@@ -120,7 +118,7 @@ class Sides:
         return cls(surface, creases, vertex, corner, N, half, mitre)
 
     def rows(self, weights: csr_array) -> tuple[csr_array, csr_array]:
-        """Barycentric weights (k, n) on columns (k, s), twice: seen from both sides of a crease that a point is on."""
+        """Convert barycentric weights (k, n) to columns (k, s), twice: seen from both sides of a crease."""
         weights = csr_array(weights)
         row, mine = self._beside_creases(weights)
         columns = np.tile(weights.indices, (2, 1)).astype(np.int64)
@@ -136,7 +134,8 @@ class Sides:
         return one, two
 
     def between_faces(self, weights: csr_array) -> Ints:
-        """(j,) which points beside creases, with weights (k, n), are in no face: half way between points of two."""
+        """(j,) indices of points beside creases, with weights (k, n), that lie in no face but half way between points
+        of two."""
         weights = csr_array(weights)
         row, mine = self._beside_creases(weights)
         faces = self._faces(weights.indices[mine].astype(np.int64), row[mine], weights.shape[0])
@@ -144,7 +143,7 @@ class Sides:
         return np.asarray(special[faces[special, 0] < 0])
 
     def _beside_creases(self, weights: csr_array) -> tuple[Ints, Bools]:
-        """The row of each weight, and whether it counts and is of a row with vertices on creases."""
+        """Row of each weight, and whether it is positive in a row with vertices on creases."""
         split = np.zeros(self.surface.n, dtype=bool)
         split[self.vertex[self.surface.n :]] = True
         row = np.repeat(np.arange(weights.shape[0]), np.diff(weights.indptr))
@@ -153,7 +152,7 @@ class Sides:
         return row, np.isin(row, special) & real
 
     def _faces(self, vertices: Ints, row: Ints, count: int) -> Ints:
-        """(count, 2) faces that the vertices of rows are of, the same twice but on edges; -1 where there is none."""
+        """(count, 2) faces with the vertices of each row, the same twice except on edges; -1 if there is none."""
         found = np.full((count, 2), -1)
         order = np.lexsort([vertices, row])
         vertices, row = vertices[order], row[order]
@@ -183,7 +182,7 @@ class Sides:
         return np.asarray((low >= 0) & (on | ((low == high) & np.isin(low, split))))
 
     def along(self, weights: csr_array, one: Ints, two: Ints) -> Bools:
-        """(e,) whether the lines from points `one` to points `two` (e,), rows of weights, lie on a crease."""
+        """(e,) whether the lines between rows `start` and `end` (e,) of weights lie on a crease."""
         low, high = ends_of_rows(weights)
         n, known = self.surface.n, (low[one] >= 0) & (low[two] >= 0)
         a, b = np.minimum(low[one], low[two]), np.maximum(high[one], high[two])
@@ -192,7 +191,7 @@ class Sides:
 
 
 def ends_of_rows(weights: csr_array) -> tuple[Ints, Ints]:
-    """(k,) the smallest and the largest vertex of each row of weights; -1 where it has more than two."""
+    """(k,) smallest and largest vertex of each row of weights; -1 for a row with more than two."""
     row = np.repeat(np.arange(weights.shape[0]), np.diff(weights.indptr))
     real = np.abs(weights.data) > NOTHING
     row, vertex = row[real], weights.indices[real].astype(np.int64)
@@ -205,7 +204,7 @@ def ends_of_rows(weights: csr_array) -> tuple[Ints, Ints]:
 
 
 def _corner_sides(surface: Surface, crease: Bools) -> Ints:
-    """(m, 3) the column of each corner: its vertex, or from n on a number of a side."""
+    """(m, 3) column of each corner: its vertex, or a side from n on."""
     F, edges = surface.F, surface.edges
     fan = corner_fans(F, edges, apart=crease).ravel()
     pair = np.unique(np.stack([F.ravel(), fan], axis=1), axis=0)
@@ -221,19 +220,19 @@ def _corner_sides(surface: Surface, crease: Bools) -> Ints:
 
 
 def _mitres(vertex: Ints, N: Floats, half: Floats) -> Floats:
-    """(s, 3) for sides of vertices with normals N (s, 3): from half the thickness along these to what has it on all
-    sides."""
+    """(s, 3) vectors from half the thickness along normals N (s, 3) to the point with that distance on all sides."""
+    longest = 3.0  # times half the thickness: sharper creases become blunt
     found = np.zeros_like(N)
     for v in np.unique(vertex):
         mine = vertex == v
         D = np.linalg.pinv(N[mine], rcond=0.05) @ half[mine]
-        D *= min(1.0, LONGEST * float(half[mine].max()) / max(float(np.linalg.norm(D)), 1e-300))
+        D *= min(1.0, longest * float(half[mine].max()) / max(float(np.linalg.norm(D)), 1e-300))
         found[mine] = D - half[mine, None] * N[mine]
     return found
 
 
 def _keys(vertices: Ints, n: int) -> Ints:
-    """(k,) one number for each row of vertices, in ascending order in it."""
+    """(k,) one number for each row of ascending vertices."""
     key = vertices[:, 0].astype(np.int64)
     for column in vertices.T[1:]:
         key = key * n + column
@@ -241,7 +240,7 @@ def _keys(vertices: Ints, n: int) -> Ints:
 
 
 def _looked_up(known: Ints, wanted: Ints) -> Ints:
-    """(k,) where each wanted number is among those known; -1 where it is not."""
+    """(k,) position of each wanted number in `numbers`, or -1."""
     if not len(known):
         return np.full(len(wanted), -1)
     order = np.argsort(known, kind="stable")
@@ -250,31 +249,33 @@ def _looked_up(known: Ints, wanted: Ints) -> Ints:
 
 
 MOST = 1 / 5
-"""Share of the thickness that a point is lifted at most: of the mesh's chord error no more counts than a quarter, see
-`dsfab.export.cad.step.shared.skins`, and both skins and what is fitted to them stray a little more."""
+"""Largest lift of a point over the thickness. At most a quarter of the thickness counts as chord error (`MOST_CHORD`),
+and both skins and the fits stray a little more."""
 
 
 @dataclass(frozen=True, eq=False)
 class Lifting:
-    """An uncut surface with its skins, see `Dense`."""
+    """Uncut surface with its skins, see `DenseSurface`."""
 
     skins: Dense
 
     @classmethod
     def of(cls, surface: Surface, curved: Curved) -> "Lifting":
-        """Of the surface that a sheet was cut from."""
+        """Return the lifting for the surface that a sheet was cut from."""
         return cls(dense(surface, curved))
 
     def points(self, weights: csr_array) -> Floats:
-        """(k, 6) millimetres on the outer and on the inner skin, over points with barycentric weights (k, n)."""
+        """(k, 6) points on the outer and the inner skin, mm, over points with barycentric weights (k, n)."""
         if not len(self.sides.creases):
             return self._points(weights)
         one, two = self.sides.rows(self._in_faces(weights))
         return np.asarray((self._points(one) + self._points(two)) / 2)
 
     def _in_faces(self, weights: csr_array) -> csr_array:
-        """The weights (k, n), those of points between two faces beside a crease as of the nearest places: nothing says
-        on which side they are, and seen from none they were 1.4 mm off the others of their chain."""
+        """Replace weights of points between two faces beside a crease by those of the nearest places in a face.
+
+        Otherwise their side is unknown, and they were up to 1.4 mm off the rest of their chain.
+        """
         between = self.sides.between_faces(weights)
         if not len(between):
             return weights
@@ -284,7 +285,7 @@ class Lifting:
         return csr_array(vstack([weights, nearest], format="csr")[row])
 
     def _points(self, weights: csr_array) -> Floats:
-        """The same, over weights (k, s) on the columns of `sides`."""
+        """(k, 6) the same over weights (k, s) on the columns of `sides`."""
         V, N = self.skins.points[self.sides.vertex], self.sides.normals
         P, n = np.asarray(weights @ V), np.asarray(weights @ N)
         along = np.einsum("ni,ni->n", V, N)
@@ -301,10 +302,11 @@ class Lifting:
         return np.concatenate([middle + D, middle - D], axis=1)
 
     def away(self, Q: Floats) -> Floats:
-        """(k, 6) from points (k, 6) beside the skins to these, across, over the places nearest to the middles."""
+        """(k, 6) vectors from points (k, 6) beside the skins to the skins, across, over the places nearest to the
+        middles."""
         there = self.points(self.weights_at((Q[:, :3] + Q[:, 3:]) / 2))
         across = there[:, :3] - there[:, 3:]
-        beyond = np.einsum("ki,ki->k", across, Q[:, :3] - Q[:, 3:]) < 0  # where a seam's other side is as near
+        beyond = np.einsum("ki,ki->k", across, Q[:, :3] - Q[:, 3:]) < 0  # at a seam the other side may be as near
         there[beyond], across[beyond] = np.roll(there[beyond], 3, axis=1), -across[beyond]
         across /= np.maximum(np.linalg.norm(across, axis=1, keepdims=True), 1e-300)
         ways = [np.einsum("ki,ki->k", (there - Q)[:, s : s + 3], across)[:, None] * across for s in (0, 3)]
@@ -327,12 +329,11 @@ class Lifting:
 
     @cached_property
     def sides(self) -> Sides:
-        """Of its creases."""
+        """Sides of its creases."""
         return Sides.of(self.skins)
 
     @cached_property
     def _tree(self) -> igl.AABB:
-        """Of the triangles: each look at places near points would make one."""
         tree = igl.AABB()
         tree.init(self.skins.points, self.skins.surface.F)
         return tree

@@ -16,10 +16,10 @@ from dsfab.surface.topology import on_boundary
 
 @dataclass(frozen=True, eq=False)
 class Dense:
-    """A surface divided some times, with its skins. Lengths in millimetres.
+    """Surface, divided zero or more times, with its skins. Lengths in millimetres.
 
     surface : metres.    half : (n,) half the thickness of the faces, metres.    shift : see `Curved`.
-    parent  : (m,) the face of the mesh that each face is a part of.    twins : see `Curved`.
+    parent  : (m,) original face of each face.    twins : see `Curved`.
     """
 
     surface: Surface
@@ -35,7 +35,7 @@ class Dense:
 
     @cached_property
     def normals(self) -> Floats:
-        """(n, 3) of the vertices: the means of their faces', weighted with the angles there."""
+        """(n, 3) vertex normals: means of the faces' normals, weighted with angles."""
         V, F = self.surface.V, self.surface.F
         N = np.asarray(igl.per_vertex_normals(V, F, igl.PER_VERTEX_NORMALS_WEIGHTING_TYPE_ANGLE))
         a, b = self.twins.T
@@ -46,13 +46,13 @@ class Dense:
     def across(self) -> Floats:
         """(n, 3) vectors to the skins along the mean normals.
 
-        Those that a face sees best lean a little this way and that: on a skin that is noise of the vertices, not shape.
+        Other normals lean a little to one side or the other, which is noise on a skin.
         """
         return np.asarray(MM_PER_M * self.half[:, None] * self.normals)
 
     @cached_property
     def middle(self) -> Floats:
-        """(n, 3) half way between the skins."""
+        """(n, 3) points half way between the skins."""
         return np.asarray(self.points + self.shift * self.across)
 
     @cached_property
@@ -62,12 +62,11 @@ class Dense:
 
     @cached_property
     def finer(self) -> "Dense":
-        """Each triangle in four."""
+        """The surface with each triangle divided in four."""
         return Dense(self._divided, self.carry(self.half), self.shift, np.tile(self.parent, 4))
 
     @property
     def _divided(self) -> Surface:
-        """The surface with points on cubics half way along the edges after the other points."""
         surface, edges = self.surface, self.surface.edges
         M = np.concatenate([surface.V, between(surface.V, self.normals, edges.ends)])
         (a, b, c), (ab, bc, ca) = surface.F.T, surface.n + edges.of.T
@@ -75,13 +74,13 @@ class Dense:
         return Surface(M, np.concatenate([np.stack(corners, axis=1) for corners in four]))
 
     def carry(self, fields: Floats) -> Floats:
-        """Linear fields (n, ...) on the vertices of `finer`."""
+        """Interpolate fields (n, ...) linearly to the vertices of `finer`."""
         return np.concatenate([fields, halfway(fields, self.surface.edges.ends)])
 
 
 def dense(surface: Surface, curved: Curved) -> Dense:
-    """The surface as it is."""
-    D = curved.D[surface.F]  # longer at corners: so long that the faces have their thickness
+    """Return the undivided surface with its skins."""
+    D = curved.D[surface.F]  # vectors are longer at corners, so that faces keep their thickness
     seen = np.bincount(surface.F.ravel(), np.einsum("mci,mi->mc", D, surface.normals).ravel(), surface.n)
     half = seen / np.bincount(surface.F.ravel(), minlength=surface.n)
     half[curved.twins] = half[curved.twins].mean(axis=1, keepdims=True)
@@ -89,8 +88,10 @@ def dense(surface: Surface, curved: Curved) -> Dense:
 
 
 def between(P: Floats, d: Floats, ends: Ints) -> Floats:
-    """(e, 3) points half way along edges (e, 2) of P (n, 3), on the cubic whose ends are normal to d (n, 3): fits
-    then do not wave between vertices."""
+    """(e, 3) points half way along edges (e, 2) of P (n, 3), on cubics whose ends are normal to d (n, 3).
+
+    Fits then do not wave between vertices.
+    """
     N = d / np.maximum(np.linalg.norm(d, axis=1, keepdims=True), 1e-300)
     chord = P[ends[:, 1]] - P[ends[:, 0]]
     slopes = [chord - N[e] * np.einsum("ki,ki->k", chord, N[e])[:, None] for e in ends.T]
@@ -98,16 +99,16 @@ def between(P: Floats, d: Floats, ends: Ints) -> Floats:
 
 
 def halfway(values: Floats, ends: Ints) -> Floats:
-    """Means of values (n, ...) at both ends of edges (k, 2): numpy's own over pairs takes three times as long."""
+    """Means of values (n, ...) at both ends of edges (k, 2), three times as fast as numpy's mean."""
     a, b = ends.T
     return np.asarray((values[a] + values[b]) / 2)
 
 
 def chord_errors(given: Dense) -> Floats:
-    """(m,) how far each triangle lies below the smooth surface through its corners, metres.
+    """(m,) distance of each triangle's centre from the smooth surface through its corners, metres.
 
-    In its middle, where it is a third more than in the middles of its edges: h^2 / 6R and h^2 / 8R of triangles with
-    three edges h on a sphere with radius R.
+    At the centre it is a third more than at the middles of the edges: h^2 / 6R and h^2 / 8R for equilateral triangles
+    with edges h on a sphere of radius R.
     """
     V, edges = given.surface.V, given.surface.edges
     sags = np.linalg.norm(between(V, given.normals, edges.ends) - halfway(V, edges.ends), axis=1)
@@ -115,10 +116,10 @@ def chord_errors(given: Dense) -> Floats:
 
 
 def excess(given: Dense, curved: Curved) -> Floats:
-    """(m,) by what share the smooth solid over each triangle is larger than the mesh's.
+    """(m,) share by which the smooth solid over each triangle is larger than the mesh's.
 
-    Its area is, and so is its thickness between the vertices, whose normals part. What is missing goes with the square
-    of the edges, so when each triangle is divided in four a third of the difference is left.
+    Its area is larger, and its thickness between vertices with different normals. The error is proportional to the
+    square of the edges, so a third of the difference remains after each triangle is divided in four.
     """
     coarse, D = prisms(given.middle, given.across, given.surface.F), MM_PER_M * curved.D
     fine = given.finer
@@ -135,19 +136,16 @@ def prisms(V: Floats, D: Floats, F: Ints) -> Floats:
 
 
 MOST_CHORD = 1 / 4
-"""No more of the mesh's own chord error counts, as a share of the thickness: at creases it is no such thing."""
-
-COARSE = 2
-"""Times the usual chord error from which the largest is told, too."""
+"""Largest chord error over the thickness, because the estimate is wrong at creases."""
 
 
 @dataclass(frozen=True, eq=False)
 class Limits:
-    """Millimetres: the thickness, and how far the smooth solid may be off the mesh beside the mesh's own chord error.
+    """Thickness, and allowed distance of the smooth solid from the mesh beyond the mesh's own chord error, millimetres.
 
     V, F    : (n, 3) and (m, 3) both skins of the uncut surface.
-    chord   : (m,) the chord error of their triangles.
-    rounder : (m,) by what share the volume over them may be larger, since the mesh cuts its curves short.
+    chord   : (m,) chord error of their triangles.
+    rounder : (m,) share by which the volume over them may be larger, because the mesh cuts curves short.
     """
 
     thickness: float
@@ -159,40 +157,40 @@ class Limits:
 
     @cached_property
     def usual(self) -> float:
-        """The chord error that nine of ten triangles stay under."""
+        """90th percentile of the chord error."""
         return float(np.percentile(self.chord, 90))
 
     @property
     def told(self) -> str:
-        """What is allowed, as part of a sentence: where triangles are coarse, or at creases, it is far more."""
+        """Allowed distances as a part of a sentence; at coarse triangles and creases they are larger."""
+        coarse = 2  # times the usual chord error from which on the message names the largest, too
         most = float(self.chord.max())
         some = f"usually under {self.usual:.2g} mm" if self.usual > 0 else "usually none"
-        more = f", {most:.2g} mm where it is coarsest" if most > COARSE * self.usual and most > self.distance else ""
+        more = f", {most:.2g} mm where it is coarsest" if most > coarse * self.usual and most > self.distance else ""
         return f"allowed are {self.distance:.2g} mm and the mesh's own chord error, {some}{more}"
 
     def allowed(self, points: Floats) -> Floats:
-        """(k,) how far points may be off: the chord error of the triangle where they are counts.
+        """(k,) allowed distances of points, with the chord error of the nearest triangle.
 
-        That of a vertex beside them does not say it: where triangles are long, no corner of theirs may be the nearest.
+        The nearest vertex is no substitute, because it may belong to another triangle where triangles are long.
         """
         return np.asarray(self.distance + self.chord[self.nearest(points)])
 
     def nearest(self, points: Floats) -> Ints:
-        """(k,) the triangles nearest to points."""
+        """(k,) triangles nearest to points."""
         return np.asarray(self._tree.squared_distance(self.V, self.F, points)[1])
 
     @cached_property
     def _tree(self) -> igl.AABB:
-        """Of the triangles: it takes as long as asking it about as many points."""
         tree = igl.AABB()
         tree.init(self.V, self.F)
         return tree
 
 
 def smooth_limits(surface: Surface, curved: Curved, tolerance: float = 0.0) -> Limits:
-    """For a solid cut from a surface; tolerance : millimetres that were asked for, `OFF_SURFACE` if 0.
+    """Return the limits for a solid cut from a surface. tolerance : of the user, mm; `OFF_SURFACE` if 0.
 
-    What a build makes smooth solids within, and what `dsfab check` accepts of their files.
+    The exporter and `dsfab check` use the same limits.
     """
     mesh = dense(surface, curved)
     t = 2 * MM_PER_M * float(np.median(np.linalg.norm(curved.D, axis=1)))

@@ -26,17 +26,17 @@ from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import corners_of, faces_at
 
 GAP = 1 / 20
-"""Widest gap between a skin and the edges on it, as a share of the thickness."""
+"""Widest gap between a skin and its edges over the thickness."""
 
 NEAR = 1 / 2
-"""Share of the distance that is allowed under which points are near, whatever else is allowed there."""
+"""Share of the allowed distance below which a point is near, without a look at the local chord error."""
 
 
 @dataclass(frozen=True, eq=False)
 class Acceptance:
-    """reason : why a piece is refused, '' when it is accepted.    bad : (k, 3) places where tighter curves may help.
+    """Verdict on a piece. reason : of a refusal, or ''.    bad : (k, 3) places where tighter curves may help.
 
-    there, back : largest distance of the piece from the mesh and of the mesh from the piece.    volume : of the piece.
+    there, back : largest distances of the piece from the mesh and of the mesh from the piece.    volume : of the piece.
     """
 
     reason: str
@@ -47,8 +47,8 @@ class Acceptance:
 
 
 class Away(NamedTuple):
-    """Distances between a piece and the mesh, one way: the largest, the largest excess over what is allowed with the
-    distance and the allowance there, and the places that are too far off."""
+    """Distances between a piece and the mesh, one way: the largest, the one with the largest excess and its limit, bad
+    places."""
 
     most: float
     worst: float
@@ -61,7 +61,7 @@ _NOWHERE = Away(0.0, 0.0, 0.0, np.zeros((0, 3)))
 
 @dataclass(frozen=True, eq=False)
 class Solids:
-    """The solids of a part's mesh, millimetres."""
+    """Solids of a part's mesh, millimetres."""
 
     part: Part
 
@@ -85,7 +85,7 @@ class Solids:
         return tree
 
     def at(self, points: Floats) -> Ints:
-        """(k,) the solids of the vertices nearest to points."""
+        """(k,) solids of the vertices nearest to points."""
         shell, solids = self._shells
         at = np.full(len(self.part.V), -1)
         at[self.part.F] = shell[:, None]
@@ -95,7 +95,7 @@ class Solids:
         return np.asarray(of[at[self._tree.query(points)[1]]])
 
     def faces(self, chosen: Container[int]) -> Ints:
-        """(m, 3) the triangles of some solids."""
+        """(m, 3) triangles of the chosen solids."""
         shell, solids = self._shells
         shells = [k for i, some in enumerate(solids) if i in chosen for k in some]
         return np.asarray(self.part.F[np.isin(shell, shells)])
@@ -108,7 +108,7 @@ class Solids:
 
 @dataclass(frozen=True, eq=False)
 class Gate:
-    """Judges the pieces of a sheet against the solids of a part, millimetres."""
+    """Judge of pieces of a sheet against the solids of a part, millimetres."""
 
     solids: Solids
     sheet: SheetOutline
@@ -116,16 +116,16 @@ class Gate:
 
     @cached_property
     def solid(self) -> Ints:
-        """(p,) the solid of the mesh that each piece is: that of the vertex nearest to one of its own."""
+        """(p,) solid of the mesh for each piece: that of the nearest vertex."""
         first = self.sheet.F[np.unique(self.sheet.piece, return_index=True)[1], 0]
         return self.solids.at((self.sheet.V + self.sheet.D)[first])
 
     def without(self, done: set[int]) -> Ints:
-        """(m, 3) the triangles of all other solids."""
+        """(m, 3) triangles of all solids that are not done."""
         return self.solids.faces(set(range(self.solids.count)) - done)
 
     def verdicts(self, pieces: dict[int, SmoothPiece], found: dict[int, OcctFinding]) -> dict[int, Acceptance]:
-        """About pieces by their numbers, with what OCCT says about those that it read."""
+        """Judge pieces by number, with OCCT's findings about those that it read."""
         away = self._distances({k: found[k] for k in pieces if k in found and found[k].tessellates})
         return {
             k: self._verdict(k, piece, found.get(k), away.get(k, (_NOWHERE, _NOWHERE))) for k, piece in pieces.items()
@@ -162,26 +162,24 @@ class Gate:
 
     @cached_property
     def volumes(self) -> Floats:
-        """(p,) millimetres cubed of the mesh solid of each piece: the sum over its faces of the prisms between the
-        skins."""
+        """(p,) volume of each piece in the mesh, cubic millimetres: sum of the prisms between the skins."""
         return self._sum(np.ones(len(self.sheet.F)))
 
     @cached_property
     def rounder(self) -> Floats:
-        """(p,) by what share the volume of each piece may be larger, since the mesh cuts its curves short."""
+        """(p,) share by which the volume of each piece may be larger, because the mesh cuts curves short."""
         sheet = self.sheet
-        upper = (sheet.V + sheet.D)[sheet.F].mean(axis=1)  # on a skin, whose triangles are found in half the time
+        upper = (sheet.V + sheet.D)[sheet.F].mean(axis=1)  # a point on a skin has its triangle in half the time
         share = self.limits.rounder[self.limits.nearest(upper)]
         return np.maximum(self._sum(share) / self.volumes, 0.0)
 
     def _sum(self, share: Floats) -> Floats:
-        """By piece, of a share of the volume over each face."""
+        """(p,) sum over each piece of a share of the volume over each face."""
         sheet = self.sheet
         of = share * prisms(sheet.V, sheet.D, sheet.F)
         return np.asarray(np.bincount(sheet.piece, of, sheet.count), dtype=np.float64)
 
     def _distances(self, found: dict[int, OcctFinding]) -> dict[int, tuple[Away, Away]]:
-        """By piece, from it to the mesh, and back."""
         away = dict[int, tuple[Away, Away]]()
         points = self.solids.part.V
         for solid in {int(self.solid[k]) for k in found}:
@@ -195,24 +193,23 @@ class Gate:
         return away
 
     def distances(self, V: Floats, F: Ints) -> tuple[Away, Away]:
-        """Of the triangles V (n, 3), F (m, 3) of all solids from those of the part, and back."""
+        """Distances of the triangles V (n, 3), F (m, 3) of all solids from those of the part, and back."""
         part = self.solids.part
         return self._farthest(V, F, part.V, part.F), self._farthest(part.V, part.F, V, F)
 
     def beyond(self, points: Floats) -> Floats:
-        """(k,) how much farther points (k, 3) are from the mesh than they may be, less than 0 where they are nearer."""
+        """(k,) excess of points (k, 3) over their allowed distance from the mesh; negative for near points."""
         away = self.solids.away(points)
-        far = away > NEAR * self.limits.distance  # the others need not be asked
+        far = away > NEAR * self.limits.distance  # near points need no local limit
         away[far] -= self.limits.allowed(points[far])
         away[~far] -= self.limits.distance
         return away
 
     def _farthest(self, V: Floats, F: Ints, V2: Floats, F2: Ints) -> Away:
-        """Of the vertices and the middles of triangles, from the other triangles."""
         corners = corners_of(F, np.ones(len(F), dtype=bool), len(V))
         points = np.concatenate([V[corners], V[F].mean(axis=1)])
         away = nearest(points, V2, F2).distance
-        far = points[away > self.limits.distance]  # the others need not be asked
+        far = points[away > self.limits.distance]  # near points need no local limit
         if not len(far):
             return Away(float(away.max()), float(away.max()), self.limits.distance, far)
         most, allowed = away[away > self.limits.distance], self.limits.allowed(far)
@@ -221,21 +218,18 @@ class Gate:
 
 
 FIT = 1 / 3
-"""Tolerance of the skins, as a share of the distance that is allowed."""
+"""Tolerance of the skins over the allowed distance."""
 
 LAYOUTS = ((68.0, 1, 0), (58.0, 1, 0), (52.0, 8, 1), (45.0, 12, 2), (40.0, 24, 3))
-"""Degrees that a chart's normals may lean, charts at least, and where their seeds begin."""
-
-LOOPS = 40
-"""Outlines in a chart, about: opening, checking and measuring a face take OCCT their number squared."""
+"""Layouts: largest lean of a chart's normals in degrees, least number of charts, and seed."""
 
 MOST_WALLS = 1500
-"""Walls of a sheet that is to be made in a hurry: half a minute at most so far."""
+"""Most walls of a sheet for a part in a hurry: half a minute at most."""
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothSolid:
-    """A layout's pieces, who judges them and who builds them anew; asked : those of solids that were not done yet."""
+    """A layout's pieces with their judge and builder. asked : pieces of solids that are not done."""
 
     gate: Gate
     builder: Builder
@@ -244,7 +238,7 @@ class SmoothSolid:
 
 
 class SmoothPlan:
-    """A part to be made smooth; raises ExportError where its sheet is not known, or is too large for a hurry."""
+    """Plan for a part's smooth file; raises ExportError if its sheet is unknown, or too large for a hurry."""
 
     def __init__(self, part: Part) -> None:
         if part.curved is None:
@@ -258,9 +252,9 @@ class SmoothPlan:
             self._ask_walls(MOST_WALLS * part.hurry)
 
     def layouts(self) -> Iterator[Floats]:
-        """Fields (n, c) of one layout after another, each once: chart k is where field k is largest.
+        """Yield fields (n, c) of one distinct layout after another: chart k is where field k is largest.
 
-        The first one is for open sheets only: on a closed surface its charts become too flat, and fits fail.
+        The first layout is for open sheets only, because its charts become too oblique on a closed surface.
         """
         if len(self.curved.twins):
             raise ExportError("the surface has one side only, so it has no two skins")
@@ -280,16 +274,16 @@ class SmoothPlan:
 
     @cached_property
     def gate(self) -> Gate:
-        """Judges solids that are not made in charts."""
+        """Judge for solids without charts."""
         return Gate(self.solids, self.whole, self.limits)
 
     @property
     def enough(self) -> int:
-        """Charts for all outlines of the sheet."""
-        return sum(len(region.loops) for region in self.whole.regions) // LOOPS + 1
+        """Number of charts that suffices for all outlines."""
+        loops = 40  # outlines of one chart: OCCT's time for a face grows with their number squared
+        return sum(len(region.loops) for region in self.whole.regions) // loops + 1
 
     def _ask_walls(self, most: int) -> None:
-        """Raise ExportError where a sheet has too many walls for a hurry."""
         count = sum(run.beyond == WALL for region in self.whole.regions for loop in region.loops for run in loop)
         if count > most:
             raise ExportError(
@@ -298,8 +292,10 @@ class SmoothPlan:
             )
 
     def built(self, fields: Floats, done: Collection[int] = ()) -> SmoothSolid:
-        """The pieces of all solids but those that are done, in a layout of charts: fields (n, c), the largest names
-        the chart. Raises ExportError as soon as a chart fails that the only solid needs: the others take long."""
+        """Build the pieces of all solids that are not done, in a layout of fields (n, c).
+
+        Raises ExportError as soon as a chart fails that the only solid needs, because all further charts take long.
+        """
         atlas = Atlas(self.surface, self.curved, fields, FIT * self.limits.distance)
         needed = set[int]()
 
@@ -328,7 +324,6 @@ class SmoothPlan:
         )
 
     def _near(self, done: Collection[int]) -> Ints:
-        """Vertices of the surface on faces that the pieces of solids may touch that are not done."""
         mine = np.isin(self.whole.piece, _pieces(Gate(self.solids, self.whole, self.limits), done))
         points = self.whole.V[np.unique(self.whole.F[mine])]
         marks = np.zeros(self.surface.n, dtype=bool)
@@ -337,5 +332,4 @@ class SmoothPlan:
 
 
 def _pieces(gate: Gate, done: Collection[int]) -> list[int]:
-    """The pieces of solids that are not done yet."""
     return [k for k in range(gate.sheet.count) if int(gate.solid[k]) not in done]

@@ -1,8 +1,8 @@
-"""The ladder of smooth STEP: build, ask OCCT about every piece, refit what it refuses, give up what stays refused.
+"""Smooth STEP of a part: build pieces, let OCCT check each, refit what it refuses, and use facets for the rest.
 
-charts found, skins fitted -> all pieces built -> file -> `check` -> `gate` -> refused pieces: tighter curves there
- ^                                                                |  still refused
- '------------- another layout of charts, for these only ---------'-> faceted, piece by piece
+charts, skins -> all pieces -> file -> `piece_check` -> `PieceJudge` -> refused pieces: tighter curves
+ ^                                                                       |  still refused
+ '---------------- another layout of charts, for these only -------------'-> faceted, piece by piece
 """
 
 from contextlib import ExitStack
@@ -26,29 +26,18 @@ from dsfab.export.cad.step.worker.reports import OcctFinding, findings, occt
 from dsfab.export.part import Part
 from dsfab.export.subprocesses import Ahead
 
-MOST_INSPECTED = 6000
-"""After so many faces were read back, a minute or two, no further layout is tried."""
-
 REFITS = 2
-"""How often the refused pieces of a layout are built tighter."""
-
-HOPELESS = 40
-"""Places that OCCT refuses in a first file beyond which refits are not tried in a hurry: of seven sheets with 1100 to
-3800 faces four had none, one 2, and two 104 and 216, which refits did not cure."""
-
-SECONDS = 120
-SECONDS_PER_FACE = 0.1
-"""Of the processor, for a check, many times what was measured; it may not end."""
+"""Number of times that refused pieces of a layout are built tighter."""
 
 CLOSEST = len(TIGHTER) - 1
-"""The level that no curve is refitted beyond."""
+"""Highest level of refitting."""
 
 CHORDS, NEAR = 64, 4
-"""Chords of an edge that corners of the mesh are compared with, and how many of those nearest by their middles."""
+"""Chords of an edge for the distance of mesh corners, and number of chords tested for each corner."""
 
 
 class _Taken(NamedTuple):
-    """A piece that was accepted: the layout it is in, its number there, and its verdict."""
+    """Accepted piece: its layout, its number there, and the verdict."""
 
     model: SmoothModel
     number: int
@@ -59,14 +48,14 @@ _MADE: WeakKeyDictionary[Part, SmoothPieceFile] = WeakKeyDictionary()
 
 
 def smooth_file(part: Part) -> SmoothPieceFile:
-    """The smooth file of a part, made once; raises ExportError with the reason where no piece can be smooth."""
+    """Return the smooth file of a part, memoised; raises ExportError with the reason if no piece can be smooth."""
     if part not in _MADE:
         _MADE[part] = _Ladder(part).made()
     return _MADE[part]
 
 
 def first_draft(part: Part) -> tuple[int, int]:
-    """Faces and bytes of a part's first smooth file, which nobody has checked; ExportError where none can be made."""
+    """Return the faces and bytes of a part's first smooth file, unchecked; raises ExportError if it cannot be built."""
     plan = SmoothPlan(part)
     with one_blas_thread():
         model = plan.built(next(plan.layouts())).model
@@ -78,15 +67,16 @@ def first_draft(part: Part) -> tuple[int, int]:
 
 class _Ladder:
     def __init__(self, part: Part) -> None:
+        most_faces = 6000  # OCCT reads so many in one to two minutes; then no further layout is tried
         self.part, self.plan = part, SmoothPlan(part)
-        self.inspected, self.most = 0, MOST_INSPECTED
+        self.inspected, self.most = 0, most_faces
         self.taken, self.reason, self.pieces = list[_Taken](), "", 0
         self.left: Ints = part.F
         self.done = set[int]()
         self.last, self.text = list[tuple[SmoothModel, int]](), ""
 
     def made(self) -> SmoothPieceFile:
-        """Each solid in the first layout that has all its pieces accepted; those of other solids may be in others."""
+        """Accept each solid in the first layout in which all its pieces pass; solids may use different layouts."""
         for turn, fields in enumerate(self.plan.layouts(), 1):
             try:
                 self._try(fields)
@@ -104,13 +94,15 @@ class _Ladder:
         return self._file()
 
     def _try(self, fields: Floats) -> None:
-        """A layout: its pieces of solids that are not done yet, refitted where they are refused."""
         with ExitStack() as programs:
             self._judged(programs, fields)
 
     def _judged(self, programs: ExitStack, fields: Floats) -> None:
+        # Refused places: of seven sheets with 1100 to 3800 faces four had none, one had 2, and two had 104 and 216,
+        # which refits did not cure.
+        hopeless = 40
         program = programs.enter_context(occt())
-        with one_blas_thread():  # bands of a hundred: on two busy cores, threads took ten times as long
+        with one_blas_thread():  # threads on two busy cores take ten times as long
             built = self.plan.built(fields, self.done)
         gate, model, asked = built.gate, built.model, built.asked
         levels = [dict[Key, int]() for _ in model.pieces]
@@ -124,7 +116,7 @@ class _Ladder:
             todo = [k for k in todo if len(verdicts[k].bad) and tighten(model, k, levels[k], verdicts[k].bad)]
             if not todo or turn == REFITS or self.inspected > self.most:
                 break
-            if self.part.hurry and sum(len(verdicts[k].bad) for k in todo) > HOPELESS:
+            if self.part.hurry and sum(len(verdicts[k].bad) for k in todo) > hopeless:
                 break
             program = programs.enter_context(occt())
             for k in todo:
@@ -137,13 +129,14 @@ class _Ladder:
         self.left, self.pieces = gate.without(self.done), len(model.pieces)
 
     def _found(self, program: Ahead, model: SmoothModel, which: list[int]) -> dict[int, OcctFinding]:
-        """What OCCT finds in the pieces, by piece; nothing when it does not end in time."""
+        face_seconds = 0.1
+        base_seconds = 120  # of processor time, many times the measured time: a check may not end
         count = sum(model.pieces[k].faces for k in which)
         self.inspected += count
         self.last = [(model, k) for k in which]
         self.text = file_text(self.part, self.last)
         within(self.part, count, len(self.text))
-        seconds = SECONDS + SECONDS_PER_FACE * count
+        seconds = base_seconds + face_seconds * count
         found = findings(program, self.text, DEFLECTION * self.plan.limits.distance, seconds) if which else []
         return dict(zip(which, found, strict=True)) if len(found) == len(which) else {}
 
@@ -166,7 +159,7 @@ class _Ladder:
 
 
 def tighten(model: SmoothModel, k: int, level: dict[Key, int], bad: Floats) -> bool:
-    """Raise the level of the runs nearest to the `bad` points (k, 3), millimetres; whether there was one to raise."""
+    """Raise the level of the runs nearest to the `bad` points (k, 3), mm; return False if no level can rise."""
     piece = model.pieces[k]
     x = np.linspace(0, 1, 9)
     samples = np.concatenate([curve(x) for edge in piece.edges for curve in (edge.upper, edge.lower)])
@@ -179,7 +172,7 @@ def tighten(model: SmoothModel, k: int, level: dict[Key, int], bad: Floats) -> b
 
 
 def untangle(built: SmoothSolid, k: int, level: dict[Key, int]) -> None:
-    """Build a piece again until none of its curves crosses, gapes or strays, as long as closer fits are left."""
+    """Rebuild a piece until no curve crosses, gapes or strays, or no closer fit is left."""
     model, corners = built.model, _corners(built.gate.sheet, k)
     for _ in range(CLOSEST):
         piece = model.pieces[k]
@@ -192,9 +185,9 @@ def untangle(built: SmoothSolid, k: int, level: dict[Key, int]) -> None:
 
 
 def astray(piece: SmoothPiece, corners: Floats, limits: Limits) -> Floats:
-    """(k, 3) the corners (n, 3) of the mesh at walls that are farther from the piece's edges than its solid may be.
+    """(k, 3) mesh corners (n, 3) at walls that are farther from the piece's edges than the solid may be.
 
-    OCCT's triangles would tell so, but another round with OCCT takes seconds.
+    OCCT's triangles would show that, too, but another round with OCCT takes seconds.
     """
     x = np.linspace(0, 1, CHORDS + 1)
     lines = np.stack([curve(x) for edge in piece.edges if edge.wall for curve in (edge.upper, edge.lower)])

@@ -16,13 +16,10 @@ from dsfab.export.splines import basis, hats
 from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import corners_of, edge_table, faces_at
 
-CLOSE = 1e-8
-"""Nearest points are found to this share of a surface's size: a tenth of a micrometre on ten metres."""
-
 
 @dataclass(frozen=True, eq=False)
 class Patch:
-    """A bicubic B-spline surface: clamped knots u (p + 4,) and v (q + 4,), poles (p, q, d)."""
+    """Bicubic B-spline surface: clamped knots u (p + 4,) and v (q + 4,), poles (p, q, d)."""
 
     u: Floats
     v: Floats
@@ -39,21 +36,21 @@ class Patch:
         return self._along_v(b, self._across_u(a, self._around(i, j)))
 
     def slopes(self, uv: Floats) -> tuple[Floats, Floats, Floats]:
-        """Points, and derivatives by u and by v, (k, d) each."""
+        """Return points and derivatives by u and by v, (k, d) each."""
         (i, a, da), (j, b, db) = hats(uv[:, 0], self.u), hats(uv[:, 1], self.v)
         around = self._around(i, j)
         at, du = self._across_u(a, around), self._across_u(da, around)
         return self._along_v(b, at), self._along_v(b, du), self._along_v(db, at)
 
     def _around(self, i: Ints, j: Ints) -> Floats:
-        """(k, 4, 4, d) the poles from (i, j) on."""
+        """(k, 4, 4, d) poles from (i, j) on."""
         _, q, d = self.poles.shape
         at = (i * q + j)[:, None] + (q * np.arange(4)[:, None] + np.arange(4)).ravel()
         return np.asarray(self.poles.reshape(-1, d).take(at, axis=0).reshape(-1, 4, 4, d))
 
     @staticmethod
     def _across_u(hat: Floats, around: Floats) -> Floats:
-        """(k, 4, d) sums over the first direction, weighted with hats (k, 4)."""
+        """(k, 4, d) sums over the first direction with weights (k, 4)."""
         k, *_, d = around.shape
         return np.asarray(np.einsum("ka,kax->kx", hat, around.reshape(k, 4, -1)).reshape(k, 4, d))
 
@@ -62,11 +59,12 @@ class Patch:
         return np.asarray(np.einsum("kb,kbd->kd", hat, rows))
 
     def only(self, first: int, last: int) -> "Patch":
-        """The surface of some of the coordinates."""
+        """Return the surface of the coordinates from `begin` up to `end`."""
         return Patch(self.u, self.v, self.poles[:, :, first:last])
 
     def nearest(self, points: Floats, uv: Floats, rounds: int = 8) -> Floats:
         """(k, 2) parameters of the surface's points nearest to `points` (k, 3), by Gauss-Newton from uv."""
+        close = 1e-8  # share of the surface's size: a tenth of a micrometre on ten metres
         low, high = np.array([self.u[0], self.v[0]]), np.array([self.u[-1], self.v[-1]])
         uv, going = np.clip(uv, low, high), np.arange(len(uv))
         for _ in range(rounds):
@@ -76,33 +74,29 @@ class Patch:
             det = np.maximum(aa * bb - ab * ab, 1e-300)
             step = np.stack([bb * ra - ab * rb, aa * rb - ab * ra], axis=1) / det[:, None]
             uv[going] = np.clip(uv[going] + step, low, high)
-            going = going[np.abs(step).max(axis=1) >= CLOSE * (high - low).max()]
+            going = going[np.abs(step).max(axis=1) >= close * (high - low).max()]
             if not len(going):
                 break
         return uv
 
 
 SMOOTHING = 1e-5
-"""Weight of the differences of poles against the distances from the points."""
+"""Weight of the differences of poles against distances from points."""
 
 FEWEST_POLES, MOST_POLES = 6, 48
-"""Poles of a fit in one direction."""
+"""Limits of the poles of a fit in one direction."""
 
 FIRST = 8.0
-"""Poles of the first attempt, in the geometric mean of both directions."""
-
-POINTS_PER_POLE = 2.5
-"""Fewest points of a fit for each pole: with fewer, surfaces wave between the points, and two of them gape at a seam
-by more than either is off its points."""
+"""Poles of the first attempt: geometric mean of both directions."""
 
 
 @dataclass(frozen=True, eq=False)
 class Fit:
-    """A surface through points.
+    """Surface fitted to points.
 
-    off     : its largest distance from those that count.
-    size    : its poles, the geometric mean of both directions, but for limits.
-    starved : whether more poles would have been tried on more points.
+    off     : largest distance from points inside.
+    size    : geometric mean of the numbers of poles in both directions, before limits.
+    starved : True if more points would allow more poles.
     """
 
     patch: Patch
@@ -120,14 +114,15 @@ def fitted(
     first: float = FIRST,
     most_poles: int = MOST_POLES,
 ) -> Fit:
-    """The surface with few poles within the tolerance of what is inside, Q (k, 6) two points each.
+    """Fit a surface with few poles to Q (k, 6), two points each, within the tolerance of the points `inside`.
 
-    first, most_poles : poles to begin and to end with, the geometric mean of both directions, and in one of them.
-    The distance of a cubic surface goes with the fourth power of its spans: that says how many poles to try next.
+    first_poles, most_poles : poles of the first attempt (geometric mean of both directions), and limit for each.
+    The error of a cubic surface is proportional to the fourth power of its spans, which sets the next attempt.
     """
+    points_per_pole = 2.5  # with fewer, surfaces wave between the points and gape at seams
     extent = np.ptp(uv, axis=0)
     aspect = np.sqrt(np.clip(extent[0] / extent[1], 0.1, 10.0))
-    most = np.sqrt(len(uv) / POINTS_PER_POLE)
+    most = np.sqrt(len(uv) / points_per_pole)
     n, here = min(first, most), np.flatnonzero(inside)
     while True:
         count = [int(np.clip(np.rint(x), FEWEST_POLES, most_poles)) for x in (n * aspect, n / aspect)]
@@ -140,16 +135,14 @@ def fitted(
 
 
 def patch_through(uv: Floats, Q: Floats, weight: Floats, count: tuple[int, int], smoothing: float) -> Patch:
-    """The bicubic surface of p x q poles nearest to points Q (k, d) at uv (k, 2), in the least-squares sense.
+    """Fit the bicubic surface of p x q poles nearest to points Q (k, d) at uv (k, 2), in the least-squares sense.
 
-    weight (k,) of the points.
-    smoothing : weight of the second differences of the poles, so that poles without points have a place, too.
+    weight : (k,) of the points.    smoothing : weight of second differences, which place poles without points.
     """
     return _through(uv, Q, weight, count, smoothing)[0]
 
 
 def _through(uv: Floats, Q: Floats, weight: Floats, count: tuple[int, int], smoothing: float) -> tuple[Patch, Floats]:
-    """The surface of `patch_through`, and its points (k, d) at uv."""
     low, high = uv.min(axis=0), uv.max(axis=0)
     pad = 0.01 * (high - low)
     u, v = (
@@ -167,13 +160,11 @@ def _through(uv: Floats, Q: Floats, weight: Floats, count: tuple[int, int], smoo
 
 @dataclass(frozen=True, eq=False)
 class _Cells:
-    """Points by the cells of the knots that they are in, and the hats of the 16 poles around them.
+    """Points by knot cell, and the basis functions of the 16 poles around each.
 
-    Points of one cell have the same poles: a product of matrices for each cell takes a quarter of the time of sums over
-    all points.
-
-    order : (k,) the points, cell after cell; start : of each cell there.
-    poles : (c, 16) the numbers of each cell's; hats (k, 16) of the points in that order.
+    Points of one cell share poles, so one matrix product for each cell takes a quarter of the time of other sums.
+    order : (k,) points, cell after cell; start : of each cell there.
+    poles : (c, 16) of each cell; hats (k, 16) of the points in that order.
     """
 
     order: Ints
@@ -192,11 +183,10 @@ class _Cells:
 
     @property
     def parts(self) -> Iterator[slice]:
-        """The points of each cell."""
         return (slice(a, b) for a, b in pairwise([*self.start.tolist(), len(self.order)]))
 
     def normal(self, weight: Floats, Q: Floats, p: int, q: int) -> tuple[Floats, Floats]:
-        """Normal equations: the lower band (3 q + 4, p q) of the matrix, and the right side."""
+        """Return the normal equations: the lower band (3 q + 4, p q) of the matrix, and the right side."""
         left = (weight[self.order, None] * self.hats).T
         both = np.concatenate([self.hats, Q[self.order]], axis=1)
         sums = np.stack([left[:, one] @ both[one] for one in self.parts])
@@ -208,7 +198,7 @@ class _Cells:
         return band.reshape(3 * q + 4, p * q), np.stack(right, axis=1)
 
     def sums(self, poles: Floats) -> Floats:
-        """(k, d) the points of the surface with poles (p q, d)."""
+        """(k, d) points of the surface with poles (p q, d)."""
         found = np.empty((len(self.order), poles.shape[1]))
         for one, some in zip(self.parts, self.poles, strict=True):
             found[self.order[one]] = self.hats[one] @ poles[some]
@@ -217,7 +207,8 @@ class _Cells:
 
 @lru_cache(maxsize=256)
 def _roughness(p: int, q: int) -> tuple[Ints, Floats]:
-    """The squared second differences of p x q poles: rows below the diagonal, and these rows of the lower band."""
+    """Return row offsets below the diagonal, and these rows of the band matrix of squared second differences of p x q
+    poles."""
     steps = ((0, 0), (0, 1), (0, 2), (1, -1), (1, 0), (1, 1), (2, 0))
     (*u,), (*v,) = ([_gram(n, order) for order in range(3)] for n in (p, q))
     terms = ((1.0, u[2], v[0]), (1.0, u[0], v[2]), (2.0, u[1], v[1]))
@@ -226,34 +217,34 @@ def _roughness(p: int, q: int) -> tuple[Ints, Floats]:
 
 
 def _gram(n: int, order: int) -> Floats:
-    """(n, n) the matrix of the squared differences of n poles."""
+    """(n, n) matrix of squared differences of n poles."""
     D = np.diff(np.eye(n), order, axis=0)
     return D.T @ D
 
 
 def _diagonal(table: Floats, below: int) -> Floats:
-    """(n,) by columns, the entries so many rows below the diagonal, and zeros where there are none."""
+    """(n,) entries of a diagonal by columns, padded with zeros."""
     entries, none = np.diagonal(table, -below), np.zeros(abs(below))
     return np.concatenate([entries, none] if below > 0 else [none, entries])
 
 
 OUTSIDE, BOUNDARY = 0.2, 0.5
-"""Weights of the points around a chart, which hold the skins where seams are drawn, and of those on the boundary, whose
-normals lean to one side. The tolerance is not asked of either."""
+"""Weights of points around a chart, which hold the skins at seams, and of boundary points, whose normals lean to one
+side. The tolerance does not apply to either."""
 
 FOLDED = 0.01
-"""Share of a chart's faces that may look away: finer meshes of coarse ones fold at a corner of their boundary now and
-then. The distance of the fit from all points is asked for in any case."""
+"""Largest share of a chart's faces that face away. Refined coarse meshes fold at corners of the boundary; the distance
+of the fit from all points is limited anyway."""
 
 
 @dataclass(frozen=True, eq=False)
 class SkinPoints:
-    """What a chart is fitted to, millimetres.
+    """Data for the fit of a chart, millimetres.
 
-    origin, axes, steepest : see `Chart`.
-    uv, Q  : (k, 2) and (k, 6) over the plane, and on both skins.
-    inside : (k,) whether the tolerance is asked there; weight (k,).
-    chord  : how far the edges between the points lie below the surface, but for a tenth of them.
+    origin, axes, steepest : see `SkinChart`.
+    uv, Q  : (k, 2) in the plane, and (k, 6) on both skins.
+    inside : (k,) True if the tolerance applies; weight (k,).
+    chord  : distance of edges between the points from the surface, 90th percentile.
     """
 
     origin: Floats
@@ -267,7 +258,8 @@ class SkinPoints:
 
 
 def points_of(dense: Dense, near: Bools, mine: Bools) -> SkinPoints:
-    """Of a chart and a ring around it. near : (faces of the mesh,); mine : (n,) vertices of the chart."""
+    """Collect the points of a chart and a ring around it. near_faces : (faces of the mesh,); in_chart : (n,) vertices
+    of the chart."""
     faces = np.flatnonzero(near[dense.parent])
     used, F = np.unique(dense.surface.F[faces], return_inverse=True)
     F = F.reshape(-1, 3)
@@ -298,13 +290,13 @@ def points_of(dense: Dense, near: Bools, mine: Bools) -> SkinPoints:
 
 
 def _mean(d: Floats, ends: Ints) -> Floats:
-    """Half way along edges: their ends' mean direction, and mean length."""
+    """Half-thickness vectors at the middles of edges, with mean direction and mean length of the ends."""
     middle, length = halfway(d, ends), halfway(np.linalg.norm(d, axis=1), ends)
     return np.asarray(middle * (length / np.maximum(np.linalg.norm(middle, axis=1), 1e-300))[:, None])
 
 
 def _axes(V: Floats, across: Floats) -> Floats:
-    """(3, 3) right-handed: the longest direction in the plane, the one beside it, and the given one."""
+    """(3, 3) right-handed: the longest direction in the plane, the one beside it, and `across`."""
     across = across / max(float(np.linalg.norm(across)), 1e-300)
     flat = V - V.mean(axis=0)
     flat = flat - np.outer(flat @ across, across)
@@ -315,41 +307,26 @@ def _axes(V: Floats, across: Floats) -> Floats:
     return np.stack([along, np.cross(across, along), across])
 
 
-USELESS = 3
-"""A chart that is off by so many tolerances is not worth asking OCCT about. One that is off by less may be, since the
-solid is measured in the end, and few of its pieces are where the chart is worst."""
-
 DIVISIONS = 2
-"""Coarse meshes are divided so often for the fit, by points on cubics between the vertices: charts then agree at seams.
-Nothing is known between the vertices of a coarse mesh, but two skins must say the same there."""
+"""Most divisions of a coarse mesh for a fit, by points on cubics between the vertices. The shape between vertices of a
+coarse mesh is unknown, but both charts at a seam must agree."""
 
 HALVED, FEWEST = 4, 12
-"""How often a chart is divided, at most, and the vertices of the mesh that it must have for it."""
-
-FEW_POLES = 24
-"""A chart that needs more poles in one direction is divided once: OCCT looks through all poles of a surface for each
-point that it projects, and the halves need fewer together. Without it the tower took a third more time."""
+"""Most divisions of a chart, and least vertices of a divisible chart."""
 
 STEEPEST = np.cos(np.deg2rad(80.0))
-"""A chart that leans more is divided between where it does and where it looks the other way."""
-
-STEEP = 0.25
-"""The fields of both halves of a chart part within this share of its half length: a border between others is as steep.
-"""
-
-OF_CHORD = 0.3
-"""Share of the mesh's own chord error that counts to the tolerance: between its vertices it says no more."""
+"""Cosine of the lean beyond which a chart is divided between its most opposite normals."""
 
 
 @dataclass(frozen=True, eq=False)
 class SkinChart:
-    """A plane and the skins over it. Lengths in millimetres.
+    """Plane and the skins over it. Lengths in millimetres.
 
-    origin, axes : (3,) and (3, 3): two in the plane, and the one across it, where the normals point to.
+    origin, axes : (3,) and (3, 3): two in the plane, and the one across it, along the normals.
     upper, lower, middle : surfaces of the skins, and between them, over the plane.
-    tolerance    : what was asked of the fit: more where the mesh is coarse.
-    steepest     : cosine of the largest angle between the plane and a face, but for a few.
-    off          : largest distance of a skin from the points it was fitted to.
+    tolerance    : of the fit; larger on a coarse mesh.
+    steepest     : cosine of the largest angle between the plane and a face, 1st percentile.
+    off          : largest distance of a skin from its points.
     """
 
     origin: Floats
@@ -363,19 +340,19 @@ class SkinChart:
 
     @cached_property
     def both(self) -> Patch:
-        """Both skins as one surface of six coordinates, those of the upper one first."""
+        """Both skins as one surface of six coordinates, the upper ones first."""
         return Patch(self.upper.u, self.upper.v, np.concatenate([self.upper.poles, self.lower.poles], axis=2))
 
     def over(self, points: Floats) -> Floats:
-        """(k, 2) where points (k, 3) are seen in the plane."""
+        """(k, 2) projections of points (k, 3) onto the plane."""
         return np.asarray((points - self.origin) @ self.axes[:2].T)
 
 
 class Atlas:
-    """The charts of a surface, made when they are asked for.
+    """Charts of a surface, fitted on demand.
 
-    fields : (n, c) on the vertices, chart k is where field k is largest; there are more once charts were divided.
-    charts : by number; those that no spline follows are missing, and `failed` says why.
+    fields : (n, c) on the vertices; chart k is where field k is largest. Divided charts add fields.
+    charts : by number, without those that no spline follows; `failed` holds their reasons.
     """
 
     def __init__(self, surface: Surface, curved: Curved, fields: Floats, tolerance: float) -> None:
@@ -387,10 +364,15 @@ class Atlas:
     def make(
         self, numbers: Iterable[int], halve: bool = True, hopeless: Callable[[int], bool] = lambda _: False
     ) -> None:
-        """The charts of these numbers (tolerance in millimetres), and those that they are divided into.
+        """Fit the charts of these numbers and the charts that they are divided into (tolerance in millimetres).
 
-        hopeless : whether the others are of no use without a chart that failed; it ends there then.
+        hopeless : function of a failed chart; True ends the work, because the rest is useless without it.
         """
+        # A chart with more poles in one direction is divided once, because OCCT searches all poles for each projection.
+        # Without it one tower took a third more time.
+        few_poles = 24
+        # A chart may be three tolerances off: the solid is measured later, and few pieces lie at the worst place.
+        useless = 3
         todo = [(int(k), 0) for k in numbers if k not in self.charts and k not in self.failed]
         while todo:
             k, turn = todo.pop()
@@ -402,7 +384,7 @@ class Atlas:
                 todo += halves
                 continue
             try:
-                chart = self._chart(k, FIRST * (2 if turn else 1), FEW_POLES if may and not turn else MOST_POLES)
+                chart = self._chart(k, FIRST * (2 if turn else 1), few_poles if may and not turn else MOST_POLES)
             except ExportError as error:
                 self.failed[k] = str(error)
                 if hopeless(k):
@@ -411,7 +393,7 @@ class Atlas:
             if may and chart.off > chart.tolerance:
                 self._divide(k, (self._levels[0].points - chart.origin) @ chart.axes[0])
                 todo += halves
-            elif chart.off > USELESS * chart.tolerance:
+            elif chart.off > useless * chart.tolerance:
                 self.failed[k] = (
                     f"no spline surface follows chart {k + 1} of {self.fields.shape[1]} of the sheet "
                     f"within {chart.tolerance:.2g} mm ({chart.off:.2g} mm)"
@@ -422,7 +404,7 @@ class Atlas:
                 self.charts[k] = chart
 
     def _leaning(self, k: int) -> Floats | None:
-        """(n,) from where chart k leans most to where it looks the other way; nothing when a plane sees it well."""
+        """(n,) field from the steepest normals of chart k to the opposite ones; None if a plane sees the chart well."""
         touched = faces_at(self.surface.F, self._best[0] == k)
         N = self.surface.normals[touched]
         mean = self.surface.areas[touched] @ N
@@ -433,10 +415,10 @@ class Atlas:
         return np.asarray(self._levels[0].normals @ (N[(N @ first).argmin()] - first))
 
     def _divide(self, k: int, along: Floats) -> None:
-        """Chart k, and a new one where a field (n,) is beyond its middle between the ends of the chart."""
+        part_width = 0.25  # share of the half length: the border is then as steep as others
         inside = self._best[0] == k
         low, high = along[inside].min(), along[inside].max()
-        steep = np.clip((along - (low + high) / 2) / (STEEP * (high - low) / 2), -1, 1)
+        steep = np.clip((along - (low + high) / 2) / (part_width * (high - low) / 2), -1, 1)
         old = self.fields[:, k]
         fields = np.column_stack([self.fields, old - np.maximum(-steep, 0)])
         fields[:, k] = old - np.maximum(steep, 0)
@@ -451,7 +433,7 @@ class Atlas:
         return fields
 
     def _chart(self, k: int, first: float, most: int) -> SkinChart:
-        """Chart k, on points that are dense enough for its curvature and for its poles; see `fitted`."""
+        of_chord = 0.3  # share of the mesh's chord error that is added to the tolerance
         F = self.surface.F
         near = faces_at(F, self._best[0] == k)
         for _ in range(2):
@@ -463,7 +445,7 @@ class Atlas:
             points = points_of(self._levels[level], near, self._best[level] == k)
             if level < DIVISIONS and points.chord > self.tolerance:
                 continue
-            tolerance = self.tolerance + OF_CHORD * points.chord
+            tolerance = self.tolerance + of_chord * points.chord
             fit = fitted(points.uv, points.Q, points.inside, points.weight, tolerance, first, most)
             if not fit.starved:
                 break

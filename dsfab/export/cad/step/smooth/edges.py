@@ -15,13 +15,13 @@ from dsfab.export.splines import Fitted, Spline, splines_through, straight
 
 @dataclass(eq=False)
 class Nodes:
-    """Where the vertices of outlines lie over the charts around them, and where runs end on both skins.
+    """Positions of outline vertices in the planes of their charts, and of ends of runs on both skins.
 
-    uv    : by chart, (n, 2), nan where a vertex is not in it.
-    steep : by chart, (n,) by what share lengths in the plane grow on the surface there, at most; 1 or more.
+    uv    : by chart, (n, 2), nan for vertices outside of it.
+    steep : by chart, (n,) largest growth of lengths from the plane to the surface; 1 or more.
     around : by vertex, its charts.
-    at    : by vertex, (2, 3): upper and lower point; gap : largest distance of the skins of its charts from these. Both
-            are known of the ends of runs, and of others once `add` was asked for them.
+    at    : by vertex, (2, 3): upper and lower point; gap : largest distance of its charts' skins from these. Both hold
+            ends of runs, and vertices that `add` was called for.
     """
 
     charts: dict[int, SkinChart]
@@ -32,7 +32,7 @@ class Nodes:
     gap: dict[int, float]
 
     def add(self, vertices: Ints) -> None:
-        """Ends of runs, vertices (k,): half way between what their charts say."""
+        """Add vertices (k,), each at the mean of the points on its charts."""
         new = [v for v in vertices.tolist() if v not in self.at]
         here, said = dict[int, list[int]](), dict[int, list[Floats]]({v: [] for v in new})
         for v in new:
@@ -48,7 +48,7 @@ class Nodes:
 
 
 def nodes_of(sheet: SheetOutline, charts: dict[int, SkinChart]) -> Nodes:
-    """Outline vertices on the middle surfaces of their charts, each at the nearest point."""
+    """Project outline vertices onto the middle surfaces of their charts, each to the nearest point."""
     uv, steep = {}, {}
     for k in {region.chart for region in sheet.regions}:
         runs = [run.vertices for region in sheet.regions if region.chart == k for loop in region.loops for run in loop]
@@ -66,33 +66,30 @@ def nodes_of(sheet: SheetOutline, charts: dict[int, SkinChart]) -> Nodes:
 
 
 TIGHTER = (1.0, 0.2, 0.04)
-"""Tolerances of a run that was refused so often."""
+"""Factors of the tolerance after each refusal of a run."""
 
 FLAT = 0.55
-"""Tolerance of outlines over their polylines, as a share of the distance that is allowed."""
-
-OF_CHORD = 0.5
-"""Share of the mesh's own chord error that is added to it: so much less does the mesh know of its outline."""
+"""Tolerance of outlines over the allowed distance."""
 
 IN_SPACE = 1 / 50
-"""Tolerance of the curves on the skins, as a share of the thickness."""
+"""Tolerance of curves on the skins over the thickness."""
 
 FINER = (1, 4, 16)
-"""Samples of a curve on the skins, in turns until it is close enough, as multiples of the usual."""
+"""Factors of the number of samples on the skins, in turn until the curve is close enough."""
 
 OF_LOOP = 0.03
-"""A loop is followed at least as closely as this share of its width: the sides of a slit must not cross."""
+"""Largest tolerance of a loop over its width, because the sides of a slit must not cross."""
 
 
 @dataclass(frozen=True, eq=False)
 class Edge:
-    """A run as curves.
+    """Run of an outline as curves.
 
-    start, end   : vertices of the sheet, its nodes.
-    upper, lower : cubics of the same knots, or lines.
-    flat         : by chart, the curve over its plane.
+    start, end   : vertices of the sheet.
+    upper, lower : cubics with equal knots, or lines.
+    flat         : by chart, the curve in its plane.
     gap          : largest distance between the curves in space and those on the skins, millimetres.
-    wall         : whether a wall stands on it; otherwise two charts meet there.
+    wall         : True under a wall, False where two charts meet.
     """
 
     start: int
@@ -105,31 +102,33 @@ class Edge:
 
     @cached_property
     def spans(self) -> int:
-        """The power of two that makes all knots whole numbers, short to write: they are halves of halves of [0, 1]."""
+        """Least power of two that makes all knots whole numbers, because those are short; knots are repeated halves of
+        [0, 1]."""
         knots = np.concatenate([self.upper.knots, *(curve.knots for curve in self.flat.values())])
         return next(1 << k for k in range(30) if not np.any((1 << k) * knots % 1))
 
 
 @dataclass(frozen=True)
 class Allowed:
-    """Millimetres: the thickness of the sheet, how far its solid may be off the mesh, and the mesh's chord error."""
+    """Limits in millimetres: thickness of the sheet, distance from the mesh, and the mesh's chord error."""
 
     thickness: float
     distance: float
     chord: float
 
     def outline(self, run: OutlineRun, steep: float, level: int) -> float:
-        """How far the curve of a run may be off its polyline, seen in the plane."""
-        most = min(FLAT * self.distance + OF_CHORD * self.chord, OF_LOOP * run.width)
+        """Tolerance of the curve of a run in its plane."""
+        of_chord = 0.5  # share of the mesh's own chord error that is added to the tolerance
+        most = min(FLAT * self.distance + of_chord * self.chord, OF_LOOP * run.width)
         return TIGHTER[level] * most / steep
 
     def in_space(self, run: OutlineRun, level: int) -> float:
-        """How far the curves of a run in space may be off those on the skins."""
+        """Tolerance of the curves of a run in space."""
         return TIGHTER[level] * min(IN_SPACE * self.thickness, OF_LOOP * run.width)
 
 
 class Asked(NamedTuple):
-    """A run in a chart, and how often it was refused."""
+    """A run in a chart, with the number of its refusals."""
 
     run: OutlineRun
     chart: int
@@ -137,14 +136,14 @@ class Asked(NamedTuple):
 
 
 class _Part(NamedTuple):
-    """A part of a run of walls, and its curve over the plane."""
+    """Part of a run of walls, and its curve in the plane."""
 
     asked: Asked
     flat: Spline
 
 
 def wall_edges(asked: list[Asked], nodes: Nodes, allowed: Allowed) -> list[list[Edge]]:
-    """The edges of each of the runs; all are fitted at once."""
+    """Fit the edges of all runs at once."""
     found = _parts(asked, nodes, allowed)
     parts = [part for some in found for part in some]
     nodes.add(np.unique([v for part in parts for v in part.asked.run.vertices[[0, -1]]]))
@@ -157,9 +156,9 @@ def wall_edges(asked: list[Asked], nodes: Nodes, allowed: Allowed) -> list[list[
 
 
 def _on_skins(parts: list[_Part], nodes: Nodes, wanted: list[float]) -> list[Fitted]:
-    """Curves on both skins over curves of planes, each as close as wanted (millimetres), with its largest distance.
+    """Fit curves on both skins over curves in planes, within `tolerances` (mm); return each with its largest distance.
 
-    A skin may wave along a curve that is plain over its plane: where that has too few samples for it, more are taken.
+    A skin may wave along a simple plane curve; then more samples are taken.
     """
     found, todo = dict[int, Fitted](), list(range(len(parts)))
     for finer in FINER:
@@ -173,7 +172,6 @@ def _on_skins(parts: list[_Part], nodes: Nodes, wanted: list[float]) -> list[Fit
 
 
 def _parts(asked: list[Asked], nodes: Nodes, allowed: Allowed) -> list[list[_Part]]:
-    """The runs over their planes, each divided until each part has a curve within the tolerance."""
     lines = [nodes.uv[one.chart][one.run.vertices] for one in asked]
     found = {i: [_Part(asked[i], straight(*line))] for i, line in enumerate(lines) if len(line) == 2}
     some = [i for i in range(len(asked)) if i not in found]
@@ -194,7 +192,6 @@ def _parts(asked: list[Asked], nodes: Nodes, allowed: Allowed) -> list[list[_Par
 
 
 def _halves(asked: Asked, line: Floats, worst: float) -> list[Asked]:
-    """A run divided at the vertex of its line nearest to a share of its length."""
     length = np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))
     at = 1 + int(np.abs(length[:-1] / length[-1] - worst).argmin())
     run = asked.run
@@ -204,7 +201,7 @@ def _halves(asked: Asked, line: Floats, worst: float) -> list[Asked]:
 
 
 def by_chart(charts: list[int], rows: list[Floats], of: Callable[[int, Floats], Floats]) -> list[Floats]:
-    """What a function of a chart and rows (k, d) says of each of the rows, asked once for all that are in a chart."""
+    """Apply a function of a chart and rows (k, d) to all rows, with one call for each chart."""
     found = dict[int, Floats]()
     for k in dict.fromkeys(charts):
         mine = [i for i, chart in enumerate(charts) if chart == k]
@@ -214,9 +211,9 @@ def by_chart(charts: list[int], rows: list[Floats], of: Callable[[int, Floats], 
 
 
 def spread(line: Floats) -> tuple[Floats, Floats]:
-    """Parameters in [0, 1] and points evenly along a polyline (k, d), many more than it has vertices.
+    """Return parameters in [0, 1] and points evenly along a polyline (k, d), many more than it has vertices.
 
-    The number of spaces between them is a power of two.
+    The number of intervals is a power of two.
     """
     count = 1 << (min(max(16 * len(line), 64), 4096) - 1).bit_length()
     length = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(line, axis=0), axis=1))])
@@ -225,13 +222,13 @@ def spread(line: Floats) -> tuple[Floats, Floats]:
 
 
 def parameters(curve: Spline, finer: int = 1) -> Floats:
-    """(k,) parameters to measure at: many in each span; finer : so many times as many as usual."""
+    """(k,) many sample parameters in each span; finer : factor of their number."""
     return _parameters(curve.knots.tobytes(), finer)
 
 
 @lru_cache(maxsize=1024)
 def _parameters(knots: bytes, finer: int) -> Floats:
-    """Most curves have one of a few lists of knots."""
+    """Memoised, because most curves share a few lists of knots."""
     breaks = np.unique(np.frombuffer(knots))
     each = finer * max(24, int(np.ceil(128 / (len(breaks) - 1))))
     steps = breaks[:-1, None] + np.diff(breaks)[:, None] * np.arange(each) / each
@@ -241,7 +238,7 @@ def _parameters(knots: bytes, finer: int) -> Floats:
 def with_ends_on_nodes(
     run: OutlineRun, space: Spline, flat: dict[int, Spline], off: float, nodes: Nodes, wall: bool
 ) -> Edge:
-    """The curves with their ends pulled onto the nodes."""
+    """Move the ends of curves onto their nodes."""
     start, end = int(run.vertices[0]), int(run.vertices[-1])
     both = space.poles.copy()
     wanted = np.concatenate([nodes.at[start].reshape(1, 6), nodes.at[end].reshape(1, 6)])
@@ -252,23 +249,20 @@ def with_ends_on_nodes(
 
 
 ON_SEAM = 1 / 1000
-"""Tolerance of a seam over each of its charts, as a share of the thickness: what is left counts twice in the gap
-between them."""
-
-OF_EDGE = 0.05
-"""Tolerance of a seam in space, as a share of the mesh's edges: nobody sees where it runs."""
+"""Tolerance of a seam in each of its charts over the thickness. The remainder counts twice in the gap between them."""
 
 T = TypeVar("T")
 
 Key = tuple[int, int, int, int]
-"""The first two and the last two vertices of a run."""
+"""First two and last two vertices of a run."""
 
 
 def seam_edges(asked: list[Asked], nodes: Nodes, sheet: SheetOutline, allowed: Allowed) -> list[Edge]:
-    """The curves between the charts asked about and those beyond: one for both, half way between what the two say."""
+    """Fit one curve for both charts of each seam, half way between their skins."""
+    of_edge = 0.05  # tolerance in space as a share of the mesh's edges: the place of a seam does not matter
     runs, charts = [one.run for one in asked], [k for one in asked for k in (one.chart, one.run.beyond)]
     tight = [TIGHTER[one.level] * ON_SEAM * allowed.thickness for one in asked]
-    middle = _in_space([sheet.V[run.vertices] for run in runs], [TIGHTER[one.level] * OF_EDGE for one in asked])
+    middle = _in_space([sheet.V[run.vertices] for run in runs], [TIGHTER[one.level] * of_edge for one in asked])
     x = [parameters(curve) for curve in middle]
     points = _twice([curve(at) for curve, at in zip(middle, x, strict=True)])
     uv = by_chart(charts, points, lambda k, P: nodes.charts[k].middle.nearest(P, nodes.charts[k].over(P)))
@@ -289,22 +283,18 @@ def seam_edges(asked: list[Asked], nodes: Nodes, sheet: SheetOutline, allowed: A
 
 
 def _twice(values: list[T]) -> list[T]:
-    """Each value for both charts of a seam."""
     return [value for value in values for _ in range(2)]
 
 
 def _pairs(values: list[T]) -> list[tuple[T, T]]:
-    """What there is of both charts of each seam."""
     return list(zip(values[::2], values[1::2], strict=True))
 
 
 def _apart(one: Floats, two: Floats) -> float:
-    """The largest distance of the upper or the lower points of two charts (k, 6)."""
     return float(np.linalg.norm((one - two).reshape(-1, 2, 3), axis=2).max())
 
 
 def _in_space(lines: list[Floats], shares: list[float]) -> list[Spline]:
-    """Curves along the polylines where two charts meet."""
     longest = [float(np.linalg.norm(np.diff(line, axis=0), axis=1).max()) for line in lines]
     bent = [i for i, line in enumerate(lines) if len(line) > 2]
     fits = splines_through([spread(lines[i]) for i in bent], [shares[i] * longest[i] for i in bent])
@@ -313,7 +303,7 @@ def _in_space(lines: list[Floats], shares: list[float]) -> list[Spline]:
 
 
 def run_key(run: OutlineRun) -> tuple[Key, bool]:
-    """What both charts call a seam's run, and whether this one runs the way the key does."""
+    """Return the key that both charts of a seam share, and True if this run has its direction."""
     v: Ints = run.vertices
     ahead = (int(v[0]), int(v[1]), int(v[-1]), int(v[-2]))
     back = (ahead[2], ahead[3], ahead[0], ahead[1])

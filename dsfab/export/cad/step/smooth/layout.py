@@ -21,33 +21,28 @@ from dsfab.surface.mesh import Surface
 from dsfab.surface.topology import boundary_loops, edge_table, half_edges, pieces
 
 SLACK = np.deg2rad(12.0)
-"""Straightening moves faces into charts that see them at a flatter angle: so much more is allowed then."""
-
-ROUNDS = 30
-"""Seeds are added so often."""
-
-TURN = 0.2
-"""What turning by a radian counts on the way between faces, as a share of the surface's root area."""
+"""Radians by which charts may exceed their cone, because straightening moves faces into charts that see them
+obliquely."""
 
 REACH = 0.25
-"""How far indicators diffuse, as a share of the small charts' radii."""
+"""Diffusion length of indicators over the radius of small charts."""
 
 SYMMETRIC: dict[str, Any] = {
     "permc_spec": "MMD_AT_PLUS_A",
     "options": {"SymmetricMode": True},
     "diag_pivot_thresh": 0.0,
 }
-"""For factors of symmetric matrices with fewer entries."""
+"""SuperLU options for factors of symmetric matrices with fewer entries."""
 
 SWEEPS = 4
 """Rounds of diffusion and choice."""
 
 
 def layout(surface: Surface, cone: float, fewest: int = 1, start: int = 0) -> Floats:
-    """Fields (n, c) on the vertices: chart k is where field k is largest.
+    """Return fields (n, c) on the vertices; chart k is where field k is largest.
 
-    cone : half angle, radians, within which the normals of a cluster lie around their mean.
-    fewest : charts at least; start : another number gives another layout.
+    cone : half angle, radians, around the mean normal of a cluster for all its normals.
+    fewest : least number of charts; start : seed, another number gives another layout.
     """
     label = _clusters(surface, cone, fewest, start)
     if label.max() == 0:
@@ -56,14 +51,16 @@ def layout(surface: Surface, cone: float, fewest: int = 1, start: int = 0) -> Fl
 
 
 def _clusters(surface: Surface, cone: float, fewest: int, start: int) -> Ints:
-    """(m,) a cluster for each face, no normal of a cluster outside the cone around its mean, if rounds suffice."""
+    """(m,) cluster of each face. All normals of a cluster lie in the cone around their mean, unless the rounds run
+    out."""
+    rounds = 30  # in which seeds are added
     graph = _dual(surface)
     count, piece = connected_components(graph, directed=False)
     rng = np.random.default_rng(start)
     seeds = [int(rng.choice(np.flatnonzero(piece == c))) for c in range(count)]
     while len(seeds) < min(fewest, surface.m):
         seeds.append(int(np.argmax(_grown(graph, seeds)[1])))
-    for _ in range(ROUNDS):
+    for _ in range(rounds):
         for _ in range(3):
             seeds = _middles(surface, _grown(graph, seeds)[0])
         label = _grown(graph, seeds)[0]
@@ -81,17 +78,17 @@ def _clusters(surface: Surface, cone: float, fewest: int, start: int) -> Ints:
 
 
 def _dual(surface: Surface) -> csr_array:
-    """Distances between neighbouring faces; turning counts, too, so that clusters end at bends."""
+    """Graph of distances between neighbouring faces; turns count too, so that clusters end at bends."""
+    turn_cost = 0.2  # of a radian, as a share of the root of the surface's area
     f, g = (surface.edges.pairs // 3).T
     away = np.linalg.norm(surface.centroids[f] - surface.centroids[g], axis=1)
     angle = np.arccos(np.clip(np.einsum("ki,ki->k", surface.normals[f], surface.normals[g]), -1, 1))
-    length = away + TURN * np.sqrt(surface.area) * angle + 1e-12 * surface.size
+    length = away + turn_cost * np.sqrt(surface.area) * angle + 1e-12 * surface.size
     ends = (np.concatenate([f, g]), np.concatenate([g, f]))
     return coo_array((np.concatenate([length, length]), ends), shape=(surface.m, surface.m)).tocsr()
 
 
 def _grown(graph: csr_array, seeds: list[int]) -> tuple[Ints, Floats]:
-    """The nearest seed of each face, and its distance."""
     distance, _, source = dijkstra(graph, directed=False, indices=seeds, min_only=True, return_predecessors=True)
     number = np.zeros(graph.shape[0], dtype=np.int64)
     number[seeds] = np.arange(len(seeds))
@@ -99,7 +96,6 @@ def _grown(graph: csr_array, seeds: list[int]) -> tuple[Ints, Floats]:
 
 
 def _middles(surface: Surface, label: Ints) -> list[int]:
-    """The face of each cluster nearest to its centroid."""
     area = np.bincount(label, surface.areas)
     middle = np.stack([np.bincount(label, surface.areas * c) for c in surface.centroids.T], axis=1) / area[:, None]
     away = np.linalg.norm(surface.centroids - middle[label], axis=1)
@@ -110,17 +106,17 @@ def _middles(surface: Surface, label: Ints) -> list[int]:
 
 
 def _cosines(surface: Surface, label: Ints) -> Floats:
-    """(m,) of the angle between each face's normal and its cluster's mean."""
+    """(m,) cosines between each face's normal and its cluster's mean normal."""
     vectors = surface.areas[:, None] * surface.normals
     mean = np.stack([np.bincount(label, x) for x in vectors.T], axis=1)
     size = np.linalg.norm(mean, axis=1, keepdims=True)
     area = np.bincount(label, surface.areas)[:, None]
-    mean = np.where(size > 1e-3 * area, mean / np.maximum(size, 1e-300), 0.0)  # a closed cluster has none
+    mean = np.where(size > 1e-3 * area, mean / np.maximum(size, 1e-300), 0.0)  # a closed cluster has no mean
     return np.asarray(np.einsum("mi,mi->m", surface.normals, mean[label]))
 
 
 def _within_cones(surface: Surface, label: Ints, least: float) -> Floats:
-    """Straightened fields; charts that became too steep or fell apart are divided, and straightened again."""
+    """Straighten the charts; divide those that become too steep or fall apart, and straighten again."""
     for turn in range(5):
         fields = _straightened(surface, label, 1.0 if turn == 0 else 0.7)
         label = fields[surface.F].sum(axis=1).argmax(axis=1)
@@ -136,7 +132,7 @@ def _within_cones(surface: Surface, label: Ints, least: float) -> Floats:
 
 
 def _straightened(surface: Surface, label: Ints, share: float) -> Floats:
-    """(n, c) indicators of the clusters, diffused and chosen from in turn."""
+    """(n, c) indicators of the clusters, alternately diffused and chosen from."""
     count = int(label.max()) + 1
     stiffness = -igl.cotmatrix(surface.V, surface.F)
     mass = voronoi_mass(surface)
@@ -145,7 +141,7 @@ def _straightened(surface: Surface, label: Ints, share: float) -> Floats:
     load = np.zeros((surface.n, count))
     for corner in range(3):
         np.add.at(load, (surface.F[:, corner], label), surface.areas / 3)
-    with one_blas_thread():  # then all columns at once take half the time of one by one, otherwise five times as much
+    with one_blas_thread():  # with one thread all columns at once are fast, with more they are slow
         step = splu(csc_array(diags_array(mass) + reach**2 * stiffness), **SYMMETRIC)
         fields = step.solve(load)
         for _ in range(SWEEPS - 1):
@@ -158,7 +154,6 @@ def _straightened(surface: Surface, label: Ints, share: float) -> Floats:
 
 
 def _parts(surface: Surface, label: Ints) -> Ints:
-    """A label of its own for every connected part."""
     f, g = (surface.edges.pairs // 3).T
     same = label[f] == label[g]
     links = coo_array((np.ones(int(same.sum())), (f[same], g[same])), shape=(surface.m, surface.m))
@@ -166,7 +161,6 @@ def _parts(surface: Surface, label: Ints) -> Ints:
 
 
 def _halve(surface: Surface, label: Ints, bad: int, cosine: Floats) -> None:
-    """Divide a chart between its steepest face and the face that looks away from that one most."""
     inside = np.flatnonzero(label == bad)
     first = inside[np.argmin(cosine[inside])]
     second = inside[np.argmin(surface.normals[inside] @ surface.normals[first])]
@@ -175,16 +169,19 @@ def _halve(surface: Surface, label: Ints, bad: int, cosine: Floats) -> None:
 
 
 SHARP = np.deg2rad(35.0)
-"""A wall that turns by more than this at a vertex has a corner there."""
+"""Turn of a wall at a vertex from which on there is a corner."""
 
 WALL = -1
-"""What is beyond a wall, where a seam has a chart."""
+"""Number that replaces a chart beyond a wall."""
 
 
 @dataclass(frozen=True, eq=False)
 class OutlineRun:
-    """vertices (k,) in order, the material on their left; beyond: the chart there, or `WALL`; width: of the loop it is
-    in, twice its area over its length, millimetres: the radius of a circle, the width of a long slit."""
+    """Part of an outline.
+
+    vertices : (k,) in order, the material on their left.    beyond : chart beyond it, or `WALL`.
+    width    : of its loop, mm: twice the area over the length, which is a circle's radius or a slit's width.
+    """
 
     vertices: Ints
     beyond: int
@@ -193,7 +190,7 @@ class OutlineRun:
 
 @dataclass(frozen=True, eq=False)
 class Region:
-    """A connected part of the sheet in one chart: its loops of runs, in any order."""
+    """Connected part of the sheet in one chart; loops of runs in any order."""
 
     chart: int
     piece: int
@@ -202,7 +199,7 @@ class Region:
 
 @dataclass(frozen=True, eq=False)
 class SheetOutline:
-    """The divided sheet in millimetres, with its regions.
+    """Divided sheet in millimetres, with its regions.
 
     V, D    : (n, 3) vertices of the middle surface, half-thickness vectors.
     F       : (m, 3) faces; chart and piece (m,) of each.
@@ -225,7 +222,7 @@ class SheetOutline:
 
 @dataclass(frozen=True, eq=False)
 class _Beyond:
-    """Half-edges by their ends, sorted keys start * n + end; the chart beyond each, and what it is an edge of."""
+    """Half-edges by sorted keys start * n + end, with the chart beyond each and its family of edges."""
 
     n: int
     key: Ints
@@ -238,19 +235,19 @@ class _Beyond:
 
 
 def both_skins(given: DividedSheet, shift: int) -> Floats:
-    """(n, 2, 3) millimetres, the vertices of a sheet on its upper skin and on its lower one."""
+    """(n, 2, 3) vertices of a sheet on its upper and lower skin, millimetres."""
     V, D = _middle(given, shift)
     return np.stack([V + D, V - D], axis=1)
 
 
 def _middle(given: DividedSheet, shift: int) -> tuple[Floats, Floats]:
-    """(n, 3) each, millimetres: the vertices of the middle surface, and half-thickness vectors."""
+    """(n, 3) vertices of the middle surface and half-thickness vectors, millimetres."""
     D = MM_PER_M * given.D
     return MM_PER_M * given.V + shift * D, D
 
 
 def sheet_of(given: DividedSheet, shift: int) -> SheetOutline:
-    """The regions of a sheet whose middle lies `shift` half-thicknesses off its vertices."""
+    """Return the regions of a sheet whose middle lies `shift` half-thicknesses off its vertices."""
     V, D, F = *_middle(given, shift), given.F
     table = edge_table(F)
     _, piece = pieces(F, table)
@@ -274,7 +271,6 @@ def sheet_of(given: DividedSheet, shift: int) -> SheetOutline:
 
 
 def _regions(F: Ints, chart: Ints) -> Iterator[tuple[int, list[Ints]]]:
-    """Connected parts of charts: a face of each, and its outlines as vertices."""
     for k in np.unique(chart):
         mine = np.flatnonzero(chart == k)
         count, part = pieces(F[mine], edge_table(F[mine]))
@@ -284,13 +280,12 @@ def _regions(F: Ints, chart: Ints) -> Iterator[tuple[int, list[Ints]]]:
 
 
 def _shared(loops: list[Ints]) -> Ints:
-    """The vertices that the outlines of a part pass more than once."""
     vertices, often = np.unique(np.concatenate(loops), return_counts=True)
     return np.asarray(vertices[often > 1])
 
 
 def _simple(loop: Ints) -> list[Ints]:
-    """A loop cut apart where it comes back to a vertex: a wire of STEP must not, and only some readers mend it."""
+    """Cut a loop at repeated vertices. STEP forbids such wires, and only a few readers repair them."""
     return [loop[some] for some in cut_apart(list(range(len(loop))), loop.tolist())]
 
 
@@ -321,13 +316,12 @@ def _runs(V: Floats, loop: Ints, special: Bools, beyond: _Beyond, touching: Ints
 
 
 def _width(line: Floats, length: float) -> float:
-    """Twice the area inside a closed line in space over its length."""
     P = line - line.mean(axis=0)
     return float(np.linalg.norm(np.cross(P, np.roll(P, -1, axis=0)).sum(axis=0))) / max(length, 1e-300)
 
 
 def _two_at_least(V: Floats, loop: Ints, at: Ints) -> Ints:
-    """Positions of a loop where runs begin: at least two, found alike from both sides of a seam."""
+    """Positions in a loop where runs begin: at least two, the same from both sides of a seam."""
     if len(at) > 1:
         return at
     first = int(at[0]) if len(at) else int(np.argmin(loop))

@@ -34,7 +34,7 @@ from dsfab.export.splines import Spline, straight
 
 @dataclass(frozen=True)
 class SmoothSkin:
-    """A region's two faces: its chart, and loops of edges with whether each is run through forwards; outer first."""
+    """Two faces of a region: its chart, and loops of edges, each with True if forwards; the outer loop first."""
 
     chart: int
     loops: tuple[tuple[tuple[int, bool], ...], ...]
@@ -42,10 +42,10 @@ class SmoothSkin:
 
 @dataclass(eq=False)
 class SmoothPiece:
-    """A piece: edges with the keys of their runs, skins, and its widest gap, millimetres.
+    """Piece of the sheet: edges with the keys of their runs, skins, and the widest gap, mm.
 
-    traced : whether its edges are written with their curves on skins and walls, too.
-    refused : why it cannot be one closed shell, or ''.
+    traced : True if edges are written with their curves on skins and walls, too.
+    refused : reason why it is no single closed shell, or ''.
     """
 
     edges: list[Edge] = field(default_factory=list)
@@ -57,18 +57,18 @@ class SmoothPiece:
 
     @property
     def faces(self) -> int:
-        """A wall for each edge that is no seam, and two skins for each region."""
+        """Number of faces: a wall for each edge that is no seam, and two skins for each region."""
         return sum(edge.wall for edge in self.edges) + 2 * len(self.skins)
 
     @property
     def ends(self) -> Floats:
-        """(k, 3) the upper ends of its edges."""
+        """(k, 3) upper start points of its edges."""
         return np.array([edge.upper.poles[0] for edge in self.edges])
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothModel:
-    """All pieces on their charts, the points of their nodes (2, 3), and the thickness; millimetres."""
+    """Pieces on their charts, nodes, and the thickness, mm."""
 
     charts: dict[int, SkinChart]
     nodes: Nodes
@@ -77,7 +77,7 @@ class SmoothModel:
 
 
 class Builder:
-    """Builds pieces, again where asked, on one sheet and its charts."""
+    """Builder of pieces on one sheet and its charts."""
 
     def __init__(self, sheet: SheetOutline, charts: dict[int, SkinChart], allowed: Allowed) -> None:
         self.sheet, self.allowed = sheet, allowed
@@ -86,7 +86,7 @@ class Builder:
         self._make(sheet.regions, {})
 
     def piece(self, number: int, level: dict[Key, int], traced: bool = False) -> SmoothPiece:
-        """One piece; level : how often each of its runs was refused; traced : as in `SmoothPiece`."""
+        """Build a piece. level : number of refusals of each run; traced : see `SmoothPiece`."""
         made, seams = SmoothPiece(traced=traced), dict[Key, int]()
         regions = [region for region in self.sheet.regions if region.piece == number]
         self._make(regions, level)
@@ -105,7 +105,6 @@ class Builder:
         return made
 
     def _make(self, regions: Iterable[Region], level: dict[Key, int]) -> None:
-        """Make the edges of regions that are not made yet, all at once."""
         walls, seams = dict[tuple[Key, int], Asked](), dict[tuple[Key, int], Asked]()
         for chart, run in ((region.chart, run) for region in regions for loop in region.loops for run in loop):
             key, ahead = run_key(run)
@@ -123,7 +122,6 @@ class Builder:
     def _edges(
         self, made: SmoothPiece, seams: dict[Key, int], run: OutlineRun, level: dict[Key, int]
     ) -> list[tuple[int, bool]]:
-        """The numbers of a run's edges, and whether the run goes along them."""
         key, ahead = run_key(run)
         first = len(made.edges)
         if run.beyond != WALL and key in seams:
@@ -138,28 +136,22 @@ class Builder:
 
 
 def _polygon(made: SmoothPiece, loop: tuple[tuple[int, bool], ...], chart: int) -> Floats:
-    """A loop over the plane, as the poles of its curves."""
     ways = [made.edges[i].flat[chart].poles[:: 1 if ahead else -1] for i, ahead in loop]
     return np.concatenate([way[:-1] for way in ways])
 
 
-SAMPLES = 16
-"""Chords of each curve, of which crossings are looked for."""
-
-SHARP = 0.5
-"""Cosine of the angle between the sides of a corner that is sharp."""
-
 ROUNDED = 1e-9
-"""Share of a chord's length within which a point counts as on it."""
+"""Distance from a chord over its length within which a point lies on it."""
 
 
 def crossings(piece: SmoothPiece) -> Floats:
-    """(k, 3) places on the upper side where the curves of a skin cross each other over the plane of their chart."""
+    """(k, 3) places on the upper side where curves of a skin cross each other in the plane of their chart."""
     return np.concatenate([np.zeros((0, 3)), *(_in_skin(piece, skin) for skin in piece.skins)])
 
 
 def _in_skin(piece: SmoothPiece, skin: SmoothSkin) -> Floats:
-    x = np.linspace(0, 1, SAMPLES + 1)
+    samples = 16  # chords of each curve
+    x = np.linspace(0, 1, samples + 1)
     edges = [piece.edges[i] for loop in skin.loops for i, _ in loop]
     flat = np.stack([edge.flat[skin.chart](x) for edge in edges])
     start, end = flat[:, :-1].reshape(-1, 2), flat[:, 1:].reshape(-1, 2)
@@ -171,10 +163,11 @@ def _in_skin(piece: SmoothPiece, skin: SmoothSkin) -> Floats:
 
 
 def _twisted(edges: list[Edge], skin: SmoothSkin) -> Ints:
-    """The ends 2 k and 2 k + 1 of edges k at sharp corners whose sides change places close to them: they cross there.
+    """Ends 2 k and 2 k + 1 of edges k at sharp corners whose sides change places near the corner, so that they cross.
 
-    The chords that meet at a corner do not show that; the tangents do, beside the ways to the middles of the edges.
+    Chords at the corner do not show that. Tangents do, compared with the directions to the middles of the edges.
     """
+    least_cosine = 0.5  # between the sides of a sharp corner
     way = np.array([way for loop in skin.loops for _, way in loop])
     number = np.split(np.arange(len(way)), np.cumsum([len(loop) for loop in skin.loops])[:-1])
     before = np.concatenate([np.roll(some, 1) for some in number])
@@ -184,23 +177,22 @@ def _twisted(edges: list[Edge], skin: SmoothSkin) -> Ints:
     into, out = (np.stack([line[[0, 1, -2, -1]] for line in lines])[i] for i in (before, np.arange(len(way))))
     near = into[:, 3] - into[:, 2], out[:, 1] - out[:, 0]
     far = into[:, 3] - middle[before], middle - out[:, 0]
-    sharp = np.einsum("ki,ki->k", *near) < -SHARP * np.prod([np.linalg.norm(v, axis=1) for v in near], axis=0)
+    sharp = np.einsum("ki,ki->k", *near) < -least_cosine * np.prod([np.linalg.norm(v, axis=1) for v in near], axis=0)
     bad = np.flatnonzero(sharp & (_turn(*near) * _turn(*far) < 0))
     return np.concatenate([2 * before[bad] + way[before[bad]], 2 * bad + ~way[bad]])
 
 
 def _turn(one: Floats, two: Floats) -> Floats:
-    """(k,) positive where vectors turn to the left."""
+    """(k,) positive for turns to the left."""
     return np.asarray(one[:, 0] * two[:, 1] - one[:, 1] * two[:, 0])
 
 
 def _near(start: Floats, end: Floats) -> tuple[Ints, Ints]:
-    """Pairs of chords that may cross, without those that meet at their ends."""
     middle, long = (start + end) / 2, np.linalg.norm(end - start, axis=1)
     reach = long.max()
     one, two = cKDTree(middle).query_pairs(reach, output_type="ndarray").T
     apart = np.linalg.norm(middle[one] - middle[two], axis=1)
-    close = apart <= (1 + ROUNDED) * (long[one] + long[two]) / 2  # chords that cross are; most others are shorter
+    close = apart <= (1 + ROUNDED) * (long[one] + long[two]) / 2  # crossing chords are this close
     one, two = one[close], two[close]
     meet = np.zeros(len(one), dtype=bool)
     for a in (start, end):
@@ -210,7 +202,7 @@ def _near(start: Floats, end: Floats) -> tuple[Ints, Ints]:
 
 
 def _across(start: Floats, end: Floats, line: Ints, chord: Ints) -> Bools:
-    """(k,) whether the ends of a chord lie on different sides of a line, and neither on it but for rounding."""
+    """(k,) whether the ends of a chord lie clearly on different sides of a line."""
     along = (end - start)[line]
     long = np.linalg.norm(along, axis=1)
     to, past = start[chord] - start[line], end[chord] - start[line]
@@ -219,16 +211,16 @@ def _across(start: Floats, end: Floats, line: Ints, chord: Ints) -> Bools:
 
 
 ROUNDING = 3e-5
-"""Coordinates are rounded to this share of the thickness, at most, and to 1e-6 mm at least."""
+"""Largest rounding of coordinates over the thickness; 1e-6 mm at least."""
 
 PLANE = "(GEOMETRIC_REPRESENTATION_CONTEXT(2)PARAMETRIC_REPRESENTATION_CONTEXT()REPRESENTATION_CONTEXT('2D SPACE',''))"
 
 SIDES = {"lower": (0, 0, "(1.,0.)"), "upper": (0, 1, "(1.,0.)"), "start": (0, 0, "(0.,1.)"), "end": (1, 0, "(0.,1.)")}
-"""Sides of a wall: where they begin, in lengths of its sides, and their direction."""
+"""Sides of a wall: start, in lengths of its sides, and direction."""
 
 
 class SmoothText:
-    """Writes pieces of a model after what `new` holds already."""
+    """Writer of pieces after the entities of `new`."""
 
     def __init__(self, new: Entities, model: SmoothModel) -> None:
         self.new, self.model = new, model
@@ -236,7 +228,7 @@ class SmoothText:
         self._skins: dict[tuple[int, bool], int] = {}
 
     def piece(self, piece: SmoothPiece) -> list[int]:
-        """The faces of a piece."""
+        """Add the faces of a piece and return their numbers."""
         new = self.new
         at = {v: self.model.nodes.at[v] for edge in piece.edges for v in (edge.start, edge.end)}
         vertices = {v: [new.add(f"VERTEX_POINT('',#{p})") for p in self._points(both)] for v, both in at.items()}
@@ -264,7 +256,6 @@ class SmoothText:
         return faces + [face for skin in piece.skins for face in self._both(skin, edges)]
 
     def _both(self, skin: SmoothSkin, edges: list[tuple[int, int]]) -> tuple[int, int]:
-        """The upper and the lower face of a region."""
         new = self.new
         kinds = ["FACE_BOUND" if j else "FACE_OUTER_BOUND" for j in range(len(skin.loops))]
         above = [
@@ -278,13 +269,11 @@ class SmoothText:
         return upper, new.face(below, self._skin(skin.chart, False), same=False)
 
     def _points(self, points: Floats) -> Iterator[int]:
-        """Of points (k, d), written as `step_list` does: rounded all at once, in a third of the time."""
         for p in (np.round(points, self.digits) + 0.0).tolist():
             text = ",".join([f"{v:.{self.digits}f}".rstrip("0") for v in p])
             yield self.new.once(f"CARTESIAN_POINT('',({text}))")
 
     def _post(self, vertices: list[int], ends: Floats, sides: list[tuple[int, str, int]]) -> int:
-        """The edge from the lower to the upper point of a node, between two walls."""
         line = self._line(straight(ends[1], ends[0]), 1)
         on = [self._on_wall(*side) for side in sides]
         return self._trimmed(line, on, (vertices[1], vertices[0]))
@@ -292,7 +281,6 @@ class SmoothText:
     def _edge(
         self, edge: Edge, poles: list[int], flat: dict[int, int], wall: int, above: bool, ends: tuple[int, int]
     ) -> int:
-        """An edge's upper or lower curve on the skins of its charts, and on its wall."""
         on = [self._over(self._skin(chart, above), curve) for chart, curve in flat.items()]
         if wall:
             on.append(self._on_wall(wall, "upper" if above else "lower", edge.spans))
@@ -303,12 +291,10 @@ class SmoothText:
         return self.new.add(f"EDGE_CURVE('',#{ends[0]},#{ends[1]},#{curve},.T.)")
 
     def _over(self, surface: int, curve: int) -> int:
-        """A curve of a surface's parameters."""
         shown = self.new.once(f"DEFINITIONAL_REPRESENTATION('',(#{curve}),#{self.new.once(PLANE)})")
         return self.new.add(f"PCURVE('',#{surface},#{shown})")
 
     def _on_wall(self, wall: int, side: str, spans: int) -> int:
-        """A side of a wall, whose parameters run from 0 to `spans` along it and to 1 upwards."""
         u, v, along = SIDES[side]
         start = self.new.once(f"CARTESIAN_POINT('',({u * spans}.,{v}.))")
         way = self.new.once(f"DIRECTION('',{along})")
@@ -316,13 +302,12 @@ class SmoothText:
         return self._over(wall, self.new.once(f"LINE('',#{start},#{vector})"))
 
     def _line(self, curve: Spline, spans: int) -> int:
-        """A curve whose poles are not written yet."""
         return self._curve(curve, list(self._points(curve.poles)), spans)
 
     def _curve(self, curve: Spline, through: list[int], spans: int) -> int:
-        """A curve with the parameters 0 to `spans`.
+        """Add a curve with parameters 0 to `spans`.
 
-        A line too: a polyline that an edge lies on has three points at least (ISO 10303-511, advanced_face).
+        Lines too, because a polyline under an edge has at least three points (ISO 10303-511, advanced_face).
         """
         poles = references(through)
         times, knots = _counted(spans * curve.knots)
@@ -331,7 +316,7 @@ class SmoothText:
         )
 
     def _wall(self, edge: Edge, poles: list[list[int]]) -> int:
-        """The ruled surface between an edge's two curves; its normal points to their right: outwards."""
+        """Add the ruled surface between an edge's curves; its normal points to their right: outwards."""
         upper, lower = poles
         rows = ",".join(references(list(row)) for row in zip(lower, upper, strict=True))
         return self._surface((edge.lower.degree, 1), rows, edge.spans * edge.lower.knots, np.array([0.0, 0, 1, 1]))
@@ -352,30 +337,28 @@ class SmoothText:
 
 
 def _counted(knots: Floats) -> tuple[str, str]:
-    """How often each knot counts, and the knots."""
     return _counted_bytes(knots.tobytes())
 
 
 @lru_cache(maxsize=1024)
 def _counted_bytes(knots: bytes) -> tuple[str, str]:
-    """Most curves have one of a few lists of knots."""
+    """Memoised, because most curves share a few lists of knots."""
     values, times = np.unique(np.frombuffer(knots), return_counts=True)
     return "(" + ",".join(str(k) for k in times.tolist()) + ")", step_list(values, 14)
 
 
 SKINS = "curved solid with spline skins"
-"""What the file says about itself."""
+"""Description of the file in its header."""
 
 
 @dataclass(frozen=True, eq=False)
 class SmoothPieceFile:
-    """The smooth pieces of a part and the text of the file.
+    """Text of the file and its measured properties.
 
-    pieces  : of the sheet; smooth counts those that were accepted.
-    gap     : widest among these, millimetres; there and back : the largest distance of a piece from the mesh, and of
-              the mesh from a piece.
-    volume  : of all smooth solids, as OCCT finds it, cubic millimetres.
-    refused : why others were not, or ''.
+    pieces  : of the sheet; smooth : number of accepted ones.
+    gap     : widest among these, mm; there, back : largest distances from the mesh and back.
+    volume  : of all smooth solids according to OCCT, cubic millimetres.
+    refused : reason why pieces were refused, or ''.
     """
 
     text: str
@@ -391,7 +374,7 @@ class SmoothPieceFile:
 
     @property
     def told(self) -> str:
-        """How the file was made."""
+        """Description of the file for messages."""
         some = "" if self.smooth == self.pieces else f"{self.smooth} of {self.pieces} pieces, the rest faceted, "
         why = f" ({self.refused})" if self.refused else ""
         return (
@@ -401,7 +384,7 @@ class SmoothPieceFile:
 
 
 def file_text(part: Part, which: list[tuple[SmoothModel, int]], rest: Part | None = None) -> str:
-    """The file of some pieces of layouts, named like the part, and of the triangles of `rest` as planar faces."""
+    """Encode pieces of layouts, with the name of the part, and the triangles of `rest` as planar faces."""
     new = Entities()
     writers = {id(model): SmoothText(new, model) for model, _ in which}
     faces, shells = list[int](), list[int]()
@@ -421,7 +404,7 @@ def file_text(part: Part, which: list[tuple[SmoothModel, int]], rest: Part | Non
 
 
 def rest_of(part: Part, F: Ints) -> Part:
-    """Some triangles (m, 3) of a part, simplified where that is possible."""
+    """Return triangles (m, 3) of a part, simplified if possible."""
     used, local = np.unique(F, return_inverse=True)
     some = replace(part, V=part.V[used], F=local.reshape(F.shape))
     try:
@@ -432,7 +415,6 @@ def rest_of(part: Part, F: Ints) -> Part:
 
 
 def _planar(part: Part) -> tuple[Polyhedron, list[list[int]]]:
-    """A part as planar faces, and the shells of its solids."""
     shell, solids = solids_of(part)
     inward = np.isin(shell, [i for _, *inner in solids for i in inner])
     return polyhedron(part.V, np.where(inward[:, None], part.F[:, ::-1], part.F), shell), solids

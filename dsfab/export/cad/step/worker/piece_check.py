@@ -1,16 +1,15 @@
-"""What OCCT finds in a STEP file of smooth solids, one by one: a program of its own, because a check may not end.
+"""OCCT's findings about each solid of a STEP file of smooth pieces. A program of its own, because a check may not end.
 
-    python -P check.py FILE [FOLDER DEFLECTION [whole]]
+    python -P piece_check.py FILE [FOLDER DEFLECTION [whole]]
 
-prints one line of JSON, {"solids": [{...}, ...]}, in the order of the file; each with `valid`, `closed`, `tessellates`,
-`faces`, `volume` (cubic millimetres), `box` (its lowest corner and its highest one, as OCCT bounds it), `gap`
-(millimetres: the largest distance between an edge and its curve on a face, measured, whatever tolerance it was given),
-and `bad`, the ends (k, 3) of the edges that cross others. A solid that is not valid gets no triangles, and one without
-them no volume: it is refused, and they take most of the time.
-The triangles of each solid, no farther than `DEFLECTION` millimetres from it, become `0.stl`, `1.stl` ... in `FOLDER`.
-With `whole` they are those that `step_mesh` draws of the file, and become what it writes, unless a solid is refused.
+prints one line of JSON, {"solids": [{...}, ...]}, in the order of the file, each with `valid`, `closed`, `tessellates`,
+`faces`, `volume` (mm3), `box` (its lowest and highest corner), `gap` (mm: measured largest distance between an edge and
+its curve on a face, whatever its tolerance) and `bad`, the ends (k, 3) of crossing edges. An invalid solid gets no
+triangles, and a solid without triangles no volume, because they take most of the time.
+Triangles within `DEFLECTION` mm of each solid become `0.stl`, `1.stl` ... in `FOLDER`. With `whole`, the program writes
+the files of `step_triangles` instead, unless a solid is refused.
 Without arguments it loads OCCT and then reads them from its input, a list as one line of JSON.
-It imports nothing from dsfab, so that it is a second opinion, and can be started from anywhere.
+It imports nothing from dsfab, so that it is a second opinion and starts from anywhere.
 """
 
 import ctypes
@@ -28,17 +27,8 @@ from pathlib import Path
 from types import ModuleType
 from typing import Any
 
-ACROSS = 1e-3
-"""Deflection of the triangles unless told, as a share of a solid's size."""
-
-ANGLE = 0.5
-"""Largest turn between neighbouring triangles, radians."""
-
-SAMPLES = 24
-"""Places along each edge where its gap is measured."""
-
 COPIES = sys.platform == "linux"
-"""Where a process is copied safely."""
+"""True if the process can be forked safely."""
 
 REPAIRS = (
     *("Orientation", "ShellOrientation", "FaceOrientation", "Reorder", "Shifted", "Connected", "VertexPosition"),
@@ -46,15 +36,15 @@ REPAIRS = (
     *("IntersectingWires", "LoopWires", "NotchedEdges", "Tail", "Small", "SmallAreaWire", "Lacking", "Degenerated"),
     *("AddNaturalBound", "MissingSeam", "Seam", "SplitFace", "VertexTolerance"),
 )
-"""What OCCT mends as it reads unless told not to; a file that needs it is refused, and asking takes four tenths of the
-time. It still adds what STEP leaves to readers: curves on surfaces, and the tolerances of edges."""
+"""Repairs of OCCT's reader that are switched off: a file that needs one is refused, and the tests take 40 % of the
+time. OCCT still adds what STEP leaves to readers: curves on surfaces, and tolerances of edges."""
 
 
 def solid_findings(path: str, folder: str = "", deflection: float = 0.0, copies: bool = False) -> list[dict[str, Any]]:
-    """The findings for each solid of a file, one to a product; empty when it cannot be read.
+    """Return the findings for each solid of a file, one to a product; [] if OCCT cannot read it.
 
-    copies : whether copies of the process may take half of the solids, and measure them meanwhile. Not where OCCT made
-             triangles before: a copy would wait for threads that it has not got.
+    copies : fork processes to share the solids and measure them. False after OCCT made triangles, because a fork would
+             wait for threads that it does not have.
     """
     reader = _read(path)
     if reader is None:
@@ -66,15 +56,15 @@ def solid_findings(path: str, folder: str = "", deflection: float = 0.0, copies:
 
 
 def whole_findings(path: str, folder: str, deflection: float, copies: bool = False) -> list[dict[str, Any]]:
-    """The findings for each solid of a file that is judged as a whole; empty when it cannot be read.
+    """Return the findings for each solid of a file that is judged as a whole; [] if OCCT cannot read it.
 
-    Its triangles are those that `dsfab check` draws, though that lets OCCT mend what it reads: on what is valid without
-    there is nothing to mend. They and the shape lie in the folder as `step_mesh` writes them, if every face has some,
-    and with `copies` before the rest is known: whoever asks can look at them meanwhile.
+    The triangles are those of `dsfab check`. Its reader also repairs, but a file that is valid here needs no repair. If
+    every face has triangles, they and the shape appear in the folder as from `step_triangles`; with `copies` before all
+    findings are complete, so that the caller can use them in parallel.
     """
     from OCP.TopAbs import TopAbs_ShapeEnum
 
-    reader, drawing = _read(path), _beside("../step_mesh.py")
+    reader, drawing = _read(path), _beside("step_triangles.py")
     if reader is None or not reader.TransferRoots():
         return []
     shape = reader.OneShape()
@@ -91,7 +81,6 @@ def whole_findings(path: str, folder: str, deflection: float, copies: bool = Fal
 
 
 def _read(path: str) -> Any | None:
-    """A reader that repairs nothing, with a file."""
     from OCP.collections import DataMap_TCollection_AsciiString_TCollection_AsciiString
     from OCP.IFSelect import IFSelect_ReturnStatus
     from OCP.Message import Message
@@ -105,12 +94,11 @@ def _read(path: str) -> Any | None:
     repairs = DataMap_TCollection_AsciiString_TCollection_AsciiString()
     for name in REPAIRS:
         repairs.Bind(TCollection_AsciiString(f"FixShape.Fix{name}Mode"), TCollection_AsciiString("0"))
-    reader.SetShapeFixParameters(repairs)  # reading sets all anew: not before it
+    reader.SetShapeFixParameters(repairs)  # after reading, which resets the parameters
     return reader
 
 
 def _root(reader: Any, folder: str, deflection: float, copies: bool, i: int) -> list[dict[str, Any]]:
-    """The findings for product i of a file: one, if it is one solid."""
     from OCP.StlAPI import StlAPI_Writer
     from OCP.TopAbs import TopAbs_ShapeEnum
 
@@ -127,7 +115,7 @@ def _root(reader: Any, folder: str, deflection: float, copies: bool, i: int) -> 
 
 
 def _shared(work: Callable[[int], Any], count: int) -> list[Any]:
-    """What `work` says to 0, 1 ... count - 1, asked here and in a copy: who is free takes the next."""
+    """Results of `work` for 0, 1 ... count - 1, shared with a fork: a free process takes the next number."""
     numbers, issue = os.pipe()
     os.write(issue, array("I", range(count)).tobytes())
     os.close(issue)
@@ -152,7 +140,7 @@ def _parts(shape: Any, kind: Any) -> Iterator[Any]:
 
 
 class _Meanwhile:
-    """What a copy of this process finds: OCCT does not let go of Python's lock, so threads would wait."""
+    """Work in a fork of this process. OCCT holds Python's lock, so threads would wait."""
 
     def __init__(self, work: Callable[[], Any]) -> None:
         self._said, mine = os.pipe()
@@ -164,7 +152,7 @@ class _Meanwhile:
     @staticmethod
     def _find(work: Callable[[], Any], to: int) -> None:
         try:
-            ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG: it ends with what it is a copy of
+            ctypes.CDLL(None).prctl(1, signal.SIGKILL)  # PR_SET_PDEATHSIG: it ends with its parent
             with os.fdopen(to, "w") as said:
                 json.dump(work(), said)
         finally:
@@ -177,14 +165,13 @@ class _Meanwhile:
         return json.loads(found)
 
     def stop(self) -> None:
-        """Nobody wants to know any more."""
         os.close(self._said)
         os.kill(self._copy, signal.SIGKILL)
         os.waitpid(self._copy, 0)
 
 
 def _findings(solid: Any, draw: Callable[[Any, list[Any]], bool], copies: bool) -> dict[str, Any]:
-    """About a solid; `draw` makes triangles of it and its faces, and says whether every face has some."""
+    """Findings about a solid. `draw` triangulates its faces and returns True if every face has triangles."""
     faces = _faces(solid)
     meanwhile = _Meanwhile(partial(_measures, solid, faces)) if copies else None
     checked = _checked(solid)
@@ -204,7 +191,6 @@ def _faces(solid: Any) -> list[Any]:
 
 
 def _checked(solid: Any) -> dict[str, Any]:
-    """What is found of a solid but its triangles and measures."""
     from OCP.BRep import BRep_Tool
     from OCP.BRepCheck import BRepCheck_Analyzer
     from OCP.TopAbs import TopAbs_ShapeEnum
@@ -222,7 +208,6 @@ def _checked(solid: Any) -> dict[str, Any]:
 
 
 def _drawn(drawing: ModuleType, deflection: float, solid: Any) -> bool:
-    """Whether every face of a solid becomes triangles as `step_mesh` draws them."""
     from OCP.BRep import BRep_Tool
     from OCP.TopLoc import TopLoc_Location
 
@@ -231,17 +216,18 @@ def _drawn(drawing: ModuleType, deflection: float, solid: Any) -> bool:
 
 
 def _tessellates(deflection: float, solid: Any, faces: list[Any]) -> bool:
-    """Whether every face becomes triangles, by Delabella's sweep; faces that it cannot do, by OCCT's own method.
+    """Return whether every face gets triangles, by Delabella's sweep, or else by OCCT's own method.
 
-    A skin with hundreds of holes takes the sweep a quarter of the time, for triangles as many and as close.
+    The sweep takes a quarter of the time for a skin with hundreds of holes, with as many and as close triangles.
     """
+    angle = 0.5  # largest turn between neighbouring triangles, radians
     from OCP.BRep import BRep_Tool
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
     from OCP.IMeshTools import IMeshTools_MeshAlgoType, IMeshTools_Parameters
     from OCP.TopLoc import TopLoc_Location
 
     how = IMeshTools_Parameters()
-    how.Deflection, how.Angle, how.InParallel = deflection or _deflection(solid), ANGLE, True
+    how.Deflection, how.Angle, how.InParallel = deflection or _deflection(solid), angle, True
     how.MeshAlgo = IMeshTools_MeshAlgoType.IMeshTools_MeshAlgoType_Delabella
     BRepMesh_IncrementalMesh(solid, how)
     left = [face for face in faces if BRep_Tool.Triangulation_s(face, TopLoc_Location()) is None]
@@ -252,36 +238,34 @@ def _tessellates(deflection: float, solid: Any, faces: list[Any]) -> bool:
 
 
 def _deflection(solid: Any) -> float:
-    """Of the triangles where none is asked for, millimetres."""
+    across = 1e-3  # share of the solid's size
     from OCP.Bnd import Bnd_Box
     from OCP.BRepBndLib import BRepBndLib
 
     box = Bnd_Box()
     BRepBndLib.Add_s(solid, box)
-    return float(ACROSS * box.SquareExtent() ** 0.5)
+    return float(across * box.SquareExtent() ** 0.5)
 
 
 @cache
 def _beside(name: str) -> ModuleType:
-    """What lies beside this file by its path: as part of dsfab it would bring much with it."""
+    """Import a module beside this file by its path, because an import of dsfab would load much more."""
     path = Path(__file__).parent / name
     at = spec_from_file_location(path.stem, path)
     if at is None or at.loader is None:
-        raise ImportError(f"{name} is not where check.py looks for it")
+        raise ImportError(f"{name} is not where piece_check.py looks for it")
     found = module_from_spec(at)
     at.loader.exec_module(found)
     return found
 
 
 def _measures(solid: Any, faces: list[Any], volume: bool = True) -> tuple[float, float]:
-    """Its widest gap, millimetres, and its volume, cubic millimetres, or 0 where nobody wants to know."""
     gap = max((_gap(face) for face in faces), default=0.0)
-    return gap, float(_beside("occt_volume.py").volume(solid)) if volume else 0.0
+    return gap, float(_beside("piece_volume.py").volume(solid)) if volume else 0.0
 
 
 def _asked(solids: list[Any]) -> list[dict[str, Any]]:
-    """All that is found of solids but their triangles."""
-    found, volume = [], _beside("occt_volume.py").volume_of_small_faces
+    found, volume = [], _beside("piece_volume.py").volume_of_small_faces
     for solid in solids:
         checked = _checked(solid)
         gap, _ = _measures(solid, _faces(solid), volume=False)
@@ -290,7 +274,6 @@ def _asked(solids: list[Any]) -> list[dict[str, Any]]:
 
 
 def _box(solid: Any) -> list[float]:
-    """Its lowest corner and its highest one: surfaces beside their faces count, as they do in most programs."""
     from OCP.Bnd import Bnd_Box
     from OCP.BRepBndLib import BRepBndLib
 
@@ -301,7 +284,8 @@ def _box(solid: Any) -> list[float]:
 
 
 def _gap(face: Any) -> float:
-    """Largest distance between the face's edges and their curves on it, sampled at the same parameters."""
+    """Largest distance between a face's edges and their curves on it, sampled at equal parameters."""
+    samples = 24  # along each edge
     from OCP.Adaptor3d import Adaptor3d_CurveOnSurface
     from OCP.BRep import BRep_Tool
     from OCP.BRepLib import BRepLib_ValidateEdge
@@ -320,14 +304,14 @@ def _gap(face: Any) -> float:
             continue
         on = Adaptor3d_CurveOnSurface(Geom2dAdaptor_Curve(flat, first, last), surface)
         both = BRepLib_ValidateEdge(GeomAdaptor_Curve(curve, first, last), on, True)
-        both.SetControlPointsNumber(SAMPLES)
+        both.SetControlPointsNumber(samples)
         both.Process()
         widest = max(widest, both.GetMaxDistance())
     return widest
 
 
 def _crossing(faces: list[Any]) -> list[list[float]]:
-    """The ends of the edges that cross others of their wire; of all edges of invalid faces when none is named."""
+    """Ends of edges that cross within their wire; of all edges of invalid faces if OCCT names none."""
     from OCP.BRepAdaptor import BRepAdaptor_Curve
     from OCP.BRepCheck import BRepCheck_Analyzer, BRepCheck_Status, BRepCheck_Wire
     from OCP.TopAbs import TopAbs_ShapeEnum
@@ -352,11 +336,10 @@ def _crossing(faces: list[Any]) -> list[list[float]]:
 
 
 def _loaded() -> list[str]:
-    """The arguments, after what takes longest to import."""
     import OCP.BRepMesh
     import OCP.STEPControl  # noqa: F401
 
-    _beside("occt_volume.py")
+    _beside("piece_volume.py")
     return list(json.loads(sys.stdin.readline()))
 
 

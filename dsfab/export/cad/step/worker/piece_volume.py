@@ -1,7 +1,7 @@
-"""The volume of a solid as OCCT reads it: by its own adaptive rule, but for faces with many edges by Green's theorem.
+"""Volume of a solid according to OCCT: its adaptive rule, but Green's theorem for faces with many edges.
 
-Part of the program `check`, which finds it by its path: it imports nothing from dsfab. On a dome of 1082 faces both
-together take 1.2 s of the processor, where OCCT's rule for all of them took 2.7, and agree with it to ten digits.
+The program `piece_check` loads this file by its path: it imports nothing from dsfab. For a dome of 1082 faces it takes
+1.2 s of processor time where OCCT's rule alone takes 2.7 s; both agree to ten digits.
 """
 
 from collections.abc import Iterator, Sequence
@@ -12,23 +12,17 @@ from numpy.lib.stride_tricks import sliding_window_view
 from numpy.polynomial import legendre
 
 VOLUME = 1e-3
-"""Share that a volume may be off, as the adaptive rule estimates it: it was off by a hundredth of that. The rule of
-Gauss and Kronrod, asked for the same, is no quicker and off by a tenth of it."""
+"""Relative error that the adaptive rule is asked to estimate; the real error was a hundredth of it. The Gauss-Kronrod
+rule with the same setting is no faster, and off by a tenth of it."""
 
 MANY_EDGES = 16
-"""Edges from which on a face is integrated by Green's theorem: for walls, which have four, and for faces with up to
-ten OCCT's rule is quicker."""
-
-POINTS = 4
-"""Of Gauss's rule in each span of an outline, as OCCT takes: off by 4e-6 of the volume of a vault. Two: by 3e-5."""
-
-WHOLE = 1e-9
-"""Share of its length by which an edge may end before its curve does."""
+"""Edges from which on a face is integrated by Green's theorem. For walls with four edges and faces with up to ten,
+OCCT's rule is faster."""
 
 
 class PlaneSpline(NamedTuple):
-    """A curve over the parameters of a surface: degree, knots with their repeats, poles, and 1, or -1 where the face
-    has it backwards."""
+    """Curve in the parameters of a surface: degree, repeated knots, poles, and 1, or -1 if the face runs it
+    backwards."""
 
     degree: int
     knots: list[float]
@@ -37,7 +31,7 @@ class PlaneSpline(NamedTuple):
 
 
 def parts(shape: Any, kind: Any) -> Iterator[Any]:
-    """The faces, edges ... of a shape, with their orientation in it."""
+    """Yield the faces, edges ... of a shape, with their orientation in it."""
     from OCP.TopExp import TopExp_Explorer
 
     found = TopExp_Explorer(shape, kind)
@@ -47,9 +41,9 @@ def parts(shape: Any, kind: Any) -> Iterator[Any]:
 
 
 def volume(solid: Any) -> float:
-    """The sum of the cones from one place over all faces, which are many-sided skins and four-sided walls.
+    """Sum the cones from one point over all faces, which are skins with many sides and walls with four.
 
-    The place is the middle of the vertices, as OCCT chooses it: what edges gape then counts least.
+    The point is the mean of the vertices, as in OCCT, where gaps at edges count least.
     """
     from OCP.BRep import BRep_Tool
     from OCP.gp import gp_Pnt
@@ -64,8 +58,10 @@ def volume(solid: Any) -> float:
 
 
 def volume_of_small_faces(solid: Any) -> float:
-    """The same of a solid whose faces have few edges and one span each, by the rule of Gauss and Kronrod: of 5756 faces
-    by members in a tenth of the time, .4 s of the processor, and 3e-9 off; of 6906 it was 6e-8 off."""
+    """Return the volume of a solid whose faces have few edges and one span each, by the Gauss-Kronrod rule.
+
+    For 5756 faces by members it took 0.4 s, a tenth of the time, and was 3e-9 off; for 6906 faces 6e-8.
+    """
     from OCP.BRepGProp import BRepGProp
     from OCP.GProp import GProp_GProps
 
@@ -75,10 +71,10 @@ def volume_of_small_faces(solid: Any) -> float:
 
 
 def _cone(face: Any, about: Any) -> float:
-    """Cubic millimetres between a face and a place, positive where the place lies behind the face.
+    """Volume in cubic millimetres between a face and a point, positive if the point lies behind the face.
 
-    OCCT's adaptive rule takes time with the edges of a face times the poles of its surface; `_cone_on_spline` is three
-    times as quick where there are many. (OCCT's plain rule is off by up to a hundredth on faces with many holes.)
+    The time of OCCT's adaptive rule grows with the edges of a face times the poles of its surface; `_cone_on_spline` is
+    three times as fast for many. OCCT's plain rule is off by up to 1 % on faces with many holes.
     """
     from OCP.BRepGProp import BRepGProp_Domain, BRepGProp_Face, BRepGProp_Vinert
     from OCP.TopAbs import TopAbs_Orientation, TopAbs_ShapeEnum
@@ -96,7 +92,6 @@ def _cone(face: Any, about: Any) -> float:
 
 
 def _spline_surface(face: Any) -> Any | None:
-    """The surface of a face, if it is a B-spline without weights."""
     from OCP.BRep import BRep_Tool
     from OCP.Geom import Geom_BSplineSurface
 
@@ -106,7 +101,8 @@ def _spline_surface(face: Any) -> Any | None:
 
 
 def _spline_on(edge: Any, face: Any) -> PlaneSpline | None:
-    """An edge's curve on a face; None unless it is a whole B-spline without weights."""
+    """Curve of an edge on a face; None unless it is a complete B-spline without weights."""
+    whole = 1e-9  # share of its length by which an edge may end before its curve
     from OCP.BRep import BRep_Tool
     from OCP.Geom2d import Geom2d_BSplineCurve
     from OCP.TopAbs import TopAbs_Orientation
@@ -115,20 +111,21 @@ def _spline_on(edge: Any, face: Any) -> PlaneSpline | None:
     if not isinstance(curve, Geom2d_BSplineCurve) or curve.IsRational() or curve.IsPeriodic():
         return None
     first, last = BRep_Tool.Range_s(edge)
-    if abs(curve.FirstParameter() - first) + abs(curve.LastParameter() - last) > WHOLE * (last - first):
+    if abs(curve.FirstParameter() - first) + abs(curve.LastParameter() - last) > whole * (last - first):
         return None
     forward = edge.Orientation() == TopAbs_Orientation.TopAbs_FORWARD
     knots = [curve.Knot(i) for i in range(1, curve.NbKnots() + 1) for _ in range(curve.Multiplicity(i))]
-    poles = [(p.X(), p.Y()) for p in map(curve.Pole, range(1, curve.NbPoles() + 1))]  # their list: six times as long
+    poles = [
+        (p.X(), p.Y()) for p in map(curve.Pole, range(1, curve.NbPoles() + 1))
+    ]  # OCCT's own list takes six times as long
     return PlaneSpline(curve.Degree(), knots, poles, 1 if forward else -1)
 
 
 def _cone_on_spline(surface: Any, outline: Sequence[PlaneSpline], about: Any) -> float:
-    """The integral of f = (S - about) . (S_u x S_v) / 3 inside an outline, by Green's theorem: that of G dv along it,
-    where G is the integral of f over u.
+    """Integrate f = (S - about) . (S_u x S_v) / 3 inside an outline, by Green's theorem: integrate G dv along the
+    outline, where G is the integral of f over u.
 
-    Between knots f is a polynomial of degrees 3 p - 1 and 3 q - 1 and is integrated as such, in Legendre's; along the
-    outline by Gauss's rule with `POINTS` between knots.
+    Between knots f is a polynomial of degrees 3 p - 1 and 3 q - 1, integrated in Legendre's basis.
     """
     u = [surface.UKnot(i) for i in range(1, surface.NbUKnots() + 1)]
     v = [surface.VKnot(i) for i in range(1, surface.NbVKnots() + 1)]
@@ -138,7 +135,7 @@ def _cone_on_spline(surface: Any, outline: Sequence[PlaneSpline], about: Any) ->
     to_u, to_v = np.linalg.inv(legendre.legvander(x, p - 1)), np.linalg.inv(legendre.legvander(y, q - 1))
     G = legendre.legint(np.einsum("am,imjn,bn->iajb", to_u, f, to_v), lbnd=-1, axis=1)
     G *= np.diff(u)[:, None, None, None] / 2
-    G[1:, 0] += np.cumsum(G.sum(axis=1), axis=0)[:-1]  # whole spans before this one; each polynomial is 1 at 1
+    G[1:, 0] += np.cumsum(G.sum(axis=1), axis=0)[:-1]  # add all earlier spans; each polynomial is 1 at 1
     at, dv = _outline_points(outline)
     i, s = _local(u, at[:, 0])
     j, t = _local(v, at[:, 1])
@@ -164,26 +161,27 @@ def _integrand(surface: Any, about: Any, u: Any, v: Any) -> Any:
 
 
 def _between(knots: list[float], x: Any) -> Any:
-    """((n - 1) k,) the places x (k,), from -1 to 1, in each span of n knots."""
+    """((n - 1) k,) places x (k,), from -1 to 1, in each span of n knots."""
     K = np.array(knots)
     return ((K[1:] + K[:-1])[:, None] / 2 + np.diff(K)[:, None] / 2 * x).ravel()
 
 
 def _local(knots: list[float], t: Any) -> tuple[Any, Any]:
-    """Of parameters t (k,), the spans that they are in, and where there, from -1 to 1."""
+    """Spans of parameters t (k,), and positions there from -1 to 1."""
     K = np.array(knots)
     i = np.clip(np.searchsorted(K, t, side="right") - 1, 0, len(K) - 2)
     return i, (2 * t - K[i] - K[i + 1]) / (K[i + 1] - K[i])
 
 
 def _outline_points(outline: Sequence[PlaneSpline]) -> tuple[Any, Any]:
-    """Gauss's points (k, 2) between the knots of an outline's curves, and what dv counts at each, (k,)."""
+    """Gauss points (k, 2) between the knots of an outline's curves, and weights of dv (k,)."""
+    points = 4  # of Gauss's rule in each span, as in OCCT: 4e-6 off for a vault; with two points 3e-5
     places, weights = [], []
     for degree in sorted({curve.degree for curve in outline}):
         spans = [_spans(curve) for curve in outline if curve.degree == degree]
         K, poles, way = (np.concatenate(column) for column in zip(*spans, strict=True))
         half = (K[:, degree] - K[:, degree - 1]) / 2
-        for x, weight in zip(*legendre.leggauss(POINTS), strict=True):
+        for x, weight in zip(*legendre.leggauss(points), strict=True):
             at, slope = _de_boor(K, poles, K[:, degree - 1] + (1 + x) * half)
             places.append(at)
             weights.append(weight * way * half * slope[:, 1])
@@ -191,8 +189,8 @@ def _outline_points(outline: Sequence[PlaneSpline]) -> tuple[Any, Any]:
 
 
 def _spans(curve: PlaneSpline) -> tuple[Any, Any, Any]:
-    """Of the spans between different knots of a curve of degree d: the 2 d knots around each, its d + 1 poles, and the
-    way of the curve, (k, 2 d), (k, d + 1, 2) and (k,)."""
+    """Spans between distinct knots of a curve of degree d: 2 d knots around each (k, 2 d), poles (k, d + 1, 2), and
+    direction (k,)."""
     d = curve.degree
     K = sliding_window_view(np.array(curve.knots[1:-1]), 2 * d)
     poles = sliding_window_view(np.array(curve.poles), d + 1, axis=0).swapaxes(1, 2)
@@ -201,7 +199,7 @@ def _spans(curve: PlaneSpline) -> tuple[Any, Any, Any]:
 
 
 def _de_boor(K: Any, poles: Any, t: Any) -> tuple[Any, Any]:
-    """Points (k, 2) and derivatives at t (k,), one to a span: K and poles as of `_spans`."""
+    """Points (k, 2) and derivatives at t (k,), one in each span: K and poles as from `_spans`."""
     d = K.shape[1] // 2
     slope = d * (poles[:, 1:] - poles[:, :-1]) / (K[:, d:] - K[:, :d])[:, :, None]
     K1, K2 = K, K[:, 1:-1]

@@ -17,16 +17,16 @@ from dsfab.export.cad.step.worker import piece_check, step_triangles
 from dsfab.export.subprocesses import Ahead, ProgramError, last_line
 
 SECONDS, SECONDS_PER_MB = 60.0, 10.0
-"""How long reading may take."""
+"""Time limits for reading."""
 
 
 @dataclass(frozen=True, eq=False)
 class StepMesh:
-    """V (n, 3) millimetres, F (m, 3) not joined between faces, and the number of solids.
+    """V (n, 3) millimetres, F (m, 3) without shared vertices between faces, and the number of solids.
 
-    face       : (m,) that each triangle is of, counted through all solids.
-    deflection : millimetres that the triangles may be off curved faces.
-    shape      : what was read, as OCCT keeps it (`.bin`).
+    face       : (m,) face of each triangle, counted through all solids.
+    deflection : largest distance of the triangles from curved faces, millimetres.
+    shape      : OCCT's binary shape (`.bin`).
     """
 
     V: Floats
@@ -38,9 +38,9 @@ class StepMesh:
 
 
 def read_step(path: Path, deflection: float = 0.0) -> StepMesh:
-    """The solids of a STEP file as triangles; raises ExportError when OCCT cannot read it or takes too long.
+    """Read the solids of a STEP file as triangles; raises ExportError if OCCT cannot read it or takes too long.
 
-    deflection : millimetres that they may be off curved faces; a share of the solids' size if 0.
+    deflection : largest distance from curved faces, mm; a share of the solids' size if 0.
     """
     with tempfile.TemporaryDirectory() as folder:
         found = _step_read_drawn(path, folder, *((str(deflection),) if deflection else ()))
@@ -48,10 +48,10 @@ def read_step(path: Path, deflection: float = 0.0) -> StepMesh:
 
 
 def drawn_anew(shape: bytes, deflection: float, faces: Ints | None = None) -> StepMesh:
-    """The triangles of what was read, as OCCT keeps it (see `StepMesh`), with another deflection, millimetres: reading
-    the file again takes longer than drawing it. Raises ExportError when OCCT takes too long.
+    """Triangulate OCCT's binary shape (see `StepMesh`) with another deflection, mm, which is faster than reading the
+    file again.
 
-    faces : (k,) numbers of those that are drawn, and no others; all when left out.
+    faces : (k,) numbers of the faces to draw; None means all. Raises ExportError if OCCT takes too long.
     """
     with tempfile.TemporaryDirectory() as folder:
         path, only = Path(folder) / "shape.bin", Path(folder) / "faces.npy"
@@ -74,10 +74,10 @@ def _step_read_drawn(path: Path, folder: str, *how: str) -> dict[str, float]:
 
 
 def mesh_in(folder: str, found: dict[str, float], shape: bytes = b"") -> StepMesh:
-    """What `step_mesh` wrote to a folder, and said: `deflection`, and `solids` unless that was written, too; the shape
-    where that is known already.
+    """Read the results of `step_triangles` from a folder; `report` holds `deflection` and perhaps `solids`; shape : if
+    known.
 
-    Raises OSError where it wrote nothing.
+    Raises OSError if there are none.
     """
     shape = shape or (Path(folder) / "shape.bin").read_bytes()
     with np.load(Path(folder) / "mesh.npz") as mesh:
@@ -86,14 +86,14 @@ def mesh_in(folder: str, found: dict[str, float], shape: bytes = b"") -> StepMes
 
 
 RECORD = np.dtype([("normal", "<f4", 3), ("corners", "<f4", (3, 3)), ("attributes", "<u2")])
-"""A triangle of a binary STL file, after 84 bytes of header."""
+"""Triangle of a binary STL file, after 84 bytes of header."""
 
 
 @dataclass(frozen=True, eq=False)
 class OcctFinding:
-    """A solid as OCCT reads it: see `check`. bad : (k, 3) ends of edges that cross; V, F : its triangles; millimetres.
+    """OCCT's findings about a solid, see `piece_check`. bad : (k, 3) ends of crossing edges; V, F : its triangles; mm.
 
-    The triangles of different faces share no vertices.
+    Triangles of different faces share no vertices.
     """
 
     valid: bool
@@ -109,14 +109,14 @@ class OcctFinding:
 
 
 def occt() -> Ahead:
-    """The program that `findings` asks, once: loading OCCT takes it most of a second."""
+    """Start the program for `findings` in advance, because it takes most of a second to load OCCT."""
     return Ahead(piece_check.__file__)
 
 
 def findings(program: Ahead, text: str, deflection: float, limit: float) -> list[OcctFinding]:
-    """About each solid of a file; nothing when it takes OCCT longer than `limit` seconds, or it fails.
+    """Return findings about each solid of a file; [] if OCCT fails or takes longer than `limit` seconds.
 
-    deflection : how far the triangles may be off the solid, millimetres.
+    deflection : largest distance of the triangles from the solid, millimetres.
     """
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
         path = Path(folder) / "a.step"
@@ -131,10 +131,10 @@ def findings(program: Ahead, text: str, deflection: float, limit: float) -> list
 def whole_findings(
     program: Ahead, text: str, deflection: float, limit: float, drawn: Callable[[StepMesh], None] = lambda mesh: None
 ) -> list[OcctFinding]:
-    """As `findings`, of solids that are judged together: they have no triangles of their own, but those of all are as
-    `read_step` draws them. `drawn` is called with these, if every face becomes triangles, while OCCT goes on.
+    """Return findings as `findings`, for solids that are judged together; they have no triangles of their own.
 
-    One reading serves both: it takes OCCT half of the time of everything that it is asked here.
+    `on_triangles` is called with the triangles of all solids, as by `read_step`, if every face has some, while OCCT
+    continues. One reading serves both, which takes half of OCCT's time here.
     """
     with tempfile.TemporaryDirectory(prefix="dsfab-") as folder:
         path = Path(folder) / "a.step"
@@ -154,7 +154,7 @@ def _occt_check_drawn(folder: str, deflection: float, drawn: Callable[[StepMesh]
 def _said(
     program: Ahead, path: str, folder: str, deflection: float, limit: float, look: Callable[[], None] | None = None
 ) -> list[dict[str, Any]]:
-    """What the program says; of solids that are judged together with a `look` at what it draws of them."""
+    """Return the program's answer; `look` is called as soon as its triangles are written."""
     program.ask(path, folder, str(deflection), *["whole"] * bool(look))
     drawn = Path(folder) / "mesh.npz"
     line = program.answer_and(drawn.exists, look, limit) if look else program.answer(limit)
@@ -170,7 +170,7 @@ def _finding(said: dict[str, Any], path: Path) -> OcctFinding:
 
 
 def distinct_points(points: Floats) -> tuple[Floats, Ints]:
-    """The different ones of points (k, 3), in order, and which each is: `np.unique`, in a quarter of its time."""
+    """Distinct rows of points (k, 3), in order, and the index of each: `np.unique`, four times as fast."""
     order = np.lexsort(points.T[::-1])
     ranked = points[order]
     first = np.ones(len(points), dtype=bool)

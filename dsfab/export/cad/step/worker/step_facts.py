@@ -1,11 +1,11 @@
-"""What OCCT finds in a STEP or BREP file: a program of its own, because the check of a shape may not end.
+"""Facts about a STEP or BREP file according to OCCT. A program of its own, because the check of a shape may not end.
 
-    python -P step_check.py FILE
+    python -P step_facts.py FILE
 
 prints one line of JSON, {"solids": 1, "faces": 6, "valid": true, "tessellates": true, "volume": 1000.0}, the volume in
-cubic millimetres; of a file of tessellated geometry, {"triangles": 12, "volume": 1000.0}, and of
-lines only, {"lines": 3, "length": 12.0}.
-It imports nothing from dsfab, so that it is a second opinion, and can be started from anywhere.
+cubic millimetres. For tessellated geometry it prints {"triangles": 12, "volume": 1000.0}, and for lines
+{"lines": 3, "length": 12.0}.
+It imports nothing from dsfab, so that it is a second opinion and starts from anywhere.
 """
 
 import json
@@ -16,7 +16,7 @@ from typing import Any
 
 
 def step_facts(path: Path) -> dict[str, Any]:
-    """Number of solids and faces, OCCT's validity check, and the volume of all solids together."""
+    """Return the numbers of solids and faces, OCCT's validity check, and the total volume."""
     from OCP.BRepCheck import BRepCheck_Analyzer
     from OCP.TopAbs import TopAbs_ShapeEnum
 
@@ -37,7 +37,7 @@ def step_facts(path: Path) -> dict[str, Any]:
 
 
 def read(path: Path) -> Any:
-    """The shape in a file, millimetres; raises ValueError where OCCT finds none."""
+    """Read the shape in a file, millimetres; raises ValueError if OCCT finds none."""
     from OCP.BRep import BRep_Builder
     from OCP.BRepTools import BRepTools
     from OCP.IFSelect import IFSelect_ReturnStatus
@@ -60,7 +60,6 @@ def read(path: Path) -> Any:
 
 
 def _parts(shape: Any, kind: Any) -> list[Any]:
-    """Its solids, faces or edges."""
     from OCP.TopExp import TopExp_Explorer
 
     parts, found = [], TopExp_Explorer(shape, kind)
@@ -71,7 +70,6 @@ def _parts(shape: Any, kind: Any) -> list[Any]:
 
 
 def _lines(shape: Any) -> dict[str, Any]:
-    """Number of curves in a file of lines, a composite one counted once, and their length together."""
     from OCP.BRepAdaptor import BRepAdaptor_Curve
     from OCP.GCPnts import GCPnts_AbscissaPoint
     from OCP.TopAbs import TopAbs_ShapeEnum
@@ -94,7 +92,6 @@ def _children(shape: Any) -> Iterator[Any]:
 
 
 def _triangles(shape: Any) -> dict[str, Any]:
-    """Number of triangles in a file of tessellated geometry, and the volume inside them."""
     from OCP.BRep import BRep_Tool
     from OCP.TopAbs import TopAbs_ShapeEnum
     from OCP.TopLoc import TopLoc_Location
@@ -111,7 +108,8 @@ def _triangles(shape: Any) -> dict[str, Any]:
 
 
 def _tessellates(shape: Any, faces: list[Any]) -> bool:
-    """Whether every face becomes triangles: a few valid curved ones do not. Planar faces alone are not asked."""
+    """Return whether every face becomes triangles, which a few valid curved faces do not. Planar faces alone are not
+    tested."""
     from OCP.Bnd import Bnd_Box
     from OCP.BRep import BRep_Tool
     from OCP.BRepAdaptor import BRepAdaptor_Surface
@@ -131,9 +129,9 @@ def _tessellates(shape: Any, faces: list[Any]) -> bool:
 
 
 def _volume(shape: Any) -> float:
-    """Volume by the Gauss-Kronrod rule: the other calls are wrong on faces with many holes or curved edges.
+    """Volume by the Gauss-Kronrod rule, because OCCT's other rules are wrong on faces with many holes or curved edges.
 
-    Measured on a plate with 65 holes and curved walls: 7e-9, and 1e-3 for the adaptive `VolumeProperties_s`.
+    On a plate with 65 holes and curved walls it is off by 7e-9, and the adaptive `VolumeProperties_s` by 1e-3.
     """
     from OCP.BRepGProp import BRepGProp
     from OCP.GProp import GProp_GProps

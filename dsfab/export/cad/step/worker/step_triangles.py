@@ -1,13 +1,13 @@
-"""Triangles of the solids in a STEP file, as OCCT reads it: a program of its own, like `step_check`.
+"""Triangles of the solids in a STEP file according to OCCT. A program of its own, like `step_facts`.
 
-    python -P step_mesh.py FILE FOLDER [DEFLECTION [FACES]]
+    python -P step_triangles.py FILE FOLDER [DEFLECTION [FACES]]
 
-of a STEP file, or of a `.bin` one of its own, writes to FOLDER `mesh.npz`, V (n, 3) millimetres, F (m, 3) seen from
-outside, and the face (m,) that each is of, counted through all solids; and one line of JSON: {"solids": 1,
-"deflection": 0.1}, how many millimetres its triangles may be off curved faces, as told or, for 0, `ACROSS`. FACES is a
-`.npy` file of the numbers of those that are drawn, else all. Of a STEP file also `shape.bin`, what was read, as OCCT
-keeps it, which is read again in a fiftieth of the time. Vertices of neighbouring faces stand at the same place and are
-not made one. It imports nothing from dsfab. `smooth.check` draws with it what it has read already.
+reads a STEP file, or a `.bin` shape of its own, and writes to FOLDER `mesh.npz`: V (n, 3) millimetres, F (m, 3)
+counter-clockwise from outside, and the face (m,) of each triangle, counted through all solids. It prints one line of
+JSON: {"solids": 1, "deflection": 0.1}, where DEFLECTION 0 means `DEFLECTION_SHARE`. FACES is a `.npy` file of face
+numbers to draw. From a STEP file it also writes `shape.bin`, OCCT's binary shape, which loads 50 times as fast.
+Neighbouring faces share no vertices. It imports nothing from dsfab. `piece_check` uses its functions for shapes that it
+has read.
 """
 
 import gc
@@ -21,14 +21,11 @@ from typing import Any
 import numpy as np
 
 ACROSS = 1e-4
-"""Largest distance of a triangle from a curved face unless told, as a share of the diagonal of the bounding box."""
-
-ANGLE = 0.2
-"""Largest turn from one triangle to the next, radians."""
+"""Default deflection over the diagonal of the bounding box."""
 
 
 def read(path: Path) -> Any:
-    """The shape in a STEP or `.bin` file, millimetres; raises ValueError where OCCT finds none."""
+    """Read the shape in a STEP or `.bin` file, millimetres; raises ValueError if OCCT finds none."""
     if path.suffix == ".bin":
         return kept(path)
     from OCP.IFSelect import IFSelect_ReturnStatus
@@ -46,7 +43,7 @@ def read(path: Path) -> Any:
 
 
 def kept(path: Path) -> Any:
-    """The shape that `keep` wrote; raises ValueError where there is none."""
+    """Read a shape that `write_binary` wrote; raises ValueError if that fails."""
     from OCP.BinTools import BinTools
     from OCP.TopoDS import TopoDS_Shape
 
@@ -57,7 +54,7 @@ def kept(path: Path) -> Any:
 
 
 def keep(shape: Any, path: Path) -> None:
-    """Write a shape as OCCT keeps it, without triangles."""
+    """Write OCCT's binary shape, without triangles."""
     from OCP.BinTools import BinTools, BinTools_FormatVersion
 
     if not BinTools.Write_s(shape, str(path), False, False, BinTools_FormatVersion.BinTools_FormatVersion_CURRENT):
@@ -65,9 +62,9 @@ def keep(shape: Any, path: Path) -> None:
 
 
 def tessellated(shape: Any, deflection: float = 0.0, only: Any = None) -> tuple[dict[str, Any], dict[str, float]]:
-    """V, F and `face` as `mesh.npz` has them, of the faces `only` (k,) if given; the number of solids, the deflection.
+    """Return V, F and `face` as in `mesh.npz`, of the faces `only` (k,) or all; number of solids and deflection.
 
-    Faces alone are drawn together: those that share an edge share its points.
+    Selected faces are drawn together, so that neighbours share the points of their edges.
     """
     from OCP.TopAbs import TopAbs_ShapeEnum
 
@@ -80,15 +77,16 @@ def tessellated(shape: Any, deflection: float = 0.0, only: Any = None) -> tuple[
 
 
 def draw(shape: Any, deflection: float) -> None:
-    """Let OCCT make triangles, which it keeps with the faces of a shape."""
+    """Let OCCT triangulate a shape; it stores the triangles with the faces."""
+    angle = 0.2  # largest turn between neighbouring triangles, radians
     from OCP.BRepMesh import BRepMesh_IncrementalMesh
 
-    BRepMesh_IncrementalMesh(shape, deflection, False, ANGLE, True)
+    BRepMesh_IncrementalMesh(shape, deflection, False, angle, True)
 
 
 def keep_drawn(shape: Any, folder: Path) -> None:
-    """Write a shape whose solids are drawn, as `written` does, and their number; `mesh.npz` is last, and there as soon
-    as it is whole."""
+    """Write a triangulated shape as `write_results` does, with its number of solids. `mesh.npz` appears last, and only
+    complete."""
     from OCP.TopAbs import TopAbs_ShapeEnum
 
     solids = list(_parts(shape, TopAbs_ShapeEnum.TopAbs_SOLID))
@@ -100,7 +98,6 @@ def keep_drawn(shape: Any, folder: Path) -> None:
 
 
 def _mesh(faces: list[Any], numbers: Iterable[int]) -> dict[str, Any]:
-    """V, F and `face` of some of the faces, all drawn."""
     V, F, of, count = [np.zeros((0, 3))], [np.zeros((0, 3), dtype=np.int64)], [np.zeros(0, dtype=np.int64)], 0
     for k in numbers:
         points, corners = _triangles(faces[k])
@@ -132,7 +129,6 @@ def _parts(shape: Any, kind: Any) -> Iterator[Any]:
 
 
 def _diagonal(shape: Any) -> float:
-    """Of the bounding box, millimetres."""
     from OCP.Bnd import Bnd_Box
     from OCP.BRepBndLib import BRepBndLib
 
@@ -152,7 +148,7 @@ def _triangles(face: Any) -> tuple[Any, Any]:
     if mesh is None:
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
     nodes: Iterable[Any] = map(mesh.Node, range(1, mesh.NbNodes() + 1))
-    if not place.IsIdentity():  # where there is nothing to move, asking takes as long as reading the points
+    if not place.IsIdentity():  # moving points takes as long as reading them
         move = place.Transformation()
         nodes = (node.Transformed(move) for node in nodes)
     V = np.array([node.Coord() for node in nodes])
@@ -161,7 +157,8 @@ def _triangles(face: Any) -> tuple[Any, Any]:
 
 
 def written(path: str, folder: str, deflection: str = "0", faces: str = "") -> str:
-    """Write what was found in a file to a folder; one line about it. Raises ValueError where OCCT does not read it."""
+    """Read a file, write its results to a folder, and return one line of JSON; raises ValueError if OCCT cannot read
+    it."""
     file, place = Path(path), Path(folder)
     shape = read(file)
     if file.suffix != ".bin":
@@ -176,7 +173,7 @@ if __name__ == "__main__":
     try:
         said = written(*sys.argv[1:])
     except ValueError as error:
-        sys.exit(str(error))  # its sentence is told, without Python's words
+        sys.exit(str(error))  # the caller shows this sentence without a traceback
     sys.stdout.write(said + "\n")
     sys.stdout.flush()
     os._exit(0)  # taking the solids apart takes a quarter of a second

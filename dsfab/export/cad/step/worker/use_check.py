@@ -1,29 +1,27 @@
-"""What CAD programs do with the solids of a STEP file, tried by OCCT: a program of its own, since OCCT may not end.
+"""Trials of OCCT with the solids of a STEP file, as in CAD programs. A program of its own, because OCCT may not end.
 
     python -P use_check.py FILE.step [CUTS [all]]
 
 prints one line of JSON:
 
-solids, faces : how many.    valid : whether OCCT finds nothing wrong.    seconds : of the processor, for all of this.
-volume, plain : by the rule of Gauss and Kronrod, and by the one that most programs take, cubic millimetres.
-box           : as OCCT bounds the solids, six numbers, millimetres.
-sound         : how many of CUTS half-space cuts (8 unless told) leave two valid halves that add up to the whole, within
-                `ADDS` of it as one and `ALONE` each by itself. Trying ends with the first that does not, unless `all`
-                are to be tried.
-worst, alone  : by what share the valid ones miss it most, as one and each by itself.
-missed        : by what share each cut that is not sound misses, 1 where a half is not valid, 0 of each that is.
-boxed         : whether what lies in a box, and what lies outside, are as sound.    box_missed : as `missed`.
-closed        : whether a section has no open ends.
-again         : whether the shape is valid, with as many faces and its volume, once OCCT has written and read it.
-fillets, sharp : how many of up to ten edges across the sheet can be rounded, one by one, and how many were tried.
+solids, faces : numbers.    valid : OCCT finds no fault.    seconds : processor time of all trials.
+volume, plain : by the Gauss-Kronrod rule, and by the rule of most programs, cubic millimetres.
+box           : OCCT's box of the solids, six numbers, millimetres.
+sound         : number of CUTS half-space cuts (default 8) with two valid halves that add up to the whole within
+                `TOGETHER_LIMIT`, and `ALONE_LIMIT` each. Trials end with the first failure, unless `all` is set.
+worst, alone  : largest relative error of the valid cuts, together and each.
+missed        : relative error of each unsound cut, 1 for an invalid half, 0 for a sound cut.
+boxed         : the parts inside and outside of a box are sound.    box_missed : as `missed`.
+closed        : a section has no open ends.
+again         : the shape is valid and has the same faces and volume after OCCT has written and read it.
+fillets, sharp : number of edges across the sheet that OCCT rounded, and number of tried edges (up to ten).
 
     python -P use_check.py FILE sample
 
-tries of a STEP file, or of a `.bin` file that `step_mesh` kept, the first of these cuts alone: `box`, `halves`, whether
-both are valid, and `off`, as `missed`. Volumes are asked for last, where both are: those of smooth solids take most of
-the time.
+tries only the first cut of a STEP file or a `.bin` shape of `step_triangles`: `box`, `halves` (both valid) and `off`,
+as `missed`. Volumes come last, and only for valid halves, because those of smooth solids take most of the time.
 
-It imports nothing from dsfab, so that it is a second opinion, and can be started from anywhere.
+It imports nothing from dsfab, so that it is a second opinion and starts from anywhere.
 """
 
 import json
@@ -37,39 +35,32 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 ADDS = 1e-5
-"""Share of the volume that two halves may miss as one, see `Missed`."""
+"""Largest relative error of the volume of two halves together, see `VolumeErrors`."""
 
 ALONE = 1e-4
-"""Share that they may miss each by itself, as programs tell volumes."""
-
-ACCURATE = 1e-6
-"""Relative error that volumes are asked for, by the rule of Gauss and Kronrod: the adaptive one was off by 4e-3 on a
-plate with 67 holes, which then seemed to lose volume at every cut."""
-
-MEET = 0.05
-"""Millimetres within which the ends of a section's edges are one."""
+"""Largest relative error with each half measured by itself, as programs report volumes."""
 
 PLANES = (
     *((1.0, 0.11, 0.07, 0.03), (0.09, 1.0, -0.13, -0.05), (0.05, 0.08, 1.0, 0.02), (1.0, 0.9, 0.2, 0.07)),
     *((1.0, -1.1, 0.3, -0.04), (0.4, 1.0, 0.9, 0.06), (0.9, -0.3, 1.0, -0.08), (-0.7, 1.0, 0.15, 0.11)),
 )
-"""Normals of cuts, and how far from the middle of the box they are, as shares of its diagonal."""
+"""Normals of cuts, and their distance from the middle of the box over its diagonal."""
 
 BOX = ((0.13, 0.21, -0.1), (0.71, 0.83, 1.1))
-"""Two corners of the box that is cut out, as shares of the solids' own."""
+"""Two corners of the box for a cut, as shares of the solids' box."""
 
 FILLETS, SHARP = 10, 20.0
-"""Edges that are rounded at most, and degrees between their faces from which on there is something to round."""
+"""Most rounded edges, and least degrees between their faces."""
 
 ROUND, OF_EDGE = 10.0, 1 / 8
-"""Radius of a fillet: millimetres, and no more than this share of its edge."""
+"""Radius of a fillet in mm, and its largest share of the edge."""
 
 SMOOTH = cos(radians(1.0))
-"""Cosine of the angle up to which an edge goes on in another."""
+"""Cosine of the angle up to which one edge continues another."""
 
 
 def use(path: Path, cuts: int, all_of_them: bool = False) -> dict[str, Any]:
-    """The findings about a file."""
+    """Return the findings about a file."""
     from OCP.TopAbs import TopAbs_ShapeEnum
 
     begin = time.process_time()
@@ -102,7 +93,7 @@ def use(path: Path, cuts: int, all_of_them: bool = False) -> dict[str, Any]:
 
 
 def sample(path: Path) -> dict[str, Any]:
-    """What becomes of one cut through the middle of a file."""
+    """Return the result of one cut through the middle of a file."""
     begin = time.process_time()
     shape = _read(str(path))
     bounds = _bounds(shape)
@@ -112,7 +103,6 @@ def sample(path: Path) -> dict[str, Any]:
 
 
 def _read(path: str) -> Any:
-    """The shape in a STEP file, or in a `.bin` file that `step_mesh` kept of one."""
     if path.endswith(".bin"):
         from OCP.BinTools import BinTools
         from OCP.TopoDS import TopoDS_Shape
@@ -131,7 +121,6 @@ def _read(path: str) -> Any:
 
 
 def _bounds(shape: Any) -> list[float]:
-    """The box around a shape: its lowest corner, and its highest one."""
     from OCP.Bnd import Bnd_Box
     from OCP.BRepBndLib import BRepBndLib
 
@@ -158,6 +147,9 @@ def _valid(shape: Any) -> bool:
 
 
 def _volume(shape: Any, plain: bool = False) -> float:
+    # Relative error of the Gauss-Kronrod rule. The adaptive rule was off by 4e-3 on a plate with 67 holes, which then
+    # seemed to lose volume at every cut.
+    accuracy = 1e-6
     from OCP.BRepGProp import BRepGProp
     from OCP.GProp import GProp_GProps
 
@@ -165,20 +157,21 @@ def _volume(shape: Any, plain: bool = False) -> float:
     if plain:
         BRepGProp.VolumeProperties_s(shape, properties)
     else:
-        BRepGProp.VolumePropertiesGK_s(shape, properties, ACCURATE, False, False, False, False, False)
+        BRepGProp.VolumePropertiesGK_s(shape, properties, accuracy, False, False, False, False, False)
     return float(properties.Mass())
 
 
 class Missed(NamedTuple):
-    """By what share two halves miss the volume of the whole: alone, each by itself, and together, as one, which is
-    asked where alone they miss more than `ADDS`, and not more than `ALONE`; 1 both where a half is not valid.
+    """Relative error of the volume of two halves: `alone`, measured each by itself, and `together`, measured as one
+    shape.
 
-    A trimmed face is near to its edges, and where a plane cuts two such faces the outline of its section has a gap as
-    wide as those are apart. OCCT (8.0) integrates over a plane from a line beside the outline, so that a gap counts
-    with its length times how far it is from there, and it asks for each solid's volume around that solid's own middle.
-    Of eleven sections of a saddle of 5 m, with gaps of .0065 mm at most, it found 20.5 mm2 of 240,228 too few, and the
-    halves, nowhere lost, missed 1.9e-5 each by itself and 2.4e-10 as one, where both sides of a section cancel; of a
-    roof 3.3e-5 and 7e-8. A piece of skin that a cut lost would be missed both ways.
+    `together` is measured only for `alone` between `TOGETHER_LIMIT` and `ALONE_LIMIT`. Both are 1 for an invalid half.
+
+    Where a plane cuts two trimmed faces, the outline of the section has a gap as wide as their distance. OCCT (8.0)
+    integrates over a plane from a line beside the outline, so a gap counts with its length times its distance from that
+    line, and each solid has a line of its own. A section of a saddle of 5 m with gaps of 0.0065 mm missed 20.5 of
+    240,228 mm2. Its halves missed 1.9e-5 alone but 2.4e-10 together, where both sides of the section cancel; those of a
+    roof 3.3e-5 and 7e-8. A lost piece of skin would be missing in both measures.
     """
 
     alone: float
@@ -186,7 +179,7 @@ class Missed(NamedTuple):
 
     @property
     def fault(self) -> float:
-        """What they miss, if that is more than they may; else 0."""
+        """Relative error if it is too large, else 0."""
         return self.together if self.together > ADDS else 0.0
 
 
@@ -194,7 +187,7 @@ INVALID = Missed(1.0, 1.0)
 
 
 def _missed(halves: list[Any], whole: float) -> Missed:
-    """What two halves miss, or none where one was not valid."""
+    """Compare the volume of halves with the whole; [] means an invalid half."""
     if not halves:
         return INVALID
     alone = abs(sum(map(_volume, halves)) / whole - 1)
@@ -213,7 +206,6 @@ def _as_one(shapes: list[Any]) -> Any:
 
 
 def _cuts(shape: Any, bounds: list[float], whole: float, cuts: int, all_of_them: bool) -> Iterator[Missed]:
-    """What the halves of each cut miss."""
     for plane in PLANES[:cuts]:
         missed = _missed(_split(shape, _half_space(bounds, plane)), whole)
         yield missed
@@ -222,7 +214,6 @@ def _cuts(shape: Any, bounds: list[float], whole: float, cuts: int, all_of_them:
 
 
 def _half_space(bounds: list[float], plane: tuple[float, ...]) -> Any:
-    """What lies on one side of the plane of a cut."""
     from OCP.BRepBuilderAPI import BRepBuilderAPI_MakeFace
     from OCP.BRepPrimAPI import BRepPrimAPI_MakeHalfSpace
 
@@ -231,7 +222,6 @@ def _half_space(bounds: list[float], plane: tuple[float, ...]) -> Any:
 
 
 def _plane(bounds: list[float], plane: tuple[float, ...]) -> tuple[Any, Any]:
-    """The plane of a cut, and a point on one side of it."""
     from OCP.gp import gp_Dir, gp_Pln, gp_Pnt
 
     low, high = bounds[:3], bounds[3:]
@@ -253,10 +243,10 @@ def _box(bounds: list[float]) -> Any:
 
 
 def _split(shape: Any, tool: Any) -> list[Any]:
-    """What lies in a tool and what lies outside; nothing where one of both is not valid.
+    """Return the parts inside and outside of a tool, or [] if one is invalid.
 
-    Both are cells of one subdivision, made once: two booleans of OCCT on one filler gave the same volumes, to the
-    last bit, and took 1.2 to 1.4 times as long.
+    Both are cells of one subdivision. Two booleans on one filler gave the same volumes but took up to 1.4 times as
+    long.
     """
     from OCP.BOPAlgo import BOPAlgo_CellsBuilder
     from OCP.collections import List_TopoDS_Shape
@@ -282,7 +272,6 @@ def _split(shape: Any, tool: Any) -> list[Any]:
 
 
 def _farthest_alone(points: Any) -> float:
-    """The largest distance of one of some points (k, 3) from the nearest other one."""
     from scipy.spatial import cKDTree
 
     away: Any = cKDTree(points).query(points, k=2)[0]
@@ -290,7 +279,7 @@ def _farthest_alone(points: Any) -> float:
 
 
 def _closed_section(shape: Any, bounds: list[float], plane: tuple[float, ...]) -> bool:
-    """Whether at every end of a section's edges another one begins."""
+    meet = 0.05  # millimetres within which ends of a section's edges coincide
     from OCP.BRep import BRep_Tool
     from OCP.BRepAlgoAPI import BRepAlgoAPI_Section
     from OCP.TopAbs import TopAbs_ShapeEnum
@@ -304,11 +293,10 @@ def _closed_section(shape: Any, bounds: list[float], plane: tuple[float, ...]) -
         for vertex in _parts(edge, TopAbs_ShapeEnum.TopAbs_VERTEX):
             at = BRep_Tool.Pnt_s(TopoDS.Vertex(vertex))
             ends.append([at.X(), at.Y(), at.Z()])
-    return bool(ends) and _farthest_alone(ends) <= MEET
+    return bool(ends) and _farthest_alone(ends) <= meet
 
 
 def _again(shape: Any, whole: float) -> bool:
-    """Whether another STEP file of the shape, by OCCT, holds the same."""
     from OCP.STEPControl import STEPControl_StepModelType, STEPControl_Writer
     from OCP.TopAbs import TopAbs_ShapeEnum
 
@@ -323,7 +311,6 @@ def _again(shape: Any, whole: float) -> bool:
 
 
 def _fillets(shape: Any) -> tuple[int, int]:
-    """How many of some edges across the sheet can be rounded, and how many were tried."""
     from OCP.BRepFilletAPI import BRepFilletAPI_MakeFillet
 
     edges = _across(shape)
@@ -341,9 +328,9 @@ def _fillets(shape: Any) -> tuple[int, int]:
 
 
 def _across(shape: Any) -> list[tuple[Any, float]]:
-    """The sharp edges from skin to skin with their lengths: the commonest length of straight ones is the thickness.
+    """Sharp edges from skin to skin with their lengths; the commonest length of straight edges is the thickness.
 
-    Those that go on smoothly in others are pieces of rims: they may happen to be as long, or to be more.
+    Edges that continue others smoothly are pieces of rims, which may happen to be as long.
     """
     from OCP.BRep import BRep_Tool
     from OCP.BRepAdaptor import BRepAdaptor_Curve
@@ -369,7 +356,7 @@ def _across(shape: Any) -> list[tuple[Any, float]]:
 
 
 def _ends_at_corners(edge: Any, edges: Any) -> bool:
-    """Whether none of the edges at its ends goes on from a straight one; edges : of a shape, by vertices."""
+    """Return whether no edge at its ends continues a straight edge; edges : of the shape, by vertex."""
     from OCP.BRep import BRep_Tool
     from OCP.BRepAdaptor import BRepAdaptor_Curve
     from OCP.TopExp import TopExp
@@ -384,7 +371,6 @@ def _ends_at_corners(edge: Any, edges: Any) -> bool:
 
 
 def _turn(edge: Any, beside: list[Any]) -> float:
-    """Degrees between the normals of two faces in the middle of their edge."""
     from OCP.BRep import BRep_Tool
     from OCP.GeomLProp import GeomLProp_SLProps
     from OCP.TopAbs import TopAbs_Orientation
