@@ -220,7 +220,7 @@ def test_extras_are_made_in_their_order(plate):
         (SplitBodies(bed=(1.0, 1.0, 1.0), apart=0.1, dowel=0.01), "dowel and deep"),
         (Ring(width=0.0, height=0.1), "width must be a positive length"),
         (Ring(width=1.2, height=0.1), "would cross itself near"),
-        (Ring(width=0.1, height=0.1, at=Ball(center=(1.0, 0.5, 0.0), radius=0.1)), "or picked; check at"),
+        (Ring(width=0.1, height=0.1, at=Ball(center=(1.0, 0.5, 0.0), radius=0.1)), "has a picked vertex; check 'at'"),
         (Feet(at=All(), height=-0.1, margin=0.05, sink=0.01), "height must be a positive length"),
     ],
 )

@@ -123,13 +123,9 @@ def test_a_proof_changes_no_solid():
 
 
 CHUNKS = (
-    "surface.mesh",
-    "slicing.cells",
-    "slicing.triangulate",
-    "thickening.normals",
-    "thickening.offset",
-    "thickening.separation_proof.prisms",
-    "thickening.separation_proof.proof",
+    "slicing.cutting.cells",
+    "thickening.offset_vectors",
+    "thickening.separation_proof",
 )
 
 
