@@ -9,8 +9,9 @@ from typing import Any
 
 from dsfab.core.errors import PresetError
 
-PRESETS = tuple(folder / "presets" for folder in Path(__file__).resolve().parents[1:3])
-"""Where the presets lie that come with dsfab: in a wheel in the package, in a checkout at the top level."""
+PRESETS = tuple(folder / "presets" / kind for folder in Path(__file__).resolve().parents[1:3] for kind in ("", "paper"))
+"""Where the presets lie that come with dsfab: in a wheel in the package, in a checkout at the top level. Those of the
+paper's figures have a folder in it; a name finds either."""
 
 DEEPEST = 50
 """Tables and lists in each other, several times what any preset or sweep has."""
