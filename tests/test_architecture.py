@@ -461,6 +461,11 @@ def test_the_top_level_stays_small():
     assert {line.split("/")[0] for line in tracked.splitlines()} == AT_THE_TOP
 
 
+def test_what_users_build_lies_beside_nothing_of_ours():
+    tracked = subprocess.run(["git", "ls-files", "outputs"], cwd=ROOT, capture_output=True, text=True, check=True)
+    assert tracked.stdout.split() == ["outputs/README.md"]
+
+
 # --- sizes and names
 
 
