@@ -235,7 +235,7 @@ def test_bench_scaling_runs_one_preset_at_several_sizes(capsys, monkeypatch):
     assert code == 0
     rows = json.loads(out)
     assert [row["vertices"] for row in rows] == pytest.approx([300, 900], rel=0.1)
-    canopy = Path(__file__).parents[1] / "outputs" / "gallery" / "canopy.toml"  # its surface is a file
+    canopy = Path(__file__).parents[1] / "docs" / "examples" / "canopy.toml"  # its surface is a file
     code, _, err = run(capsys, "bench", str(canopy), "--scaling")
     assert code == 1
     assert "surface.edge" in err

@@ -75,7 +75,7 @@ def rough(tmp_path_factory):
 @pytest.fixture
 def desk(tmp_path, monkeypatch, rough):
     """A folder with a roof of one's own in it, in millimetres; shipped presets take less time here."""
-    for module in ("preset_list", "preset_surface"):
+    for module in ("core.toml_files", "preset.surface_section"):
         monkeypatch.setattr(f"dsfab.{module}.PRESETS", (rough,))
     hall = barrel_vault(edge=1.2)
     trimesh.Trimesh(hall.V * 1000, hall.F, process=False).export(tmp_path / "my_roof.obj")
@@ -214,7 +214,7 @@ def test_pictures_and_pages_that_are_named_exist(page):
     for target in re.findall(r"\]\((?!https?:)([^)#]+)", PAGES[page]):
         path = (ROOT / page).parent / target
         assert path.name in made or path.exists(), target
-        assert path.suffix != ".png" or path.stat().st_size > 5_000, target  # drawings of lines are small
+        assert path.suffix != ".webp" or path.stat().st_size > 5_000, target  # drawings of lines are small
 
 
 def test_the_readme_names_what_lies_beside_it():
@@ -299,7 +299,7 @@ def test_ten_minutes_with_ones_own_roof_as_the_lesson_goes(tmp_path, monkeypatch
     Its STEP file holds triangles: `dsfab build my_roof.obj` of another page writes what is proposed. At the end members
     are twice as far apart: what is shown of the workshop is of a rim.
     """
-    shutil.copy(ROOT / "outputs" / "gallery" / "canopy.obj", tmp_path / "my_roof.obj")
+    shutil.copy(ROOT / "docs" / "examples" / "canopy.obj", tmp_path / "my_roof.obj")
     monkeypatch.setattr("dsfab.study.baselines.structures.PAIRS", [(1, 2)])  # its answer on isotropic ones is not shown
     monkeypatch.chdir(tmp_path)
     shown = iter(blocks("text", LESSON))
@@ -341,15 +341,15 @@ def test_the_case_studies_print_what_they_show(tmp_path, monkeypatch, capsys):
 
 
 def test_the_gallery_shows_what_it_says_how_to_build():
-    page = (ROOT / "outputs" / "gallery" / "README.md").read_text(encoding="utf-8")
+    page = PAGES["docs/gallery.md"]
     lines = re.findall(
-        r"^## [^\n]+: `dsfab build ([^`]+)`\n\n(.+?)!\[[^\n]+\]\((\w+_steps\.png)\)", page, flags=re.M | re.S
+        r"^## [^\n]+: `dsfab build ([^`]+)`\n\n(.+?)!\[[^\n]+\]\((media/\w+_steps\.webp)\)", page, flags=re.M | re.S
     )
     assert len(lines) == page.count("\n## ") == 16
     for given, words, picture in lines:
         name = given.split(" ")[0]
         assert dsfab.load_preset(ROOT / name if name.endswith(".toml") else name).description, words
-        assert (ROOT / "outputs" / "gallery" / picture).stat().st_size > 10_000
+        assert (ROOT / "docs" / picture).stat().st_size > 10_000
 
 
 def test_what_is_cited_is_named_alike_in_both_places():

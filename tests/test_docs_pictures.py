@@ -1,4 +1,4 @@
-"""Every picture of the README and of the site is made by `docs/make.py`, and what is quick of it runs here."""
+"""Every picture of the README and of the site is made by `docs/_build/make.py`, and what is quick of it runs here."""
 
 import re
 import shutil
@@ -7,8 +7,8 @@ from pathlib import Path
 import pytest
 
 import dsfab
-from docs import make, wires
-from docs.drawings import CONCEPTS
+from docs._build import make, wires
+from docs._build.drawings import CONCEPTS
 from dsfab.app.hops.components import COMPONENTS
 from dsfab.core.toml_files import shipped_presets
 from tests.bad_meshes import obj
@@ -16,13 +16,18 @@ from tests.designs import rough_presets
 from tests.zoo import grid
 
 ROOT = Path(__file__).resolve().parent.parent
-GALLERY = ROOT / "outputs" / "gallery"
-PAGES = [ROOT / "README.md", GALLERY / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
+MEDIA, OWN = ROOT / "docs" / "media", ROOT / "docs" / "examples"
+PAGES = [ROOT / "README.md", *sorted((ROOT / "docs").glob("*.md"))]
 
 
 def test_every_picture_has_its_maker_and_every_maker_its_picture():
-    made = {GALLERY / file for name in make.MAKERS for file in make.files(name)}
-    assert made == set(GALLERY.rglob("*.png"))
+    made = {MEDIA / file for name in make.MAKERS for file in make.files(name)}
+    assert made == {path for path in MEDIA.rglob("*") if path.is_file()}
+
+
+def test_pictures_stay_small():
+    """Whoever clones the repository takes them all."""
+    assert sum(path.stat().st_size for path in MEDIA.rglob("*") if path.is_file()) < 4e6
 
 
 def test_pages_show_nothing_else():
@@ -30,16 +35,16 @@ def test_pages_show_nothing_else():
     shown = {
         (page.parent / target).resolve()
         for page in PAGES
-        for target in re.findall(r"!\[[^]]*\]\(([^)]+\.png)\)", page.read_text(encoding="utf-8"))
+        for target in re.findall(r"!\[[^]]*\]\(([^)]+\.webp)\)", page.read_text(encoding="utf-8"))
     }
-    assert {path for path in shown if GALLERY not in path.parents} == set()
-    assert shown <= set(GALLERY.rglob("*.png"))
+    assert {path for path in shown if MEDIA not in path.parents} == set()
+    assert shown <= set(MEDIA.rglob("*.webp"))
     assert len(shown) > 30
 
 
 @pytest.mark.parametrize("name", [name for name in make.DESIGNS if name != "figurine"])
 def test_what_a_design_of_the_gallery_is_drawn_from_is_there(name):
-    """Built are most of them elsewhere; here each is at least read, as `docs.make` reads it. Bob's mesh lies apart."""
+    """Built are most of them elsewhere; here each is at least read, as `make` reads it. Bob's mesh lies apart."""
     preset, changes = make.DESIGNS[name]
     given = dsfab.preset_for(preset) if Path(preset).suffix == ".obj" else dsfab.load_preset(preset, changes)
     assert given.statics.thickness > 0
@@ -55,7 +60,7 @@ def test_options_side_by_side_are_told_as_they_are_set():
 
 def test_every_drawing_of_the_concepts_is_shown():
     page = (ROOT / "docs" / "concepts.md").read_text(encoding="utf-8")
-    assert set(re.findall(r"concepts/(\w+)\.png", page)) == set(CONCEPTS)
+    assert set(re.findall(r"concepts/(\w+)\.webp", page)) == set(CONCEPTS)
 
 
 APART = 1.6
@@ -66,33 +71,33 @@ APART = 1.6
 def rough(tmp_path_factory):
     """The presets of the gallery, beside the mesh that one of them names, and those that ship, on coarser meshes."""
     folder = tmp_path_factory.mktemp("gallery")
-    shutil.copy(GALLERY / "canopy.obj", folder)
+    shutil.copy(OWN / "canopy.obj", folder)
     (folder / "presets").mkdir()
     rough_presets(folder / "presets", shipped_presets().values(), APART)
-    return rough_presets(folder, (GALLERY / f"{name}.toml" for name in make.OURS), APART)
+    return rough_presets(folder, (OWN / f"{name}.toml" for name in make.OURS), APART)
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", [*make.OURS, "options", "guides"])
 def test_pictures_of_designs_are_drawn_small(name, rough, tmp_path, monkeypatch):
     """Those whose commands run nowhere else: a command of a picture that fails fails here."""
-    monkeypatch.setattr(make, "GALLERY", tmp_path)
+    monkeypatch.setattr(make, "MEDIA", tmp_path)
     for size in ("PANEL", "WHOLE", "OPTION", "GUIDED"):
         monkeypatch.setattr(make, size, (120, 90))
     monkeypatch.setattr(make, "DESIGNS", {key: (rough / f"{key}.toml", {}) for key in make.OURS})
     monkeypatch.setattr(make, "CANOPY", rough / "canopy.toml")
     monkeypatch.setattr("dsfab.core.toml_files.PRESETS", (rough / "presets",))
     make.MAKERS[name](name)
-    assert {path.name for path in tmp_path.glob("*.png")} == set(make.files(name))
+    assert {path.name for path in tmp_path.glob("*.webp")} == set(make.files(name))
 
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", CONCEPTS)
 def test_a_drawing_of_a_concept_is_made_from_a_design(name, tmp_path, monkeypatch):
-    monkeypatch.setattr(make, "GALLERY", tmp_path)
+    monkeypatch.setattr(make, "MEDIA", tmp_path)
     (tmp_path / "concepts").mkdir()
     make.MAKERS[name](name)
-    assert (tmp_path / "concepts" / f"{name}.png").stat().st_size > 5000
+    assert (tmp_path / "concepts" / f"{name}.webp").stat().st_size > 5000
 
 
 @pytest.mark.slow

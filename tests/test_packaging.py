@@ -71,7 +71,7 @@ def test_the_wheel_works_alone(packages, tmp_path):
 
     assert Path(ran("-c", "import dsfab; print(dsfab.__file__)").strip()).is_relative_to(site)
     assert ran("-m", "dsfab", "--version").strip() == packages[0].name.split("-")[1] == "0.1.0.dev0"
-    assert {path.stem for path in (ROOT / "presets").glob("*.toml")} <= set(ran("-m", "dsfab", "presets").split())
+    assert {path.stem for path in (ROOT / "presets").rglob("*.toml")} <= set(ran("-m", "dsfab", "presets").split())
     ran("-m", "dsfab", "build", "barrel_vault", "--set", "export.formats=['stl']", "-o", "vault")
     design = json.loads((work / "vault/design.json").read_text())
     assert trimesh.load(work / "vault/barrel_vault.stl").is_watertight

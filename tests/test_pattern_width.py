@@ -608,7 +608,7 @@ def test_a_bridge_that_comes_and_goes_is_not_sought_for_longer_than_the_nearer_s
 def test_a_share_holds_where_many_bridges_are_built(monkeypatch):
     """72 of them, between meridians that all meet at a skylight, were .6 % of the surface."""
     monkeypatch.setattr("dsfab.slicing.cutting.halving.GAIN", np.inf)
-    arena = Path(__file__).parents[1] / "outputs" / "gallery" / "arena.toml"
+    arena = Path(__file__).parents[1] / "docs" / "examples" / "arena.toml"
     design = sliced(dsfab.load_preset(arena))
     assert any("bridges were built" in note.text for note in design.notes)
     assert design.sheet.surface.area / design.surface.area == pytest.approx(0.3, abs=1e-3)

@@ -12,13 +12,19 @@ from dsfab import run
 from dsfab.app.editor.workspace import open_preset
 from dsfab.core.errors import DsfabError, PresetError
 from dsfab.core.materials import KEYS, MATERIALS
-from dsfab.core.toml_files import headline, shipped_presets
+from dsfab.core.toml_files import PRESETS, headline, shipped_presets
 from dsfab.design.output.archive import sections
 from dsfab.preset.file import load_preset, overridden, parse_override, preset_from, preset_toml, require_mesh
 from dsfab.preset.model import STAGES, Preset
 from dsfab.preset.surface_section import FileSurface
 
 SHIPPED = sorted(shipped_presets())
+
+
+def test_a_name_finds_one_preset_in_whichever_folder_it_lies():
+    files = [path.stem for folder in PRESETS for path in folder.glob("*.toml")]
+    assert sorted(files) == SHIPPED
+    assert {path.parent.name for path in shipped_presets().values()} == {"presets", "paper"}
 
 
 @pytest.mark.parametrize("name", SHIPPED)
@@ -229,7 +235,7 @@ def test_a_preset_may_begin_with_a_byte_order_mark(tmp_path):
 
 def test_a_preset_waits_for_a_mesh_until_it_lies_beside_it(tmp_path, monkeypatch):
     (tmp_path / "roof.toml").write_text(shipped_presets()["roof"].read_text(encoding="utf-8"), encoding="utf-8")
-    for part in ("preset_list", "preset_surface"):
+    for part in ("core.toml_files", "preset.surface_section"):
         monkeypatch.setattr(f"dsfab.{part}.PRESETS", (tmp_path,))
     with pytest.raises(PresetError, match="preset roof needs a mesh of yours: add --mesh FILE"):
         require_mesh(load_preset("roof"))

@@ -32,7 +32,11 @@ def test_one_that_is_not_asked_is_gone(tmp_path):
 
 @pytest.mark.parametrize(
     ("text", "said"),
-    [("raise ValueError('no such file')", "ValueError: no such file"), ("", "it printed nothing"), ("exit(3)", "code 3")],
+    [
+        ("raise ValueError('no such file')", "ValueError: no such file"),
+        ("", "it printed nothing"),
+        ("exit(3)", "code 3"),
+    ],
 )
 def test_a_bad_end_and_silence_are_refused(tmp_path, text, said):
     with program(tmp_path, text) as ahead, pytest.raises(ProgramError, match=said):

@@ -16,7 +16,7 @@ from dsfab.study.baselines.structures import striped_structure
 from dsfab.study.judges import quick
 from tests.canopy import canopy
 
-PRESET = Path(__file__).parents[1] / "outputs" / "gallery" / "canopy.toml"
+PRESET = Path(__file__).parents[1] / "docs" / "examples" / "canopy.toml"
 SHARE = 0.45
 
 

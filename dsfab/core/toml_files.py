@@ -9,8 +9,9 @@ from typing import Any
 
 from dsfab.core.errors import PresetError
 
-PRESETS = tuple(folder / "presets" for folder in Path(__file__).resolve().parents[1:3])
-"""Folders of the shipped presets: in a wheel inside the package, in a checkout at the top level."""
+PRESETS = tuple(folder / "presets" / kind for folder in Path(__file__).resolve().parents[1:3] for kind in ("", "paper"))
+"""Folders of the shipped presets: in a wheel inside the package, in a checkout at the top level. The presets of the
+paper's figures have a folder of their own; a preset is found by name in either."""
 
 
 def shipped_presets() -> dict[str, Path]:

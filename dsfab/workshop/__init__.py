@@ -1,15 +1,13 @@
-"""The workshop: members as flat parts to cut from sheets, with bolts, splices and names, nested on the stock.
+"""Workshop: members as flat parts to cut from sheets, with bolts, splices and names, nested on the stock.
 
-course, development   an axis laid open, and a layer over it rolled out    layering   which family lies how high
-strips, splices       parts of lying strips                                plates, sheet   discs; flat designs
-parts, letters        what is cut and engraved                             limits     what can be bent and drilled
-model, ground, base   models in card, with feet in a plate
-nesting, hints        parts on sheets; what would save some               prices     what these cost
-plan                  all of it: `workshop_plan`
-bars                  straight bars between nodes, on plates             planks     upright ones, in slots
-routes                which way it is built, and why
-refolding, built      strips bent back into space; members as bodies of their parts
-drawings, tables      outlines, cut lists                              files      all that a workshop opens
+plan          the whole plan: `workshop_plan`           files      drawings and cut lists
+development   strips rolled out into the plane          layers     height of each family over the surface
+strips        parts and limits of strips                splices    divisions of long strips
+plates        discs, and flat designs in pieces         parts      flat parts and engraved letters
+card_models   models in card                            ground     feet and base plates of models
+bars          straight bars on node plates              planks     upright planks with slots
+nesting       parts on sheets                           stock      prices and hints
+bodies        built members as bodies in space
 """
 
 from dsfab.workshop.bars import CLEAR, PlateArm, half_plane_clip, placed_parts, plate_arms

@@ -1,4 +1,10 @@
-"""Development of members: axes and edges laid open, and strips rolled out into the plane."""
+"""Development of members: axes and edges laid open, and strips rolled out into the plane.
+
+A curve P + h N at a height h has these lengths, turns by phi against the axis, and bends by kg_h in the surface:
+    ds_h = sqrt((1 - h kn)^2 + (h tg)^2) ds      phi = atan2(-h tg, 1 - h kn)      kg_h = (kg + phi') ds / ds_h
+They follow from N' = -kn T - tg B (Darboux frame). With the lengths of the middle surface, strips of two layers would
+miss each other by centimetres on a dome.
+"""
 
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -11,21 +17,21 @@ from dsfab.core.arrays import Bools, Floats, cross, lock
 from dsfab.members import Member, MemberAxis, MemberGraph, Node
 
 CONSTANT = 0.05
-"""Even edges between which widths differ by less than this share are parallel."""
+"""Change of width, over the width, below which edges count as parallel."""
 OBLIQUE = 1.5
-"""Widths from the ends of a member in which its cells do not tell how wide it is."""
+"""Length at each end of a member where its cells do not show its width, over its width."""
 BEYOND = 16
-"""Stations that an axis is carried on by."""
+"""Number of stations beyond each end of an axis."""
 
 
 @dataclass(frozen=True, eq=False)
 class StripCourse:
-    """Stations along an axis, metres and 1/m as `MemberAxis` has them, and a little beyond its ends.
+    """Stations along an axis and a little beyond its ends, in metres and 1/m as in `MemberAxis`.
 
-    s     : (k,) arc length of the axis; of a closed one over its length where it passes its beginning.
+    s     : (k,) arc length; on a closed axis it passes the axis length at the beginning.
     P, T, N : (k, 3)    kg, kn, tg : (k,)
-    left, right : (k,) metres from the axis to the edges of the member.
-    begin, end : where what is to be built begins and ends.    closed : whether both are one place.
+    left, right : (k,) distances from the axis to the edges of the member (m).
+    begin, end : arc lengths of the built part.    closed : whether both are one place.
     """
 
     s: Floats
@@ -48,8 +54,10 @@ class StripCourse:
             lock(self, name, np.float64, (len(self.s), 3))
 
     def at(self, s: Floats) -> tuple[Floats, Floats, Floats]:
-        """(q, 3) points, unit tangents and unit normals at arc lengths (q,): cubic from station to station [Hermite],
-        for a chord is a quarter of a millimetre off the arcs of a narrow ring."""
+        """Return points, unit tangents and unit normals (q, 3) at arc lengths (q,), by cubic interpolation [Hermite].
+
+        Chords would be a quarter of a millimetre off the arcs of a narrow ring.
+        """
         i = np.clip(np.searchsorted(self.s, s, side="right") - 1, 0, len(self.s) - 2)
         h = (self.s[i + 1] - self.s[i])[:, None]
         t = (np.asarray(s) - self.s[i])[:, None] / h
@@ -63,16 +71,16 @@ class StripCourse:
         return place, T / np.linalg.norm(T, axis=1)[:, None], N
 
     def rounds(self, s: Floats) -> Floats:
-        """(3q,) arc lengths (q,) a round before, as they are, and a round later; (q,) as they are if it is open."""
+        """Return arc lengths (3q,) a round before, as they are and a round later; unchanged (q,) on an open course."""
         around = self.end - self.begin
         return np.concatenate([s - around, s, s + around]) if self.closed else s
 
     def width(self, s: Floats) -> Floats:
-        """(q,) metres at arc lengths (q,)."""
+        """Return widths (q,) at arc lengths (q,) (m)."""
         return np.asarray(np.interp(s, self.s, self.left + self.right))
 
     def wrapped(self, s: float) -> float:
-        """The arc length between `begin` and `end` of the same place on the axis."""
+        """Return the arc length of the same place between `begin` and `end`."""
         if not self.closed:
             return s
         length = self.end - self.begin
@@ -80,11 +88,11 @@ class StripCourse:
 
 
 def member_course(graph: MemberGraph, member: Member, past: float, more: float) -> StripCourse:
-    """The course of a member with an axis.
+    """Return the course of a member with an axis.
 
-    past : metres that it goes on beyond a node that is nearer than that to its end.
-    more : metres of stations beyond what is to be built.
-    A closed one begins in the middle of its longest bay, and one that curls up at an end stops before that.
+    overhang : length beyond a node that is closer than that to the member's end (m).
+    extra_length : length of stations beyond the built part (m).
+    A closed course begins in the middle of its longest bay; a course that curls up at an end stops before the curl.
     """
     axis = member.axis
     assert axis is not None
@@ -110,14 +118,16 @@ def member_course(graph: MemberGraph, member: Member, past: float, more: float) 
 
 
 def turns_within_its_width(member: Member) -> Bools:
-    """(k,) where the axis of a member turns about a point that lies within its own width, or nearly."""
+    """Return (k,) whether the axis turns about a point within, or almost within, the member's width."""
     assert member.axis is not None
     return np.asarray(np.abs(member.axis.kg) * member.width / 2 >= 0.9)
 
 
 def uncurled(member: Member) -> tuple[float, float]:
-    """The arc lengths between which a member with an axis does not curl up at its ends: half of the turn at which a
-    stripe was parted in two members is left there."""
+    """Return the arc lengths between which the ends of a member do not curl up.
+
+    A stripe that was divided at a sharp turn leaves half of the turn at the member's end.
+    """
     axis = member.axis
     assert axis is not None
     reach = OBLIQUE * float(np.median(member.width))
@@ -130,14 +140,14 @@ def uncurled(member: Member) -> tuple[float, float]:
 
 
 def node_stations(member: Member, nodes: tuple[Node, ...]) -> Floats:
-    """(q,) ascending arc lengths at which a member meets others."""
+    """Return ascending arc lengths (q,) of the nodes on a member."""
     return np.array([node.at[node.members.index(member.id)] for node in nodes])
 
 
 def even_edges(axis: MemberAxis, sides: Floats) -> tuple[Floats, Floats]:
-    """(k,) each: metres to the left and to the right edge, of sides (k, 2) as they were cut on a mesh.
+    """Return distances (k,) to the left and to the right edge (m), from noisy sides (k, 2) that were cut on a mesh.
 
-    Edges that run in parallel to the axis, but for what the mesh does, are parallel; others are evened out.
+    Edges that are parallel to the axis but for noise become parallel; others are smoothed.
     """
     if not axis.closed:
         sides = _square_ends(axis.s, sides)
@@ -155,14 +165,16 @@ def even_edges(axis: MemberAxis, sides: Floats) -> tuple[Floats, Floats]:
 
 
 def _square_ends(s: Floats, sides: Floats) -> Floats:
-    """Sides (k, 2) that go on to both ends as they are `OBLIQUE` widths before: there an oblique edge cuts them off."""
+    """Return sides (k, 2) that keep their values of `OBLIQUE` widths before the ends, where oblique edges cut them
+    off.
+    """
     past = min(OBLIQUE * float(np.median(sides.sum(axis=1))), s[-1] / 3)
     inner = np.clip(s, past, s[-1] - past)
     return np.stack([np.interp(inner, s, side) for side in sides.T], axis=1)
 
 
 def _opened(axis: MemberAxis, left: Floats, right: Floats, at: Floats, more: float) -> StripCourse:
-    """A closed axis from the middle of its longest bay, once around and a little more at both ends."""
+    """Return a closed axis from the middle of its longest bay, once around and a little more at both ends."""
     L = axis.length
     begin = 0.0
     if len(at):
@@ -178,9 +190,9 @@ def _opened(axis: MemberAxis, left: Floats, right: Floats, at: Floats, more: flo
 
 
 def _beyond(axis: MemberAxis, end: int, metres: float) -> MemberAxis:
-    """Stations beyond an end, ascending: the axis goes on with the curvatures that it has there [Darboux].
+    """Return stations beyond an end, ascending, with the curvatures of the end [Darboux].
 
-    The frame is carried on to the second order, which is exact to the fourth of lengths that are short for a bend.
+    The frame is of second order, and its error of fourth order in lengths that are short for a bend.
     """
     u = metres * np.arange(1, BEYOND + 1) / BEYOND
     u = u[::-1] if metres < 0 else u
@@ -206,48 +218,48 @@ def _beyond(axis: MemberAxis, end: int, metres: float) -> MemberAxis:
 
 
 SAGITTA = 2e-5
-"""Metres that a chord of an outline may be off its arc."""
+"""Largest distance of an outline's chord from its arc (m)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Development:
-    """A course at a height h along its normals, metres, and the same rolled out: x (k, 2) from the origin along +x."""
+    """Course at a height h along its normals (m), and its plane development x (k, 2), from the origin along +x."""
 
     course: StripCourse
     height: float
 
     @cached_property
     def speed(self) -> Floats:
-        """(k,) ds_h / ds."""
+        """(k,) length ratio ds_h / ds."""
         c, h = self.course, self.height
         return np.asarray(np.hypot(1 - h * c.kn, h * c.tg))
 
     @cached_property
     def turn(self) -> Floats:
-        """(k,) phi, radians."""
+        """(k,) phi (radians)."""
         c, h = self.course, self.height
         return np.asarray(np.arctan2(-h * c.tg, 1 - h * c.kn))
 
     @cached_property
     def length(self) -> Floats:
-        """(k,) arc length of the layer's own middle line."""
+        """(k,) arc length of the layer's middle line (m)."""
         steps = (self.speed[1:] + self.speed[:-1]) / 2 * np.diff(self.course.s)
         return np.concatenate([[0.0], np.cumsum(steps)])
 
     @cached_property
     def angle(self) -> Floats:
-        """(k,) radians, of the tangent of the developed line: the integral of kg ds, and the change of phi."""
+        """(k,) tangent angle of the developed line (radians): the integral of kg ds, plus the change of phi."""
         kg = self.course.kg
         bent = np.concatenate([[0.0], np.cumsum((kg[1:] + kg[:-1]) / 2 * np.diff(self.course.s))])
         return np.asarray(bent + self.turn - self.turn[0])
 
     @cached_property
     def x(self) -> Floats:
-        """(k, 2) the developed middle line, an arc of a circle from station to station."""
+        """(k, 2) developed middle line, a circular arc between stations."""
         return np.concatenate([np.zeros((1, 2)), np.cumsum(_arcs(np.diff(self.length), self.angle), axis=0)])
 
     def at(self, s: Floats) -> tuple[Floats, Floats]:
-        """(q, 2) places of the developed middle line and (q,) its angles at arc lengths s (q,) of the course."""
+        """Return places (q, 2) and angles (q,) of the developed middle line at arc lengths s (q,) of the course."""
         s = np.atleast_1d(s)
         i = np.clip(np.searchsorted(self.course.s, s, side="right") - 1, 0, len(self.course.s) - 2)
         step = np.interp(s, self.course.s, self.length) - self.length[i]
@@ -255,20 +267,22 @@ class Development:
         return self.x[i] + _chords(step, self.angle[i], angle), angle
 
     def flat(self, s: Floats, y: Floats) -> Floats:
-        """(q, 2) the place y (q,) metres to the left of the middle line at arc lengths s (q,)."""
+        """Return places (q, 2) at y (q,) metres to the left of the middle line at arc lengths s (q,)."""
         x, angle = self.at(s)
         return np.asarray(x + np.asarray(y)[:, None] * np.stack([-np.sin(angle), np.cos(angle)], axis=1))
 
     def frame(self, s: Floats) -> tuple[Floats, Floats, Floats, Floats]:
-        """(q, 3) points in space, tangents, lefts and normals of the layer at arc lengths s (q,)."""
+        """Return points, tangents, left directions and normals (q, 3) of the layer in space at arc lengths s (q,)."""
         P, T, N = self.course.at(s)
         B = cross(N, T)
         turn = np.interp(s, self.course.s, self.turn)[:, None]
         return P + self.height * N, np.cos(turn) * T + np.sin(turn) * B, np.cos(turn) * B - np.sin(turn) * T, N
 
     def place(self, point: Floats, normal: Floats, s: float) -> tuple[float, float]:
-        """Where the line through a point (3,) of the surface along a unit normal (3,) goes through the layer: the arc
-        length of the course, near `s`, and metres to the left."""
+        """Return where the line through a point (3,) along a unit normal (3,) pierces the layer.
+
+        The result is an arc length of the course close to `s`, and the distance to the left (m).
+        """
         y = 0.0
         for _ in range(4):  # Newton steps
             P, T, B, N = (row[0] for row in self.frame(np.array([s])))
@@ -281,37 +295,36 @@ class Development:
         return s, y
 
     def outline(self, begin: float, end: float) -> Floats:
-        """(k, 2) the strip from one arc length to another, counter-clockwise, from its right edge at the beginning."""
+        """Return the outline (k, 2) between two arc lengths, counter-clockwise from the right edge at the beginning."""
         s = self.stations(begin, end)
         left, right = (np.interp(s, self.course.s, side) for side in (self.course.left, self.course.right))
-        x, angle = self.at(s)  # once for both edges: pieces are tried in many lengths
+        x, angle = self.at(s)  # once for both edges, because many lengths are tried
         across = np.stack([-np.sin(angle), np.cos(angle)], axis=1)
         return np.concatenate([x - right[:, None] * across, (x + left[:, None] * across)[::-1]])
 
     def stations(self, begin: float, end: float) -> Floats:
-        """(k,) arc lengths from one to another, so near to each other that chords are as good as arcs."""
+        """Return arc lengths (k,) between two values, close enough for chords in place of arcs."""
         most = float(np.diff(self.course.s).max())
         count = int(np.ceil((end - begin) / min(most, np.sqrt(8 * SAGITTA / self._largest_bend)))) + 1
         return np.linspace(begin, end, max(count, 2))
 
     @cached_property
     def _largest_bend(self) -> float:
-        """The largest |kg_h|, 1/m."""
         return float(np.abs(np.gradient(self.angle, self.length)).max(initial=1e-9))
 
     def _bend(self, s: float) -> float:
-        """kg_h ds_h / ds there, 1/m."""
+        """Return kg_h ds_h / ds at s (1/m)."""
         i = int(np.clip(np.searchsorted(self.course.s, s, side="right") - 1, 0, len(self.course.s) - 2))
         return float((self.angle[i + 1] - self.angle[i]) / (self.course.s[i + 1] - self.course.s[i]))
 
 
 def _arcs(steps: Floats, angle: Floats) -> Floats:
-    """(k - 1, 2) chords of arcs of lengths (k - 1,) between angles (k,)."""
+    """Return chords (k - 1, 2) of arcs of lengths (k - 1,) between angles (k,)."""
     return _chords(steps, angle[:-1], angle[1:])
 
 
 def _chords(step: Floats, begin: Floats, end: Floats) -> Floats:
-    """(q, 2) chords of arcs (q,) that begin and end with these angles (q,)."""
+    """Return chords (q, 2) of arcs (q,) between begin and end angles (q,)."""
     middle, half = (begin + end) / 2, (end - begin) / 2
     chord = step * np.sinc(half / np.pi)
     return np.asarray(chord[:, None] * np.stack([np.cos(middle), np.sin(middle)], axis=1))

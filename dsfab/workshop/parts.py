@@ -1,4 +1,7 @@
-"""Flat parts with holes and openings, and the single-stroke letters that are engraved on them."""
+"""Flat parts with holes and openings, and the single-stroke letters that are engraved on them.
+
+A letter is a few polylines of points "xy" on a grid 4 wide and 6 high, because engravers would draw outlines twice.
+"""
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
@@ -35,9 +38,9 @@ GLYPHS = {
 
 
 def strokes(text: str, height: float) -> list[Floats]:
-    """(k, 2) polylines of a line of text, its lower left corner at the origin, in the unit of its height.
+    """Return (k, 2) polylines of a line of text from its lower left corner, in the unit of its height.
 
-    What is no letter, digit or one of . - + / _ is drawn as a dash.
+    A character other than a letter, a digit or one of . - + / _ becomes a dash.
     """
     found, x = list[Floats](), 0.0
     for letter in text:
@@ -50,7 +53,7 @@ def strokes(text: str, height: float) -> list[Floats]:
 
 
 def text_length(text: str, height: float) -> float:
-    """How long a line of text is, in the unit of its height."""
+    """Return the length of a line of text, in the unit of its height."""
     wide = sum((WIDE + SPACE) * (LETTERS_SMALL if letter.islower() else 1.0) for letter in text)
     return (wide - SPACE) * height / HIGH
 
@@ -58,16 +61,16 @@ def text_length(text: str, height: float) -> float:
 FILLED = 0.9
 """Share of the available length that a name fills, at most."""
 SAME = 2e-4
-"""Metres within which the corners and holes of parts agree that are one part, cut several times."""
+"""Distance (m) within which corners and holes of equal parts agree."""
 TOLERANCE = 2e-5
-"""Metres that a drawn outline may be off the part's."""
+"""Largest distance of a written outline from that of the part (m)."""
 LABEL, WORKSHOP_SMALL = 0.02, 0.008
-"""Heights of the names of parts and of nodes, metres; less on narrow parts."""
+"""Heights of part names and of node names (m), at most."""
 
 
 @dataclass(frozen=True, eq=False)
 class Hole:
-    """A round hole: its middle (2,) and its diameter, metres; `bolt` names the node or the splice that it is for."""
+    """Round hole at a middle (2,), with a diameter (m) and the name of its bolt: a node or a splice."""
 
     at: Floats
     diameter: float
@@ -79,7 +82,7 @@ class Hole:
 
 @dataclass(frozen=True, eq=False)
 class Fold:
-    """A part is folded along a line (2, 2) by an angle, radians: away from who sees its drawing if it is positive."""
+    """Fold of a part along a line (2, 2) by an angle (radians), away from the viewer of its drawing if positive."""
 
     line: Floats
     angle: float
@@ -90,17 +93,15 @@ class Fold:
 
 @dataclass(frozen=True, eq=False)
 class FlatPart:
-    """A part as it is cut, seen from the side to which the normals of the surface point.
+    """Part to cut, as seen from the side to which the surface normals point.
 
-    id      : "A07.2" is the second piece of member A07; "A07.c1" the cover plate of its first splice.
-    member  : its name; "" for pieces of a sheet.
-    span    : from where to where along its axis, metres; (0, 0) for what has none.
-    outline : (k, 2) corners, counter-clockwise.    slots : (k, 2) closed cuts within it, each.
-    holes   : for bolts.                            marks : (k, 2) lines to engrave, each.
-    layer   : height of its middle over the surface, metres.
-    strain  : the largest that building it takes, with that of bending.
-    folds   : where it is folded, if it is.    thickness : metres, where it is not that of most parts; else 0.
-    axis    : (k, 2) the middle line, not to be cut; (0, 2) where it has none.
+    id      : "A07.2" for the second piece of member A07, "A07.c1" for the cover plate of its first splice.
+    member  : name of the member; "" for pieces of a sheet.
+    span    : arc lengths of the axis at both ends (m); (0, 0) without an axis.
+    outline : (k, 2) corners, counter-clockwise.    slots : (k, 2) closed cuts within it.
+    holes   : for bolts.    marks : (k, 2) lines to engrave.    folds : lines to fold.
+    layer   : height of its middle over the surface (m).    strain : largest strain of building it.
+    thickness : metres; 0 for that of the plan.    axis : (k, 2) middle line, not to be cut; (0, 2) without one.
     """
 
     id: str
@@ -124,35 +125,39 @@ class FlatPart:
 
     @cached_property
     def area(self) -> float:
-        """Square metres, without its openings."""
+        """Area without openings (m2)."""
         return polygon_area(self.outline) - sum(abs(polygon_area(slot)) for slot in self.slots)
 
     @cached_property
     def size(self) -> Floats:
-        """(2,) length and width of the box around it, metres."""
+        """(2,) length and width of the bounding box (m)."""
         return np.asarray(np.ptp(self.outline, axis=0))
 
     @cached_property
     def contours(self) -> tuple[Floats, ...]:
-        """(k, 2) each: the outline, then the slots, without corners that lie on a line with others; metres."""
+        """(k, 2) outline, then slots, without corners on straight lines (m)."""
         return tuple(locked(_closed(loop), np.float64, (None, 2)) for loop in (self.outline, *self.slots))
 
     @cached_property
     def radii(self) -> Floats:
-        """(k,) ascending, of the corners of the outline from the origin, metres: of equal parts they are alike."""
+        """(k,) ascending distances of the outline's corners from the origin (m), which are alike for equal parts."""
         return np.sort(np.linalg.norm(self.outline, axis=1))
 
     @cached_property
     def features(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """(k, 2) corners of the outline, middles of the holes, corners of the slots, and middles of the folds, these
-        farther out the more they are folded: a fifth of a degree makes parts differ."""
+        """Corners of the outline, hole middles, slot corners and fold middles, (k, 2) each, for comparison.
+
+        Fold middles are scaled with their angle, so that a fifth of a degree makes parts differ.
+        """
         slots = np.concatenate(self.slots) if self.slots else np.zeros((0, 2))
         folds = np.array([fold.line.mean(axis=0) * (1 + fold.angle) for fold in self.folds]).reshape(-1, 2)
         return self.outline, np.array([hole.at for hole in self.holes]).reshape(-1, 2), slots, folds
 
     def to_compas(self) -> "dict[str, list[compas.geometry.Curve]]":
-        """`cut`, `drilled`, `engraved` and `folded`: closed polylines, circles, polylines, and lines of two points, in
-        the plane, metres. Raises SurfaceError where compas is not installed."""
+        """Return closed polylines `cut`, circles `drilled`, polylines `engraved` and lines `folded`, in metres.
+
+        Raises SurfaceError if compas is not installed.
+        """
         return {
             "cut": [as_polyline(np.vstack([loop, loop[:1]])) for loop in self.contours],
             "drilled": [as_circle(hole.at, hole.diameter / 2) for hole in self.holes],
@@ -161,7 +166,7 @@ class FlatPart:
         }
 
     def moved(self, turn: float, shift: Floats) -> "FlatPart":
-        """Turned by an angle, radians, then shifted by (2,) metres."""
+        """Return the part turned by an angle (radians), then shifted by (2,) metres."""
         R = turning(turn)
         made = replace(
             self,
@@ -172,41 +177,40 @@ class FlatPart:
             axis=self.axis @ R + shift,
             folds=tuple(Fold(fold.line @ R + shift, fold.angle) for fold in self.folds),
         )
-        if "contours" in self.__dict__:  # they move along, which takes less than finding them again
+        if "contours" in self.__dict__:  # moving them is cheaper than computing them again
             made.__dict__["contours"] = tuple(x @ R + shift for x in self.contours)
         return made
 
     def lying(self) -> "FlatPart":
-        """With its longer direction along x, its middle at the origin: how it lies on a drawing and on the stock."""
+        """Return the part with its longer direction along x and its middle at the origin, as on drawings and stock."""
         line = self.axis if len(self.axis) > 1 else longest_direction(self.outline)
         way = line[-1] - line[0]
         return self.moved(-float(np.arctan2(way[1], way[0])), np.zeros(2)).centred()
 
     def centred(self) -> "FlatPart":
-        """With the middle of its box at the origin."""
+        """Return the part with the middle of its bounding box at the origin."""
         return self.moved(0.0, -(self.outline.min(axis=0) + self.outline.max(axis=0)) / 2)
 
 
 def _closed(P: Floats) -> Floats:
-    """(k, 2) corners of a closed polygon, without those that lie on a line with others."""
     closed = np.concatenate((P, P[:1]))
     return np.asarray(simplified_line(np.pad(closed, ((0, 0), (0, 1))), TOLERANCE)[:-1, :2])
 
 
 def turning(angle: float) -> Floats:
-    """(2, 2) what rows of points (k, 2) are multiplied by to turn them, radians."""
+    """Return the matrix (2, 2) that turns rows of points (k, 2) by an angle (radians)."""
     c, s = np.cos(angle), np.sin(angle)
     return np.array([[c, s], [-s, c]])
 
 
 def polygon_area(P: Floats) -> float:
-    """Of a closed polygon with corners (k, 2), positive if it runs counter-clockwise [shoelace formula]."""
+    """Return the area of a closed polygon (k, 2), positive if counter-clockwise [shoelace formula]."""
     x, y = P.T
     return float(x @ np.roll(y, -1) - y @ np.roll(x, -1)) / 2
 
 
 def longest_direction(P: Floats) -> Floats:
-    """(2, 2) the beginning and the end of a line along the direction in which points (k, 2) reach farthest."""
+    """Return two points (2, 2) on a line along the direction in which points (k, 2) reach farthest."""
     middle = P.mean(axis=0)
     way = np.linalg.svd(P - middle, full_matrices=False)[2][0]
     way = way if way[np.abs(way).argmax()] > 0 else -way
@@ -214,13 +218,12 @@ def longest_direction(P: Floats) -> Floats:
 
 
 def shape_key(part: FlatPart) -> tuple[int, int]:
-    """What parts have in common that may be one part: how many corners and holes they have."""
+    """Return the numbers of corners and holes: equal parts have equal keys."""
     return len(part.outline), len(part.holes)
 
 
 def congruent(one: FlatPart, two: FlatPart) -> bool:
-    """Whether two parts, as they lie, are the same piece to cut, whatever is engraved; half a turn makes no
-    difference."""
+    """Return whether two parts along x have the same shape, engraving aside, in one of two half turns."""
     if shape_key(one) != shape_key(two) or len(one.slots) != len(two.slots) or one.thickness != two.thickness:
         return False
     if (np.abs(one.size - two.size) > 2 * SAME).any():
@@ -232,7 +235,7 @@ def congruent(one: FlatPart, two: FlatPart) -> bool:
 
 
 def _near(one: Floats, two: Floats) -> bool:
-    """Whether each of points (k, 2) has one of the others (k, 2) at its place."""
+    """Return whether two point sets (k, 2) agree within `SAME`."""
     if len(one) != len(two):
         return False
     pairs = ((one, two), (two, one)) if len(one) else ()
@@ -240,7 +243,7 @@ def _near(one: Floats, two: Floats) -> bool:
 
 
 def label(text: str, at: Floats, angle: float, height: float) -> tuple[Floats, ...]:
-    """(k, 2) strokes of a text in the middle of (2,) metres, along an angle, radians."""
+    """Return strokes (k, 2) of a text about a middle (2,) in metres, along an angle (radians)."""
     c, s = np.cos(angle), np.sin(angle)
     drawn = strokes(text, height)
     wide = max(float(line[:, 0].max()) for line in drawn)

@@ -1,4 +1,4 @@
-"""The plan of a workshop: the route by which a design is built, its parts, their sheets and the warnings."""
+"""Workshop plan: the route by which a design is built, its parts, their sheets and the warnings."""
 
 from collections import Counter
 from collections.abc import Sequence
@@ -40,7 +40,7 @@ UP = np.array([0.0, 0.0, 1.0])
 
 @dataclass(frozen=True, eq=False)
 class Route:
-    """Its name, and why it was chosen; "" where it was asked for. bars, planks : of that route."""
+    """Route by which a design is built; `reason` is empty if the preset names the route."""
 
     name: str
     reason: str = ""
@@ -49,12 +49,11 @@ class Route:
 
 
 def chosen_route(design: Design, graph: MemberGraph | None, layering: Layering | None, up: Floats = UP) -> Route:
-    """The route of a design, by [workshop] of its preset.
+    """Return the route of a design by [workshop] of its preset.
 
-    up : (3,) unit vector.
-    graph, layering : of strips, as large as they are built; None where the design is to be a flat sheet.
+    graph, layering : members and layers at built size; None for a flat sheet.    up : (3,) unit vector.
 
-    Raises PatternError where the route that was asked for is not possible.
+    Raises PatternError if the design cannot be built by the requested route.
     """
     ask = design.preset.workshop
     if ask.route == "sheet" or graph is None or layering is None:
@@ -77,7 +76,7 @@ def chosen_route(design: Design, graph: MemberGraph | None, layering: Layering |
 
 
 def footing_of(design: Design, up: Floats) -> Footing | None:
-    """Where a design is anchored; None where it is not, or is a model."""
+    """Return the anchored supports of a design; None without anchors and for models."""
     ask = design.preset.workshop
     if ask.model or not ask.anchor:
         return None
@@ -85,14 +84,14 @@ def footing_of(design: Design, up: Floats) -> Footing | None:
 
 
 def planned_bars(design: Design, graph: MemberGraph, up: Floats = UP) -> BarPlan:
-    """The bars of a design. Raises PatternError where nodes are too near to each other."""
+    """Return the bars of a design. Raises PatternError if nodes are too close to each other."""
     ask = design.preset.workshop
     stock = BarStock(ask.thickness or design.preset.statics.thickness, ask.plate, ask.bolt, LABEL)
     return bar_plan(graph, node_normals(design, graph), stock, footing_of(design, up))
 
 
 def planned_planks(design: Design, graph: MemberGraph, up: Floats = UP) -> PlankPlan:
-    """The planks of a design. Raises PatternError where no piece fits on the stock, or nothing is a plank."""
+    """Return the planks of a design. Raises PatternError if no piece fits on the stock, or no member can be a plank."""
     ask, statics = design.preset.workshop, design.preset.statics
     wide = [member.mean_width for member in graph.members if is_strip(member)]
     if not wide:
@@ -113,7 +112,9 @@ def planned_planks(design: Design, graph: MemberGraph, up: Floats = UP) -> Plank
 
 
 def stock_room(ask: Workshop) -> list[tuple[float, float]]:
-    """Lengths and widths, metres, that parts may have on the sheets of the stock. Raises PatternError for none."""
+    """Return the largest part lengths and widths (m) for each stock sheet. Raises PatternError if gaps leave no
+    room.
+    """
     slack = 5e-4  # metres: parts may turn a little on the drawing
     room = [(a - 2 * ask.gap - slack, b - 2 * ask.gap - slack) for a, b in ask.stock]
     if min(min(size) for size in room) <= 0:
@@ -122,7 +123,7 @@ def stock_room(ask: Workshop) -> list[tuple[float, float]]:
 
 
 def _by_limits(design: Design, graph: MemberGraph, limits: StripLimits, up: Floats) -> Route:
-    """Strips where they can be bent, or nobody knows; else bars that stay near the surface; else planks; else bars."""
+    """Choose strips if they bend or the limit is unknown; else bars close to the surface; else planks; else bars."""
     worst, how = max(limits.bending, limits.shape), f"layers of {length(limits.thickness)} of strips"
     if not limits.limit:
         return Route("strips", f"{how} would be bent to {worst:.2%}, and how far the material can be is not known")
@@ -144,11 +145,11 @@ def _by_limits(design: Design, graph: MemberGraph, limits: StripLimits, up: Floa
 
 
 def _possible_bars(design: Design, graph: MemberGraph, up: Floats) -> tuple[BarPlan | None, str]:
-    """Bars, None where they cannot be; and what speaks against them, "" for nothing."""
+    """Return the bars, None if impossible, and the objection to them, empty for none."""
     try:
         bars = planned_bars(design, graph, up)
     except PatternError as error:
-        why = str(error).partition("; ")[0]  # after that, ways out that name other routes, among them the one taken
+        why = str(error).partition("; ")[0]  # the rest proposes other routes
         return None, f"bars are no way either: {why}"
     if bars.loose:
         return None, f"{len(bars.loose)} bar{'s' * (len(bars.loose) > 1)} would be too short for bolts"
@@ -161,7 +162,6 @@ def _possible_bars(design: Design, graph: MemberGraph, up: Floats) -> tuple[BarP
 
 
 def _possible_planks(design: Design, graph: MemberGraph, up: Floats) -> tuple[PlankPlan | None, str]:
-    """Planks, or None and why they cannot be."""
     try:
         planks = planned_planks(design, graph, up)
     except PatternError as error:
@@ -170,8 +170,10 @@ def _possible_planks(design: Design, graph: MemberGraph, up: Floats) -> tuple[Pl
 
 
 def longest_unfit(parts: Sequence[FlatPart], ask: Workshop) -> FlatPart | None:
-    """The longest of the parts that fit on no sheet of the stock, along it, or across where no grain speaks against
-    that; None where all do."""
+    """Return the longest part that fits on no stock sheet; None if all parts fit.
+
+    Without grain a part may also lie across a sheet.
+    """
     room = [(a - 2 * ask.gap, b - 2 * ask.gap) for a, b in ask.stock]
     if not ask.grain:
         room += [(b, a) for a, b in room]
@@ -180,7 +182,7 @@ def longest_unfit(parts: Sequence[FlatPart], ask: Workshop) -> FlatPart | None:
 
 
 def node_normals(design: Design, graph: MemberGraph) -> Floats:
-    """(n, 3) directions of the surface's normals at the vertices of a graph's sheet."""
+    """Return the directions (n, 3) of the surface normals at the vertices of a graph's sheet."""
     return graph.sheet.carry(spherical_normals(design.surface))
 
 
@@ -190,26 +192,26 @@ JOINED = {
     "scarf": "which reach over each other by {} and are glued there on a bevel: to the right and above on the engraved "
     "face, from the engraved line to the edge, to the left and below on the other one",
 }
-"""What is said of pieces of a flat sheet, by their joint."""
+"""Sentence on the pieces of a flat sheet, by their joint."""
 CLEARANCE = 1e-4
-"""Metres that a slot in the plate of a model is wider than its tab, to each side."""
+"""Clearance between a tab and its slot in the base plate of a model, to each side (m)."""
 TABS = 4.0
-"""Thicknesses that both tabs of a strip may make it longer."""
+"""Length that both tabs add to a strip, at most, over its thickness."""
 
 
 @dataclass(frozen=True, eq=False)
 class WorkshopPlan:
-    """The parts of a design and the sheets that they are cut from.
+    """Parts of a design and the sheets that they are cut from.
 
     route     : "strips", "planks", "bars", "panels" or "sheet".
-    thickness : of the stock, metres; some parts say their own.
-    parts     : all of them.            sheets : each part on one of them.
-    same      : numbers of parts that are one part to cut, as lists, in the order of the parts.
-    notes     : sentences that come first: what is possible, and what is not.
-    graph     : the members that the parts are of, and their nodes, as large as what is built; None of a flat sheet.
-    layering  : how strips lie on each other; None of other routes.
+    thickness : of the stock (m); a part may have its own.
+    parts     : all parts.    sheets : nested sheets, each part on one of them.
+    equal_parts : lists of part numbers with one shape, in the order of the parts.
+    notes     : sentences on what can be built and what cannot.
+    graph     : members and nodes at built size; None for a flat sheet.
+    layering  : layers of strips; None for other routes.
     model     : 50 for a model at 1:50; 0 for full size.
-    bars, planks : of these routes; they have no layers.
+    bars, planks : plans of these routes, which have no layers.
     """
 
     route: str
@@ -225,12 +227,12 @@ class WorkshopPlan:
     planks: PlankPlan | None = None
 
     def thickness_of(self, part: FlatPart) -> float:
-        """Metres."""
+        """Return the thickness of a part (m)."""
         return part.thickness or self.thickness
 
     @cached_property
     def sheet_of(self) -> dict[str, int]:
-        """The number, from 1, of the sheet that a part is on, by the names of parts."""
+        """Sheet number of each part, from 1, by part name."""
         return {one.part.id: k for k, sheet in enumerate(self.sheets, 1) for one in sheet.parts}
 
     @property
@@ -240,13 +242,13 @@ class WorkshopPlan:
 
 
 def workshop_plan(design: Design, up: Floats = UP) -> WorkshopPlan:
-    """The plan of a design, by the section [workshop] of its preset.
+    """Return the plan of a design by [workshop] of its preset.
 
     up : (3,) unit vector, for the base plate of a model.
 
-    Where the stock has prices, it is the cheapest of those for all of its sizes and for the shorter ones alone.
+    If the stock has prices, the plan is the cheapest of those for all sizes and for the shorter sizes alone.
 
-    Raises PatternError where the route is not possible, a part fits on no sheet, or a library is missing.
+    Raises PatternError if the route is impossible, a part fits on no sheet, or a library is missing.
     """
     if design.preset.workshop.nesting == "spyrrow":
         require_spyrrow()
@@ -264,7 +266,6 @@ def workshop_plan(design: Design, up: Floats = UP) -> WorkshopPlan:
 
 
 def _plan(design: Design, up: Floats) -> WorkshopPlan:
-    """The plan of a design for all of its stock."""
     ask, surface = design.preset.workshop, design.sheet.surface
     if ask.route == "sheet" and not surface.is_flat:
         raise PatternError(
@@ -302,8 +303,9 @@ def _plan(design: Design, up: Floats) -> WorkshopPlan:
 
 
 def nested_by_thickness(parts: list[FlatPart], ask: Workshop) -> tuple[list[NestedSheet], list[str]]:
-    """Parts on sheets, those of each thickness on sheets of their own (see `nested`, `emptied`), and what is said of
-    it."""
+    """Nest the parts of each thickness on sheets of their own; return the sheets and notes (see `nested`,
+    `emptied`).
+    """
     groups: dict[float, list[FlatPart]] = {}
     for part in parts:
         groups.setdefault(part.thickness, []).append(part)
@@ -315,12 +317,12 @@ def nested_by_thickness(parts: list[FlatPart], ask: Workshop) -> tuple[list[Nest
 
 
 def _scale(design: Design) -> float:
-    """How many times as large a design is as what is built: 50 of a model at 1:50."""
+    """Return the size of the design over the built size: 50 for a model at 1:50."""
     return design.preset.workshop.model or 1.0
 
 
 def _built_graph(design: Design) -> tuple[MemberGraph, Layering]:
-    """Members and nodes as large as they are built, and the layers that they lie in."""
+    """Return members and nodes at built size, and the layers of the members."""
     ask, graph = design.preset.workshop, design.members
     thickness = ask.thickness or design.preset.statics.thickness / ask.layers / _scale(design)
     if not ask.model:
@@ -381,7 +383,7 @@ def _curved(
 def _panels(
     design: Design, graph: MemberGraph, layering: Layering, room: list[tuple[float, float]], up: Floats
 ) -> tuple[list[FlatPart], list[str]]:
-    """Panels of a model, plates beneath them without holes, and what it stands on."""
+    """Return the panels of a model, plates beneath them without holes, its base plate, and notes."""
     ask, thickness = design.preset.workshop, layering.thickness
     surface = scaled_surface(design.surface, ask.model)
     ground = Ground.under(surface, design.load, up, thickness, CLEARANCE)
@@ -407,7 +409,7 @@ def _plate_notes(plates: list[FlatPart]) -> list[str]:
 
 
 def _strip_notes(strips: StripParts, graph: MemberGraph, layering: Layering) -> list[str]:
-    """What is to be known of splices, holes, packing and what is not built."""
+    """Return notes on splices, holes, packing and omitted members."""
     found = []
     if strips.stopped:
         found.append(
@@ -420,7 +422,7 @@ def _strip_notes(strips: StripParts, graph: MemberGraph, layering: Layering) -> 
         found.append(f"{strips.near} of {strips.splices} splices are nearer to a node than a cover plate is long")
     if strips.missing:
         holes = _count(len(strips.missing), "hole")
-        places = list(dict.fromkeys(strips.missing))  # a splice has several bolts of one name
+        places = list(dict.fromkeys(strips.missing))  # the bolts of a splice share a name
         found.append(f"{holes} not drilled, too near to an edge: {some_names(places)}")
     families = {member.id: member.family for member in graph.members}
     nodes = [node for node in graph.nodes if node.kind != "grazing"]
@@ -442,7 +444,7 @@ def _count(number: int, what: str) -> str:
 
 
 def same_parts(parts: list[FlatPart]) -> tuple[tuple[int, ...], ...]:
-    """Groups of parts, by number, that are one part to cut (see `congruent`)."""
+    """Return groups of part numbers with one shape (see `congruent`)."""
     groups: dict[tuple[int, int], list[list[int]]] = {}
     for k, part in enumerate(parts):
         known = groups.setdefault(shape_key(part), [])

@@ -1,4 +1,4 @@
-"""Strips that lie in the surface as flat parts, and the limits of their bending and stretching."""
+"""Flat parts of strips that lie in the surface, and the limits of their bending and stretching."""
 
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass, field
@@ -19,14 +19,14 @@ from dsfab.workshop.splices import SCARF, Cuts, lap_marks, lapped, splice_cuts, 
 STRIPS = ("strip", "stub", "rim", "band", "ring")
 """Kinds of members that are built as strips."""
 EDGE = 1.0
-"""A hole is made where that many bolt diameters are between its middle and the edges of its part, at least."""
+"""Least distance from the middle of a hole to the edges of its part, over the bolt diameter."""
 LEGIBLE, TALL = 0.002, 0.6
-"""Letters that would be lower than so many metres take up to that share of the width."""
+"""Letters below the first height (m) may take up the second share of the width."""
 
 
 @dataclass(frozen=True)
 class StripBolt:
-    """A bolt by its name, through a point of the surface along its unit normal (3,) each, near an arc length."""
+    """Bolt near an arc length s, through a point (3,) of the surface along the unit normal (3,) there."""
 
     name: str
     point: Floats
@@ -36,14 +36,14 @@ class StripBolt:
 
 @dataclass
 class StripParts:
-    """The flat parts of all strips: pieces, and cover plates of their splices.
+    """Flat parts of all strips: pieces, and cover plates of their splices.
 
-    missing : names of nodes without a hole in a member, as its middle runs beside them.
-    near    : splices that are nearer to a node than they should be.    splices : all of them.
-    stopped : names of members that stop before they run into others of their layer.
-    gone    : those of which nothing is left then.
-    left    : nodes that these do not reach, by their names, with the member's.
-    feet    : with the names of their parts, where the strips of a model stand on its plate.
+    missing_holes      : "N003 in A07": nodes that have no hole in a part, because it would be too close to an edge.
+    splices_near_nodes : number of splices that are too close to a node.    splice_count : number of all splices.
+    shortened          : names of members that stop before they run into others of their layer.
+    vanished           : names of members that would be shorter than wide, and are not built.
+    missed_nodes       : (node, member) names where a shortened member does not reach its node.
+    feet               : feet of a model on its base plate, with the names of their parts.
     """
 
     pieces: list[FlatPart] = field(default_factory=list)
@@ -58,7 +58,7 @@ class StripParts:
 
 
 def is_strip(member: Member) -> bool:
-    """Whether a member is built as a strip: it has an axis, and does not turn within its own width but at its ends."""
+    """Return whether a member is a strip: it has an axis, and turns within its own width at its ends only."""
     if member.axis is None or member.kind not in STRIPS:
         return False
     first, last = uncurled(member)
@@ -73,11 +73,11 @@ def strip_parts(
     splice: str,
     ground: Ground | None = None,
 ) -> StripParts:
-    """The parts of all members that are strips.
+    """Return the parts of all members that are strips.
 
-    room    : lengths and widths, metres, that parts may have on the stock.
+    room    : lengths and widths (m) that parts may have on the stock.
     splice  : "cover" plates, a "scarf", or "none".
-    ground  : what they stand on with tabs; None where their ends are not changed.
+    ground  : base plate for feet with tabs; None leaves the ends as they are.
     """
     found = StripParts()
     members = [member for member in graph.members if is_strip(member)]
@@ -97,7 +97,7 @@ def strip_parts(
 def _stopped(
     graph: MemberGraph, members: list[Member], courses: dict[str, StripCourse], layering: Layering, found: StripParts
 ) -> dict[str, StripCourse]:
-    """Courses that stop before they run into others of their family, or curl up; said in `found`."""
+    """Return courses that stop before others of their family or before a curl, and record them in `parts`."""
     joined = {frozenset(node.members) for node in graph.nodes if node.kind != "grazing"}
     new = curled_courses(courses, members)
     for family in dict.fromkeys(member.family for member in members):
@@ -114,7 +114,7 @@ def _stopped(
 
 
 def node_bolts(graph: MemberGraph, member: Member, course: StripCourse) -> list[StripBolt]:
-    """The bolts of the nodes on a member, along its course."""
+    """Return the bolts of the nodes on a member, in the order of its course."""
     nodes = graph.along[member.id]
     bolts = [StripBolt(node.id, node.point, node.normal, course.wrapped(_on(node, member))) for node in nodes]
     return sorted(bolts, key=lambda bolt: bolt.s)
@@ -126,7 +126,7 @@ def _on(node: Node, member: Member) -> float:
 
 @dataclass(frozen=True)
 class _Strip:
-    """A member in one of its layers."""
+    """Member in one of its layers."""
 
     graph: MemberGraph
     member: Member
@@ -138,17 +138,16 @@ class _Strip:
 
     @property
     def name(self) -> str:
-        """'A07', or 'A07-2' in the third layer where the member is in several."""
+        """ "A07", or "A07-2" for the third layer of a member in several layers."""
         several = len(self.layering.numbers(self.member.family)) > 1
         return f"{self.member.id}-{self.number}" if several else self.member.id
 
     @property
     def lap(self) -> float:
-        """Metres that two pieces overlap by."""
+        """Overlap of two pieces (m)."""
         return SCARF * self.layering.thickness if self.splice == "scarf" else 0.0
 
     def lapped(self, span: tuple[float, float]) -> tuple[float, float]:
-        """A span with what its piece overlaps its neighbours by."""
         return lapped(span, (self.course.begin, self.course.end), self.lap / 2, self.course.closed)
 
     def _fits(self, layer: Development, room: list[tuple[float, float]]) -> Callable[[float, float], bool]:
@@ -194,7 +193,7 @@ class _Strip:
     def _part(
         self, layer: Development, name: str, span: tuple[float, float], bolts: list[StripBolt], missing: list[str]
     ) -> FlatPart:
-        """The strip of a layer over a span, with those of the bolts that go through it well inside of its edges."""
+        """Return the part over a span, with those of the bolts that are far enough from its edges."""
         course, least = self.course, EDGE * self.layering.bolt
         holes, stations = list[Hole](), list[float]()
         long = self.lapped(span)
@@ -217,7 +216,7 @@ class _Strip:
     def _marks(
         self, layer: Development, name: str, span: tuple[float, float], holes: list[tuple[float, Hole]]
     ) -> tuple[Floats, ...]:
-        """The name of the part in the middle of its longest bay, and at each node its name."""
+        """Return strokes of the part's name in its longest bay, and of the node's name at each hole."""
         width, bolt = float(self.course.width(np.array([sum(span) / 2]))[0]), self.layering.bolt
         stops = np.array([span[0], *sorted({s for s, _ in holes}), span[1]])
         longest = int(np.diff(stops).argmax())
@@ -243,44 +242,42 @@ class _Strip:
 
 
 def letter_height(width: float, most: float) -> float:
-    """Of letters on a part of a width, metres: `most` where there is room for it."""
+    """Return the height of letters (m) on a part of a width (m), at most `limit`."""
     return min(most, max(0.3 * width, min(LEGIBLE, TALL * width)))
 
 
 def _is_clear(place: float, long: float, taken: list[tuple[float, float]], stops: Floats, bolt: float) -> bool:
-    """Whether a text of a length about a place reaches neither other texts, (place, length) each, nor holes or ends at
-    some places (q,); metres along an axis."""
+    """Return whether a text about a place along the axis reaches no other text (place, length), hole or end (m)."""
     apart = all(abs(place - other) > (long + wide) / 2 + bolt for other, wide in taken)
     return apart and stops[0] < place < stops[-1] and bool((np.abs(stops - place) > long / 2 + bolt / 2).all())
 
 
 def bending_strain(course: StripCourse, span: tuple[float, float], thickness: float) -> float:
-    """The largest strain of a layer of a thickness, metres, that is bent as a course over a span: t |kn| / 2."""
+    """Return the largest strain t |kn| / 2 of a layer of a thickness (m) bent along a course over a span."""
     inside = (course.s >= span[0]) & (course.s <= span[1])
     bend = np.abs(course.kn[inside]).max() if inside.any() else np.abs(np.interp(sum(span) / 2, course.s, course.kn))
     return float(thickness * bend / 2)
 
 
 CALM = 1.5
-"""Widths from the ends of a member in which a spline tells its curvature less well."""
+"""Length at each end of a member where its fitted curvature is uncertain, over its width."""
 DRILL = 1 / 40
-"""The mesh may be off its smooth surface by this share of a bolt's diameter: bays are then right to about twice that.
+"""Largest distance of the mesh from the smooth surface, over the bolt diameter: bays are right to about twice that.
 
-Measured on surfaces in closed form and by unrolling: at .2 mm off, bays are right to .7 mm; at 1.4 mm, to 14 mm.
+Measured on surfaces in closed form: at 0.2 mm distance bays are right to 0.7 mm, at 1.4 mm to 14 mm.
 """
 
 NOTHING = 5e-6
-"""Stretching under this share would be told as 0.000 %: it is not told."""
+"""Least strain that a sentence reports; a smaller one would read 0.000 %."""
 
 
 @dataclass(frozen=True)
 class StripLimits:
-    """Of all strips of a design, of one layer's thickness, metres.
+    """Limits of all strips of a design for one layer thickness (m).
 
-    bending  : the largest strain that bending a layer takes, and of which member.
-    shape    : the largest strain that the surface's own curvature takes: |K| w^2 / 12, however thin a layer is.
-    limit    : the strain at which the material's strength is reached; 0 where the preset gives none.
-    edge     : of the mesh, metres.    wanted : the one that is fine enough to drill by.
+    bending : largest bending strain, at `member`.    shape : largest strain |K| w^2 / 12 of the surface's curvature.
+    limit   : strain at the material's strength; 0 if the preset has none.
+    edge    : mean edge of the mesh (m).    wanted_edge : largest edge that is fine enough for drilling (m).
     """
 
     thickness: float
@@ -293,12 +290,12 @@ class StripLimits:
 
     @property
     def thickest(self) -> float:
-        """Metres; the thickest layer that can be bent so far. Infinite where nothing is bent or no limit is known."""
+        """Thickest layer that can be bent (m); infinite without bending or without a limit."""
         return self.thickness * self.limit / self.bending if self.limit and self.bending else np.inf
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """Sentences: what is possible, and what is not."""
+        """Sentences on what can be built and what cannot."""
         found = []
         how = f"layers of {length(self.thickness)} are bent to a strain of {self.bending:.2%} ({self.member} most)"
         if not self.limit:
@@ -322,9 +319,9 @@ class StripLimits:
 
 
 def strip_limits(graph: MemberGraph, surface: Surface, thickness: float, limit: float, bolt: float) -> StripLimits:
-    """The limits of all members of a graph that are strips, on the uncut surface that they were drawn on.
+    """Return the limits of all strips of a graph on the uncut surface of its pattern.
 
-    thickness, bolt : metres.    limit : the strain that the material takes; 0 where it is not known.
+    thickness, bolt : metres.    limit : strain at the material's strength; 0 if unknown.
     """
     strips = [member for member in graph.members if is_strip(member)]
     tree, K = cKDTree(surface.centroids), face_curvatures(surface)
@@ -347,7 +344,7 @@ def strip_limits(graph: MemberGraph, surface: Surface, thickness: float, limit: 
 
 
 def calm_stations(member: Member) -> Ints:
-    """(q,) the stations of a member's axis, by number, at which its curvature is well known."""
+    """Return the numbers (q,) of the stations of a member's axis where its curvature is reliable."""
     axis = member.axis
     assert axis is not None
     past = 0.0 if axis.closed else min(CALM * member.mean_width, axis.length / 3)
@@ -355,7 +352,7 @@ def calm_stations(member: Member) -> Ints:
 
 
 def face_curvatures(surface: Surface) -> Floats:
-    """(m,) Gauss curvature of each face, 1/m2: of the linear map that its three normals are [Rusinkiewicz 2004]."""
+    """Return the Gauss curvature (m,) of each face (1/m2) from its vertex normals [Rusinkiewicz 2004]."""
     N, P = spherical_normals(surface)[surface.F], surface.V[surface.F]
     n = area_vectors(surface.V, surface.F)
     n = n / np.linalg.norm(n, axis=1)[:, None]

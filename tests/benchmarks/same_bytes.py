@@ -22,7 +22,7 @@ FORMATS = ("stl", "3mf", "ply", "glb", "dxf")
 
 def designs() -> dict[str, tuple[str, ...]]:
     """By name, the words after `dsfab build`."""
-    presets = {path.stem: (path.stem,) for path in sorted((ROOT / "presets").glob("*.toml"))}
+    presets = {path.stem: (path.stem,) for path in sorted((ROOT / "presets").rglob("*.toml"))}
     for name in ("roof", "figurine"):  # they come without a mesh
         presets.pop(name, None)
     meshes = {path.name: (_kind(path), "--mesh", str(path)) for path in sorted(MESHES.glob("*.obj"))}

@@ -45,7 +45,7 @@ HEAD = ("design", "points", "P95/P5", "asked", "ends", "slits", "deviation", "> 
 
 def presets(names: list[str]) -> Iterator[tuple[str, Preset]]:
     """Names and presets, of those named or of all."""
-    files = [*sorted((ROOT / "presets").glob("*.toml")), *sorted((ROOT / "outputs" / "gallery").glob("*.toml"))]
+    files = [*sorted((ROOT / "presets").rglob("*.toml")), *sorted((ROOT / "docs" / "examples").glob("*.toml"))]
     known = {file.stem: file for file in files} | {file.name: file for file in sorted(MESHES.glob("*.obj"))}
     for name in names or known:
         mesh = known[name].suffix == ".obj"

@@ -111,8 +111,8 @@ CASES = {
     "Botanic, heavy": Case(
         ROOF_MODES, {0.5: 0.12}, "Botanic.obj", modes=((3, 3), (0.0625, 0.25)), heavy=True, widths=GENTLE
     ),
-    "canopy, heavy": Case(str(ROOT / "outputs" / "gallery" / "canopy.toml"), {0.45: 0.45}, heavy=True),
-    "canopy": Case(str(ROOT / "outputs" / "gallery" / "canopy.toml"), {0.45: 0.45}),
+    "canopy, heavy": Case(str(ROOT / "docs" / "examples" / "canopy.toml"), {0.45: 0.45}, heavy=True),
+    "canopy": Case(str(ROOT / "docs" / "examples" / "canopy.toml"), {0.45: 0.45}),
     "torus": Case(FIGURINE_MODES, {0.45: SOFTER}, "torus.obj", {"pattern.width.solid_fraction": 0.45}),
     "tower": Case("tower", {0.5: SOFTER}),
     "snow_vault": Case("snow_vault", {0.5: SOFTER}),
