@@ -480,7 +480,7 @@ def test_a_folder_named_like_a_preset_shadows_nothing(capsys, tmp_path, monkeypa
     assert not (tmp_path / "dome" / "dome.ply").exists()
     assert load_preset("dome").name == "dome"
     monkeypatch.setattr("dsfab.app.listing._made", lambda name, source, picture: {"made of": name})
-    monkeypatch.setattr("dsfab.report.design.inspection.fabrication_lines", lambda built: [str(built)])
+    monkeypatch.setattr("dsfab.app.listing.fabrication_lines", lambda built: [str(built)])
     assert run(capsys, "inspect", "dome")[1].strip() == "{'made of': 'dome'}"
     assert "no design.json" in refused(capsys, "inspect", "./dome")
     assert "preset.toml is not valid TOML" in refused(capsys, "export", "./dome", "--to", "stl")

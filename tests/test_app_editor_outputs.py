@@ -236,7 +236,7 @@ def test_what_is_opened_fills_the_picture_whatever_its_size(tab):
 def test_a_file_of_any_kind_is_exported_from_the_page(tab, outputs, monkeypatch):
     missing = {"format": "3dm", "group": "the solid", "missing": 'install it with: pip install "dsfab[rhino]"'}
     offered = [one for one in offered_formats() if one["format"] != "3dm"]
-    monkeypatch.setattr("dsfab.app.export.offered_formats", lambda: [*offered, missing])
+    monkeypatch.setattr("dsfab.app.editor.page.offered_formats", lambda: [*offered, missing])
     tab.run("document.getElementById('export').click()")
     until(tab, "document.getElementById('exporting').open")
     buttons = "[...document.querySelectorAll('#format-list button')]"

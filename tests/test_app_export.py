@@ -220,7 +220,7 @@ def test_what_cannot_be_written_is_told_before_any_work(capsys, tmp_path, monkey
         raise AssertionError("it worked first")
 
     monkeypatch.setattr(stages, "surface_step", worked)
-    monkeypatch.setattr("dsfab.design.surface_and_statics.surface_step", worked, raising=False)
+    monkeypatch.setattr("dsfab.study.check_model.surface_step", worked, raising=False)
     (tmp_path / "in").write_text("a file, and no folder")
     (tmp_path / "a.stl").mkdir()
     places = {"IN": str(tmp_path / "in"), "FOLDER": str(tmp_path / "a.stl")}

@@ -120,7 +120,7 @@ def test_numbers_are_changed_without_drafting_again(dome: Design, monkeypatch: p
 
     with Previewer(dome) as previewer:
         before = previewer.mask(SIZE)
-        monkeypatch.setattr("dsfab.design.draft", never)
+        monkeypatch.setattr("dsfab.render.previewer.draft", never)
         previewer.set({"pattern.major.frequency": 12.0, "pattern.minor.threshold": 0.6, "pattern.keep": 0.5})
         assert (previewer.mask(SIZE) != before).any()
         previewer.set({"slicing.snap": 0.1, "export.formats": ["stl"]})  # not seen before the cut
@@ -393,7 +393,7 @@ def test_a_notebook_shows_designs_and_drafts_and_warns_where_nothing_can_be_draw
     def cannot(*_: object, **__: object) -> None:
         raise DsfabError("pictures cannot be drawn on this machine")
 
-    monkeypatch.setattr("dsfab.render.previewer.Previewer", cannot)
+    monkeypatch.setattr("dsfab.render.design_picture.Previewer", cannot)
     with pytest.warns(UserWarning, match="cannot be drawn"):
         assert dome._repr_png_() is None
 

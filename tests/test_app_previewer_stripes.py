@@ -93,7 +93,7 @@ def test_a_reach_alone_is_a_number(dome: Design, monkeypatch: pytest.MonkeyPatch
 
     with Previewer(plain, marks=False) as previewer:
         before = previewer.mask(SIZE).sum()
-        monkeypatch.setattr("dsfab.design.draft", never)
+        monkeypatch.setattr("dsfab.render.previewer.draft", never)
         previewer.set({"pattern.rim": 1.0})
         assert previewer.mask(SIZE).sum() > 1.02 * before
         for changes in ({"pattern.minor.spacing": 0.6}, {"pattern.halve": False}, {"pattern.major.threshold": 0.2}):

@@ -5,9 +5,9 @@
             ├── statics  diffusion  pattern  slicing  thickening ── export
             └── preset ── results ── members ── design ── workshop
                                                   └── study ── render ── report ── app
-                                                       verification, reproduction ┘
+                                                       verification  reproduction ┘
 
-The README of each room is the docstring of its `__init__`. A room stands on the rooms before it and knows none after it.
+The docstring of each `__init__` says what its room holds. A room stands on the rooms before it and knows no later one.
 """
 
 import ast

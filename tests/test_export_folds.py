@@ -139,7 +139,7 @@ def test_the_mesh_of_a_curved_sheet_is_told_before_its_outlines_are_found(monkey
     """Mitring and outlines of each triangle of a dome took seven seconds, and were not asked for."""
     surface = roof(slope=0.1)
     part, _, _ = folded(surface, openings(surface))
-    monkeypatch.setattr("dsfab.export.cad.step.smooth.layout.sheet_of", lambda *_: pytest.fail("outlines were found"))
+    monkeypatch.setattr("dsfab.export.cad.step.folded_sheets.sheet_of", lambda *_: pytest.fail("outlines were found"))
     assert next(attempts(replace(part, step="auto"))).step == "smooth"
 
 

@@ -115,9 +115,9 @@ def test_a_step_that_carries_nothing_ends_the_search_and_is_told(stressed, monke
         return carrying(self, layers)
 
     monkeypatch.setattr(Stressed, "carrying", breaks)
-    made = dsfab.pipeline.draft(cantilever(rule="stressed", steps=7), old=stressed)
+    made = dsfab.design.draft(cantilever(rule="stressed", steps=7), old=stressed)
     assert f"step {good + 1} of the width rule stressed was given up: no piece" in made.notes[-2 - (good > 0)].text
-    graded = dsfab.pipeline.draft(cantilever(rule="graded"), old=stressed)
+    graded = dsfab.design.draft(cantilever(rule="graded"), old=stressed)
     off = max(
         np.abs(a - b).max()
         for a, b in zip(made.pattern.half_widths, graded.pattern.half_widths, strict=True)

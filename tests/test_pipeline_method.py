@@ -101,7 +101,7 @@ def spaced(found, asked, monkeypatch, crowded=True):
     monkeypatch.setattr(method_search, "even_stripes", lambda *_: even)
     monkeypatch.setattr(method_search, "_tried", lambda way, _given, _log: way)
     best = method_search.Way(asked, Attempt(found, 1.0, 1.0, 0.5), None, even)
-    given = dsfab.pipeline.Design.of(asked).stressed
+    given = dsfab.design.Design.of(asked).stressed
     return {way.attempt.name: way.preset for way in method_search.spaced_ways(asked, [best], given, Log(None))}
 
 
@@ -159,15 +159,13 @@ def test_a_preset_on_modes_can_be_opened_again_whatever_forces_were_asked_for(mo
         "cantilever", {"surface.edge": 0.2, "pattern.method": "auto", "pattern.forces": "optimal"}
     )
     monkeypatch.setattr(method_search, "_tried", lambda way, _given, _log: way)
-    (way, *_) = method_search.first_ways(
-        asked, dsfab.pipeline.Design.of(asked).stressed, Log(None), "modes", halve=True
-    )
+    (way, *_) = method_search.first_ways(asked, dsfab.design.Design.of(asked).stressed, Log(None), "modes", halve=True)
     assert dsfab.Preset(**way.preset.model_dump()).pattern.method == "modes"
 
 
 @pytest.mark.slow
 def test_a_plain_width_is_not_exchanged():
-    made = dsfab.pipeline.draft(
+    made = dsfab.design.draft(
         dsfab.load_preset(DOME_MODES, {**SMALL, "pattern.method": "auto", "pattern.width": {"rule": "plain"}})
     )
     assert len(made.pattern.attempts) >= 3
@@ -179,7 +177,7 @@ def test_stressed_widths_are_judged_evened(plate):
     """By the rule `stressed` the trial is worth what the width search ends with, not what it begins with."""
     evened = {**PLATE, "pattern.width.rule": "stressed", "pattern.width.steps": 4}
     both = {}
-    for rule, made in (("graded", plate), ("stressed", dsfab.pipeline.draft(dsfab.load_preset("cantilever", evened)))):
+    for rule, made in (("graded", plate), ("stressed", dsfab.design.draft(dsfab.load_preset("cantilever", evened)))):
         both[rule] = {
             one.name.split(",")[0]: one
             for one in made.pattern.attempts
@@ -204,7 +202,7 @@ def test_a_bracket_of_method_auto_comes_near_to_topology_optimisation():
     what method auto makes of so little is held against a record in test_targets.py.
     """
     share = 0.5
-    made = dsfab.pipeline.draft(coarse_shape("bracket", share, 0.055))
+    made = dsfab.design.draft(coarse_shape("bracket", share, 0.055))
     own = against_simp.structure(made)
     task = ComparisonTask.of(made, own.sheet.surface.area)
     most = against_simp.ASKED[share] * quick(task, against_simp.simp(task)).compliance
@@ -222,7 +220,7 @@ def test_a_plate_with_a_hole_and_a_wall_over_an_arch_come_near_to_topology_optim
         "minor": {"mode": 1},
         "width": {"rule": "graded", "solid_fraction": share, "steps": 4},
     }
-    made = dsfab.pipeline.draft(coarse_shape(name, share, edge, **quicker))
+    made = dsfab.design.draft(coarse_shape(name, share, edge, **quicker))
     own = against_simp.structure(made)
     task = ComparisonTask.of(made, own.sheet.surface.area)
     other = quick(task, against_simp.simp(task)).compliance
@@ -242,7 +240,7 @@ def test_half_a_sphere_is_as_stiff_as_topology_optimisation_begun_at_ribs():
         minor={},
         width={"rule": "stressed", "solid_fraction": 0.5},
     )
-    made = dsfab.pipeline.draft(asked)
+    made = dsfab.design.draft(asked)
     own = against_simp.structure(made)
     task = ComparisonTask.of(made, own.sheet.surface.area)
     other = against_simp.over_uncut(*against_simp.ribbed(task))
@@ -255,7 +253,7 @@ def test_of_modes_the_pair_that_evening_makes_the_stiffest_is_taken():
     """At 30 % of the cantilever the pair that is the stiffest with graded widths is not with evened ones."""
     auto = {f"pattern.{family}.{key}": "auto" for family in ("major", "minor") for key in ("mode", "phase")}
     light = {"surface.edge": 0.045, "pattern.width.rule": "stressed", "pattern.width.solid_fraction": 0.3}
-    made = dsfab.pipeline.draft(dsfab.load_preset("cantilever", {**auto, **light}))
+    made = dsfab.design.draft(dsfab.load_preset("cantilever", {**auto, **light}))
     ranked = made.pattern.choice
     first = made.pattern.mode
     assert (first, made.pattern.phase) == (ranked.mode, ranked.phase)

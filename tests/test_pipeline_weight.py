@@ -76,7 +76,7 @@ def test_each_face_weighs_what_stripes_leave_of_it(vault):
 
 def test_a_round_draws_stripes_along_the_stress_of_the_lighter_sheet(vault):
     asked = vault.preset.with_pattern(weight_rounds=1)
-    made = dsfab.pipeline.draft(asked, old=vault)
+    made = dsfab.design.draft(asked, old=vault)
     share = drawn_share(vault.preset, vault.stressed, vault.pattern.even)
     lighter = weighed_statics(asked, vault.surface, vault.statics, share)
     expected, found = even_stripes(asked, vault.surface, lighter), made.pattern.even
@@ -99,7 +99,7 @@ def test_without_weight_a_round_changes_nothing_and_says_so(vault):
     other = tuple(load for load in vault.preset.surface.load if load.kind != "self_weight")
     surface = vault.preset.surface.model_copy(update={"load": other})
     asked = vault.preset.model_copy(update={"surface": surface}).with_pattern(weight_rounds=2)
-    made = dsfab.pipeline.draft(asked)
+    made = dsfab.design.draft(asked)
     assert made.pattern.even.forces is None
     assert any("weight_rounds = 2 changes nothing: no load is the sheet's own weight" in one.text for one in made.notes)
 
@@ -122,7 +122,7 @@ def test_where_no_width_keeps_what_is_asked_the_stripes_before_stay(vault, monke
 
 
 def test_on_modes_it_has_no_effect_and_that_is_told(vault):
-    made = [dsfab.pipeline.draft(vault.preset.with_pattern(method="modes", weight_rounds=k), old=vault) for k in (0, 1)]
+    made = [dsfab.design.draft(vault.preset.with_pattern(method="modes", weight_rounds=k), old=vault) for k in (0, 1)]
     assert all(np.array_equal(*pair) for pair in zip(*(one.pattern.fields[2:] for one in made), strict=True))
     told = [[note.text for note in one.notes if "weight_rounds has no effect" in note.text] for one in made]
     assert [len(one) for one in told] == [0, 1]

@@ -66,7 +66,7 @@ def test_each_check_has_its_largest():
 
 
 def test_diagrams_show_six_forces_of_each_member_in_the_case_that_is_named(monkeypatch):
-    monkeypatch.setattr("dsfab.report.compliance.figures.png", lambda figure: figure)
+    monkeypatch.setattr("dsfab.report.members.png", lambda figure: figure)
     s = np.array([0.0, 1.0, 2.0])
     size = np.array([1e3, 2.0, 3e3, 4.0, 5e3, 6.0])  # N and N m
     forces = {"wind": np.outer([1, -1, 2], size), "snow": np.outer([3, 0, 1], size)}

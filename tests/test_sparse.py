@@ -237,7 +237,7 @@ def test_the_name_is_that_of_the_solver_used(found, name, monkeypatch):
 @pytest.mark.parametrize("solver", ["multifrontal", "PARDISO"])
 def test_a_factor_that_does_not_fit_is_refused(solver, monkeypatch):
     require(solver)
-    for module in (sparse, sparse.pardiso):
+    for module in (sparse, libraries):
         monkeypatch.setattr(module, "require_memory", cholesky.require_memory)
     monkeypatch.setattr(cholesky, "free_memory", lambda: 1000)
     monkeypatch.setattr(sparse, "solver_name", lambda: solver)

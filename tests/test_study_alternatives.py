@@ -127,7 +127,7 @@ def blind_task(sheet, angle=0.0, seed=None):
         statics={"thickness": 0.06, "material": "S235"},
         pattern={"method": "modes", "keep": 0.2, "rim": 0.1, "major": family, "minor": family},
     )
-    made = dsfab.pipeline.draft(asked)
+    made = dsfab.design.draft(asked)
     whole = Structure.uncut(made.surface, asked.statics.thickness)
     return ComparisonTask.of(made, 0.4 * made.surface.area), whole
 
@@ -233,7 +233,7 @@ def test_alternatives_that_carry_nothing_are_told_and_win_nothing(pulled, monkey
 
 def fresh(design, known):
     """A design of which the alternatives are known already."""
-    other = dsfab.pipeline.Design.known(design.preset, slicing=design.slicing)
+    other = dsfab.design.Design.known(design.preset, slicing=design.slicing)
     other.once("slicing", "alternatives", lambda: known)
     return other
 

@@ -175,7 +175,7 @@ def test_a_void_leaves_the_boundary_that_was_held_and_no_more():
             "pattern.region": [{"do": "void", "at": {"pick": "ball", "center": [0.9, 0.0, 0.0], "radius": 0.35}}],
         },
     )  # fmt: skip
-    surface = dsfab.pipeline.Design.of(preset).surface
+    surface = dsfab.design.Design.of(preset).surface
     support = acting_on(preset, surface).support[0]
     held = edges_of(support.at, surface)
     place = surface.V[surface.edges.ends[held]].mean(axis=1)

@@ -271,7 +271,7 @@ def test_the_command_leaves_nothing_behind_when_it_is_ended(endless, number):
     while not (endless.exists() and endless.read_text()) and time.monotonic() < end:
         time.sleep(0.05)
     run.send_signal(number)
-    assert "stopped; nothing was written" in run.communicate(timeout=30)[1]
+    assert "stopped; nothing was written" in run.communicate(timeout=60)[1]
     assert run.returncode == 130
 
 

@@ -69,13 +69,13 @@ def test_metrics_can_be_functions():
     ],
 )
 def test_mistakes_are_told_before_anything_is_built(vary, metrics, says, monkeypatch):
-    monkeypatch.setattr("dsfab.design.draft", None)
+    monkeypatch.setattr("dsfab.study.sweeps.in_memory.draft", None)
     with pytest.raises(PresetError, match=says):
         dsfab.sweep(PRESET, vary, metrics)
 
 
 def test_metrics_by_name_make_only_the_stages_that_they_need(monkeypatch):
-    monkeypatch.setattr("dsfab.design.slicing_and_thickening.thickening_step", None)
+    monkeypatch.setattr("dsfab.design.design.thickening_step", None)
     (run,) = dsfab.sweep(PRESET, {"pattern.major.phase": [0.1]}, ["area", "pieces", "min_width", "compliance"])
     assert run.error == ""
     assert len(run.metrics) == 4

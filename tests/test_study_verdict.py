@@ -271,7 +271,7 @@ def test_a_finer_mesh_is_solved_where_the_solver_at_hand_needs_no_more_than_the_
     sheet = whole_sheet(setting.surface)
     next_mesh = MAIN.unknowns(finer(sheet, SmoothSurface.through(setting.surface)).surface)
     for solver, solved in (("PARDISO", 2), ("multifrontal", 1)):
-        monkeypatch.setattr("dsfab.core.sparse.solver_name", lambda solver=solver: solver)
+        monkeypatch.setattr("dsfab.study.verdict.verdict.solver_name", lambda solver=solver: solver)
         assert len(check(setting, sheet, budget=3000 * next_mesh).levels) == solved
 
 

@@ -5,13 +5,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dsfab import verification
 from dsfab.app.cli import main
 from dsfab.core.errors import StaticsError
 from dsfab.statics import PAPER, Elements, Equilibrium, Material, elements_of
 from dsfab.statics.elements import edge_frames
 from dsfab.surface import Surface
-from dsfab.verification import TESTS, Problem, pattern_spread, series, shortfalls, standings
+from dsfab.verification import TESTS, Problem, pattern_spread, results, series, shortfalls, standings, verify
 from dsfab.verification.beams import bent_strip, bent_strip_tip, straight_beam
 from dsfab.verification.plane import corner_stress, kirsch, kirsch_stress, vertex_stress
 from dsfab.verification.problems import MESHES, Test, octant, square
@@ -167,7 +166,7 @@ def rows_of(*found: tuple[int, int, float], test="cook") -> list[VerificationRow
 def test_published_values_are_compared_at_equal_unknowns_else_on_equal_cells(
     monkeypatch, published, ours, basis, outcome
 ):
-    monkeypatch.setattr(verification.benchmark_comparison, "PUBLISHED", (published,))
+    monkeypatch.setattr(results, "PUBLISHED", (published,))
     (found,) = standings(rows_of((4, 100, 0.9), (8, 1000, 1.01), (16, 10000, 0.999)), TESTS)
     assert (found.basis, found.outcome) == (basis, outcome)
     assert found.ours == (None if ours is None else pytest.approx(ours, rel=0.01))
@@ -175,7 +174,7 @@ def test_published_values_are_compared_at_equal_unknowns_else_on_equal_cells(
 
 def test_a_value_that_passes_through_the_reference_counts_as_what_follows(monkeypatch):
     published = Published("cook", "x", 4, 0.98, NODAL, unknowns=100)
-    monkeypatch.setattr(verification.benchmark_comparison, "PUBLISHED", (published,))
+    monkeypatch.setattr(results, "PUBLISHED", (published,))
     (found,) = standings(rows_of((4, 100, 1.0001), (8, 1000, 1.04), (16, 10000, 1.01)), TESTS)
     assert found.ours == pytest.approx(0.04)
     assert found.outcome == "worse"
@@ -190,7 +189,7 @@ def test_published_values_name_tests_meshes_and_sources():
 
 def test_shortfalls_name_what_constant_strain_does_and_what_others_publish():
     test = replace(TESTS["cook"], meshes=("diagonal",))
-    lines = shortfalls(list(verification.verify([test, TESTS["patch_shear"]], [PAPER])))
+    lines = shortfalls(list(verify([test, TESTS["patch_shear"]], [PAPER])))
     assert list(lines) == ["cook"]
     assert "0.501, 0.763, 0.919, 0.977 at 2, 4, 8, 16; published for constant strain: 0.500, 0.763" in lines["cook"]
 

@@ -343,7 +343,7 @@ def test_a_foreign_reader_is_silent_and_its_words_reach_nobody(tmp_path, monkeyp
         warnings.warn("noise", stacklevel=1)
         raise IndexError("list index out of range")
 
-    monkeypatch.setattr("dsfab.surface.files.stl_and_3mf.read_stl", loud)
+    monkeypatch.setattr("dsfab.surface.files.mesh_files.read_stl", loud)
     with pytest.raises(
         SurfaceError, match=r"cannot be read as STL \(it is damaged, or of a kind .*\); export it again"
     ):

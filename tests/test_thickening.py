@@ -488,7 +488,7 @@ def test_sheets_that_cannot_part_are_told_and_not_hidden():
 
 def test_a_surface_that_crosses_itself_is_told_with_its_place(monkeypatch):
     """Where it could not be united."""
-    monkeypatch.setattr("dsfab.thickening.union.united_prisms", lambda *_: None)
+    monkeypatch.setattr("dsfab.thickening.repair.united_prisms", lambda *_: None)
     plate = grid(4, 4, 1.0, 1.0)
     wall = np.c_[plate.V[:, 0] * 0 + 0.43, plate.V[:, 1] + 0.013, plate.V[:, 0] - 0.47]
     both = Surface(np.concatenate([plate.V, wall]), np.concatenate([plate.F, plate.F + plate.n]))

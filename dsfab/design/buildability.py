@@ -124,7 +124,6 @@ def _past_faces(on: Acting, surface: Surface, weight: float) -> Iterator[Objecti
 
 
 def _on_supports(on: Acting, surface: Surface, weight: float, cases: Mapping[str, CaseResult]) -> Iterator[Objection]:
-    """Object to loads that act on held directions only."""
     free = ~next(iter(cases.values())).load.fixed
     for name, load in zip(load_names(on.load), on.load, strict=True):
         if not load.on(surface, weight)[free].any():

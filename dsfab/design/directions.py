@@ -79,7 +79,6 @@ def diffusion_step(preset: Preset, surface: Surface, statics: StaticsResult, log
 
 
 def _tensors(preset: Preset, surface: Surface, statics: StaticsResult) -> tuple[Symmetry | None, DiffusionTensors]:
-    """Return the symmetry that [diffusion] requests, and its tensors."""
     ask = preset.diffusion
     loads = statics.loads(preset.followed).values()
     symmetry = symmetry_of(surface, ask.symmetry, *loads) if ask.symmetry else None
@@ -179,7 +178,6 @@ def _same_sense(surface: Surface, symmetry: Symmetry) -> Bools:
 
 
 def _same_guides(frames: Frames, symmetry: Symmetry, guidance: tuple[Guidance, ...]) -> Bools:
-    """Return whether each image (g,) of every guide is a guide."""
     area, n = frames.surface.vertex_areas, frames.surface.n
     each = [guide.tensors(frames) for guide in guidance]
     every = np.asarray(sum(each))

@@ -389,7 +389,6 @@ def _too_far(name: str, spacing: float, surface: Surface) -> PatternError:
 
 
 def _as_millimetres(spacing: float, surface: Surface) -> str:
-    """Return a hint if the same number of millimetres would fit."""
     fits = FINEST * surface.mean_edge <= spacing / 1000 <= surface.size
     return f" (lengths are in metres: {spacing / 1000:.4g} for {spacing:.4g} mm)" if fits else ""
 

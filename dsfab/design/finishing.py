@@ -330,7 +330,6 @@ def cured_share(surface: Surface, gap: float, member: float) -> float:
 
 
 def _material(cells: Sheet) -> float:
-    """Return the area of material, m2."""
     return float(cells.surface.areas[cells.material].sum())
 
 

@@ -55,7 +55,6 @@ def rules_of(preset: Preset, cases: tuple[str, ...]) -> "Rules":
 
 
 def _loads(preset: Preset, cases: tuple[str, ...]) -> str:
-    """Return a sentence on the judged loads and their factors."""
     judged = preset.judged_in("ULS", cases)
     if preset.surface.sums:
         return f"Judged in {len(judged)} cases and combinations, with the factors that the preset gives them."
@@ -63,7 +62,6 @@ def _loads(preset: Preset, cases: tuple[str, ...]) -> str:
 
 
 def _duration(preset: Preset, name: str) -> "Duration":
-    """Return the duration of a case, or the shortest of the cases in a combination."""
     from dsfab.members.eurocode import shortest
 
     sums = {one.name: one.factors for one in preset.surface.sums}

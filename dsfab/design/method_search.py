@@ -188,7 +188,6 @@ def first_ways(preset: Preset, given: StressedSurface, log: Log, method: str, ha
 
 
 def _tried(way: Way, given: StressedSurface, scratch: Log) -> Way:
-    """Return a candidate with its worth."""
     preset, name = way.preset, way.attempt.name
     try:
         stressed = preset.pattern.width.rule == "stressed"
@@ -218,7 +217,6 @@ def _measured(
 
 
 def _exchangeable(asked: Width) -> bool:
-    """Return whether the search may replace the requested width rule."""
     return asked.rule in RULES and bool(asked.solid_fraction)
 
 

@@ -322,7 +322,6 @@ def _rank(candidate: Candidate) -> tuple[bool, bool, float, Numbers]:
 
 
 def _rounds(preset: Preset, computed: int, found: dict[Numbers, Candidate]) -> Iterator[Iterable[Numbers]]:
-    """Yield the modes and phases of each round, from the candidates up to then."""
     both = (preset.pattern.major, preset.pattern.minor)
     shown = [name in preset.pattern.family_names for name in FAMILIES]
     every = range(1, min(4, computed) + 1)  # the first four modes suffice, as in the paper

@@ -86,7 +86,6 @@ def measured_pattern(
 
 
 def _of_sheet(made: Patterned, cells: Sheet, sheet: Surface, drawn: Drawn, found: PatternQuality) -> PatternQuality:
-    """Return the measures with the dead ends and slits of the sheet."""
     openings, name = Openings.of(cells), np.array([*made.pattern.names, ""])[cells.family]
     both = []
     for k, (own, family) in enumerate(found.families):

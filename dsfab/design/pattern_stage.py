@@ -56,7 +56,6 @@ def weighed_stripes(preset: Preset, given: StressedSurface, log: Log) -> EvenStr
 
 
 def _weighs(preset: Preset, statics: StaticsResult) -> bool:
-    """Return whether the stress that the pattern follows includes the sheet's own weight."""
     parts = [load.parts for load in statics.loads(preset.followed).values()]
     return any(one is not None and bool(one.weight.any()) for one in parts)
 
@@ -86,7 +85,6 @@ def weighed_statics(preset: Preset, surface: Surface, statics: StaticsResult, sh
 
 
 def _lighter(one: Loading, surface: Surface, share: Floats) -> Loading:
-    """Return a loading with shares (m,) of its weight."""
     whole = one.load.parts
     if whole is None:
         return one
@@ -196,7 +194,6 @@ def _asked_way(preset: Preset, given: StressedSurface, log: Log, before: Before 
 
 
 def _even(preset: Preset, given: StressedSurface, log: Log, before: Before | None) -> EvenStripes:
-    """Return evenly spaced stripes: the earlier ones if they still hold, else new ones."""
     if before and same_stripes(before.asked, preset.pattern):
         log.seconds["stripes"] = before.seconds
         return before.even

@@ -73,7 +73,6 @@ def slicing_step(
 
 
 def _note_finishing(preset: Preset, done: Finished, smallest: Smallest, stubs: int, log: Log) -> None:
-    """Note how many details were cut off, filled, bridged, widened and rounded."""
     if stubs:
         which = "members that meet past their last crossings, or pass beside a singular point of the stress,"
         log.note("slicing", f"{which} were cut off, straightened or evened at {_places(stubs)}")
@@ -97,7 +96,6 @@ def _note_finishing(preset: Preset, done: Finished, smallest: Smallest, stubs: i
 
 
 def _note_plate(ask: Pattern, surface: Surface, drawn: Sheet, done: Sheet, log: Log) -> None:
-    """Note the place of many filled openings side by side."""
     apart = max(family.distance(surface.area, surface.mean_edge) for family in ask.drawn)
     filling = largest_filling(drawn, done, apart)
     if filling and filling.openings >= PLATE:
@@ -142,7 +140,6 @@ def _rounded(radius: float, found: Floats) -> str:
 
 
 def _pieces(surface: Surface, sheet: Sheet, load: LoadCase) -> tuple[tuple[Piece, ...], Ints]:
-    """Return the pieces of a sheet, and the piece of each face."""
     count, label = pieces(sheet.surface.F, sheet.surface.edges)
     area = np.bincount(label, sheet.surface.areas, count)
     marks = []
@@ -153,13 +150,11 @@ def _pieces(surface: Surface, sheet: Sheet, load: LoadCase) -> tuple[tuple[Piece
 
 
 def _alone(preset: Preset) -> str:
-    """Return why pieces are loose, if only one family is drawn."""
     name = preset.pattern.families
     return "" if name == "both" else f": the {name} family alone has no crossings; set pattern.rim, or draw both"
 
 
 def _refuse_loose(preset: Preset, sheet: Sheet, listed: tuple[Piece, ...], label: Ints) -> None:
-    """Raise PatternError if pieces reach no support."""
     loose = [k for k, piece in enumerate(listed) if not piece.held]
     if loose:
         largest = max(loose, key=lambda k: listed[k].area)

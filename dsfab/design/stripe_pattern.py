@@ -191,7 +191,6 @@ def least_width(preset: Preset, surface: Surface) -> float:
 
 
 def _note_spacings(preset: Preset, families: Sequence[Drawable], log: Log) -> None:
-    """Note the frequencies that follow from requested spacings."""
     for family in families:
         if spacing := getattr(preset.pattern, family.name).spacing:
             told = f"spacing {spacing:g} m: frequency of the {family.name} stripes became"

@@ -144,7 +144,6 @@ def _affordable(sheet: Statics, surface: Surface, log: Log) -> tuple[Ask, tuple[
 
 
 def _note(told: Sequence[tuple[str, Answers]], ask: Ask, sheet: Statics, surface: Surface, log: Log) -> None:
-    """Note consequences of the answers for a builder."""
     elements = told[0][1].elements
     if ask and ask.elements(sheet.elements) != sheet.elements:
         why = "hinge bending is fit for directions only"
@@ -265,7 +264,6 @@ def _moments(
 
 
 def _bent(stress: SheetStress) -> Floats:
-    """Return the stress (m, 3, 3), Pa, that bending adds at the bottom."""
     return stress.tensor("bottom") - stress.tensor("middle")
 
 
@@ -420,7 +418,6 @@ def _surface_read(given: OwnSurface, log: Log | None) -> Surface:
 
 
 def _stress_sizes(given: OwnSurface, surface: Surface, statics: StaticsResult) -> Iterator[SizeField]:
-    """Yield lengths of edges by the stress at both sides of the sheet, for each case."""
     for case in statics.cases.values():
         for side in ("top", "bottom"):
             stress = case.answers.stress.tensor(side)

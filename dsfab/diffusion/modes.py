@@ -172,7 +172,6 @@ def family_modes(
 
 
 def _modes(surface: Surface, L: csr_array, solve: Factor, k: int, axes: Floats, symmetry: Symmetry | None) -> Modes:
-    """Return the modes of L, by the factor of its scaled matrix."""
     mass, constants = voronoi_mass(surface), _constants(surface)
     wanted = k * (symmetry.order if symmetry else 1) + constants + SPARE
     while True:

@@ -147,7 +147,6 @@ def _refused(words: str, what: str) -> PatternError:
 
 
 def _generator(word: str) -> Floats:
-    """Return the mirror or the rotation (3, 3) that a word names."""
     kind, *rest = word.split(":")
     if kind in ("x", "y", "z") and not rest:
         return np.diag([-1.0 if axis == kind else 1.0 for axis in "xyz"])
@@ -336,7 +335,6 @@ class _Glance:
 
 
 def _candidates(surface: Surface, axes: Floats, glance: _Glance) -> Iterator[Floats]:
-    """Yield possible generators of a group."""
     axis = round_axis(surface, axes)
     if axis is None:
         yield from (mirror(direction) for direction in axes)

@@ -96,8 +96,8 @@ def diffusion_tensors(
                 magnitudes, so that rounding decides the labels of `magnitude`, and the structure falls apart. Of a
                 `combined_stress`, which is nowhere negative, both choose the larger value.
     isotropy  : tolerance of the classification, against a reference stress (RMS of the principal stresses over the
-                area, without gamma): `signed` gamma (s1 - s2) <= isotropy ref; `magnitude` (gamma |s1| + eps) / (gamma
-                |s2| + eps) <= 1 + isotropy with eps = isotropy ref.
+                area, without gamma): `signed` gamma (s1 - s2) <= isotropy ref; `magnitude`
+                (gamma |s1| + eps) / (gamma |s2| + eps) <= 1 + isotropy with eps = isotropy ref.
     """
     stress, direction = principal_stresses(surface, sigma)
     if labelling == "magnitude":

@@ -252,7 +252,6 @@ def _on_surface(surface: Surface, curve: Floats) -> tuple[Floats, Ints]:
 
 
 def _shares(corners: Floats, points: Floats) -> Floats:
-    """Return barycentric coordinates (k, 3) of points (k, 3) in the planes of triangles (k, 3, 3)."""
     a, b, c = (corners[:, k] for k in range(3))
     normal = np.cross(b - a, c - a)
     sides = [np.cross(q - p, points - p) for p, q in ((b, c), (c, a), (a, b))]

@@ -215,7 +215,6 @@ def region_bands(surface: Surface, regions: Sequence[PatternRegion], rim: float)
 
 
 def _faces(surface: Surface, regions: Sequence[PatternRegion], do: str) -> Iterator[tuple[int, Bools]]:
-    """Yield number and faces (m,) of the regions of a kind."""
     for k, region in enumerate(regions):
         if region.do != do:
             continue

@@ -94,24 +94,19 @@ class Drawable(Protocol):
     """
 
     @property
-    def adds(self) -> int:
-        """Its place in the order of families that add finer stripes."""
+    def adds(self) -> int: ...
 
     @property
-    def name(self) -> str:
-        """The name of the family."""
+    def name(self) -> str: ...
 
     @property
-    def stripes(self) -> Stripes:
-        """The stripes, of a mode or of a phase."""
+    def stripes(self) -> Stripes: ...
 
     @property
-    def density(self) -> Floats:
-        """Stripes per metre (n,)."""
+    def density(self) -> Floats: ...
 
     @property
-    def stress(self) -> Floats:
-        """Size of the stress along the stripes (n,), in any unit."""
+    def stress(self) -> Floats: ...
 
     def stressed(self, stress: Floats) -> Self:
         """Return the family under another stress (n,)."""
@@ -252,7 +247,6 @@ class EvenFamily:
         return CornerField(band, phase.sign, phase.shift, phase.singular, wanted)
 
     def _levels(self, period: int, offset: int, d: Floats) -> Floats:
-        """Return offset + j period over all values that faces have."""
         phase = self.phase
         seen = np.abs(phase.value).max() + np.abs(phase.shift[~phase.singular]).max(initial=0.0) + d.max()
         count = np.ceil(seen / period) + 1

@@ -117,7 +117,6 @@ def _pairs(x: Complexes) -> Floats:
 
 
 def _numbers(x: Floats) -> Complexes:
-    """Return the complex numbers (n,) of such pairs (2 n,)."""
     return np.ascontiguousarray(x).view(np.complex128)
 
 

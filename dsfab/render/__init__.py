@@ -1,4 +1,4 @@
-"""Pictures: everything that draws, and nothing that knows a command."""
+"""Pictures: all drawing code, independent of commands."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -26,7 +26,7 @@ if TYPE_CHECKING:
 
 
 def __getattr__(name: str) -> Any:
-    """What is drawn of whole designs is loaded when it is asked for: one picture needs half of it."""
+    """Load pictures of whole designs on first use, because a single picture needs half of the modules."""
     if name not in __all__:
         raise AttributeError(f"module 'dsfab.render' has no attribute {name!r}")
     from dsfab.render import members

@@ -21,27 +21,27 @@ if TYPE_CHECKING:
 
 
 EVERY_LAYER = ("loads", "supports", "reactions", "person", "tree", "gradients")
-"""What can be drawn beside a structure to explain it."""
+"""Marks that can explain a structure."""
 
 LAYERS = ("loads", "supports", "person")
-"""What is drawn when nothing else is asked for."""
+"""Marks of a picture by default."""
 
 PERSON_FITS = (2.0, 60.0)
-"""A person is drawn beside structures of these heights, metres."""
+"""Least and largest height (m) of structures with a person beside them."""
 
 
 PERSON, TREE = 1.75, 6.0
-"""Heights of the person and of the tree, metres."""
+"""Heights of the person and of the tree (m)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Annotations:
-    """What is drawn beside a structure to explain it.
+    """Marks beside a structure.
 
-    surface, load : the uncut surface and what acts on it, for arrows, supports and the ground; both or none.
-    reaction      : (n, 3) N, of the supports on the structure.
-    gradient      : (m, 3) of what is shown, on each face; only its direction and relative size are drawn.
-    layers        : which of `EVERY_LAYER` are drawn; a person only beside what has a fitting size.
+    surface, load : uncut surface and its loads, for arrows, supports and the ground; both or neither.
+    reaction      : (n, 3) forces of the supports on the structure (N).
+    gradient      : (m, 3) on each face; only its direction and relative size are visible.
+    layers        : names from `EVERY_LAYER`; a person needs a structure of fitting size.
     """
 
     surface: Surface | None = None
@@ -53,7 +53,7 @@ class Annotations:
 
 @dataclass(frozen=True, eq=False)
 class Stage:
-    """Everything that is placed before a picture is taken; `level` is that of the floor along `view.floor`, or None."""
+    """Bodies, camera and floor of a picture; `level` is that of the floor along `view.floor`, None without a floor."""
 
     bodies: list[Body]
     view: View
@@ -71,9 +71,9 @@ def set_stage(
     palette: Palette,
     size: tuple[int, int],
 ) -> Stage:
-    """Place the camera, then the marks, then move the camera back until all of it is on the page.
+    """Place the camera and the marks, then move the camera back until all of them are on the page.
 
-    half : half the thickness of the structure, metres.    up : (3,) unit vector.
+    half : half the thickness of the structure (m).    up : (3,) unit vector.
     """
     V, up = body.V, up / np.linalg.norm(up)
     low, high = V.min(axis=0), V.max(axis=0)
@@ -85,7 +85,7 @@ def set_stage(
         bodies += [Body(*mesh, palette.of(name)) for name, mesh in drawn.items() if len(mesh[1])]
         stands = _stands(surface, load, V, up, reach)
         if stands and "supports" in beside.layers:
-            # on the feet of its support cones; arrows that hang lower are drawn through the ground
+            # the ground is at the feet of the support cones; arrows that hang lower pass through it
             level -= marks.CONE * reach
     if side.front:
         level, stands = float((V @ side.floor).min()) - 0.012 * reach, True  # a board behind the plate
@@ -99,15 +99,17 @@ def set_stage(
 
 
 def on_page(bodies: list[Body], side: ViewSide, size: tuple[int, int], words: bool = True, scale: bool = False) -> View:
-    """The view in which the bodies fill a page with a strip for words below, or without one; a higher one for words
-    below a scale of colours."""
+    """Return the view in which the bodies fill a page, above a strip for words if requested.
+
+    scale : whether the strip has room for a colour scale.
+    """
     aspect = size[0] / size[1]
     wide, bottom, top = (0.86, -0.62 if scale else -0.70, 0.88) if words else (0.92, -0.86, 0.92)
     return framed(np.concatenate([one.V for one in bodies]), side, (-wide * aspect, wide * aspect, bottom, top))
 
 
 def _stands(surface: Surface, load: LoadCase, V: Floats, up: Floats, reach: float) -> bool:
-    """Whether the structure stands on the ground: its supports are below it, and down at its lowest point."""
+    """Return whether the structure stands on the ground: its supports are below it, at its lowest points."""
     if not load.held.any():
         return True
     lowest, height = float((V @ up).min()), float(np.ptp(V @ up))
@@ -116,7 +118,7 @@ def _stands(surface: Surface, load: LoadCase, V: Floats, up: Floats, reach: floa
 
 
 class _Frame(NamedTuple):
-    """Where a structure is seen from, which way is up, and metres across it and half its thickness."""
+    """View direction, up direction, size (m) and half thickness (m) of a structure."""
 
     towards: Floats
     up: Floats
@@ -125,7 +127,7 @@ class _Frame(NamedTuple):
 
 
 def _marks(beside: Annotations, surface: Surface, load: LoadCase, at: _Frame) -> dict[MarkName, marks.Mesh]:
-    """Load arrows, support cones, reactions and gradients, those that are asked for."""
+    """Return the meshes of the requested layers."""
     drawn: dict[MarkName, marks.Mesh] = {}
     if "loads" in beside.layers:
         drawn["load"] = marks.load_arrows(surface, load, at.reach, at.half, at.towards, at.up)
@@ -139,24 +141,24 @@ def _marks(beside: Annotations, surface: Surface, load: LoadCase, at: _Frame) ->
 
 
 def _person_beside(V: Floats, side: ViewSide, foot: float) -> marks.Mesh:
-    """Somebody on the ground to the right of the structure, a little in front of its middle."""
+    """Return a person on the ground to the right of the structure, a little in front of its middle."""
     middle, right, level = _ground_frame(V, side, foot)
-    near_foot, apart = V[V @ side.up < foot + PERSON + 0.6], 0.55  # what stands in the way of a person
-    if not len(near_foot):  # supports of a wide roof are drawn taller than a person, whom its edge would hide
+    near_foot, apart = V[V @ side.up < foot + PERSON + 0.6], 0.55  # obstacles for a person
+    if not len(near_foot):  # support cones of a wide roof are taller than a person
         near_foot, apart = V, 0.04 * float(np.ptp(V @ right))
     beside = float(((near_foot - middle) @ right).max()) + apart
     return person(middle + beside * right + 0.15 * float(np.ptp(V @ level)) * level, right, side.up)
 
 
 def _tree_beside(V: Floats, side: ViewSide, foot: float) -> marks.Mesh:
-    """A tree on the ground to the left of the structure, a little behind its middle."""
+    """Return a tree on the ground to the left of the structure, a little behind its middle."""
     middle, right, level = _ground_frame(V, side, foot)
     beside = float(((middle - V) @ right).max()) + 0.32 * TREE
     return marks.tree(middle - beside * right - 0.15 * float(np.ptp(V @ level)) * level, side.up, TREE)
 
 
 def _ground_frame(V: Floats, side: ViewSide, foot: float) -> tuple[Floats, Floats, Floats]:
-    """The middle of a structure on the ground, to the right, and towards the eye along the ground."""
+    """Return the structure's middle on the ground, and the directions to the right and to the eye on the ground."""
     right = np.cross(side.up, side.towards)
     right /= np.linalg.norm(right)
     middle = (V.min(axis=0) + V.max(axis=0)) / 2
@@ -166,7 +168,7 @@ def _ground_frame(V: Floats, side: ViewSide, foot: float) -> tuple[Floats, Float
 def legend(
     stage: Stage, caption: str, palette: Palette, size: tuple[int, int], swatches: tuple[tuple[str, Colour], ...] = ()
 ) -> Legend:
-    """Words and scale: pixels per metre are those in the middle of the structure."""
+    """Return caption and scale; pixels per metre are those at the structure's middle."""
     depth = float((stage.centre - stage.view.eye) @ stage.view.forward)
     kinds: tuple[MarkName, ...] = ("load", "support", "reaction")
     names = [name for name in kinds if any(np.array_equal(body.colour, palette.of(name)) for body in stage.bodies[1:])]
@@ -174,7 +176,7 @@ def legend(
 
 
 def person(foot: Floats, right: Floats, up: Floats) -> Mesh:
-    """A flat figure of 1.75 m, standing at `foot` (3,), metres, and facing along `right` x `up`, unit vectors (3,)."""
+    """Return a flat figure of 1.75 m that stands at `foot` (3,) in metres and faces along `right` x `up` (3,)."""
     strips = [[(0.0, half, y) for half, y in _BODY]]
     strips += [[(side * x, half, y) for x, half, y in limb] for limb in (_ARM, _LEG) for side in (-1.0, 1.0)]
     vertices, faces, count = [], [], 0
@@ -189,7 +191,7 @@ def person(foot: Floats, right: Floats, up: Floats) -> Mesh:
     return foot + flat[:, :1] * right + flat[:, 1:] * up, np.concatenate(faces)
 
 
-# half width and height, metres, down the middle of a standing figure; then middle, half width and height of its limbs
+# half width and height (m) down the middle of a standing figure; then middle, half width and height of its limbs
 _BODY = [
     (0.002, 1.75), (0.040, 1.743), (0.064, 1.720), (0.077, 1.680), (0.078, 1.640), (0.070, 1.590), (0.053, 1.545),
     (0.047, 1.515), (0.052, 1.490), (0.090, 1.467), (0.145, 1.447), (0.188, 1.420), (0.200, 1.385), (0.180, 1.280),
@@ -206,18 +208,18 @@ _LEG = [
 
 
 Ground = Literal["paper", "white", "transparent"]
-"""What a structure stands on."""
+"""Ground of a picture."""
 
 FINER = light.FINE.finer
-"""How many times as large a fine picture is drawn before it is averaged."""
+"""Size of a fine picture before averaging, over its final size."""
 
 
 TURN = np.float32(0.87)
-"""Cosine of the angle from which an edge between faces is drawn."""
+"""Cosine of the angle between faces from which their edge is visible as a line."""
 
 
 def check_ground(ground: str) -> None:
-    """Raises DsfabError for a ground that there is not."""
+    """Raise DsfabError for an unknown ground."""
     if ground not in get_args(Ground):
         raise DsfabError(f"ground {ground!r} is not known; use one of {', '.join(get_args(Ground))}")
 
@@ -230,7 +232,7 @@ def rendered(
     quality: light.LightQuality = light.FINE,
     clear: bool = False,
 ) -> "Image":
-    """The picture without words; `clear` leaves the paper away and gives the shadows their share of opacity."""
+    """Return the picture without words; `transparent` replaces the paper by the opacity of shadows."""
     from PIL import Image
 
     finer = quality.finer
@@ -241,31 +243,31 @@ def rendered(
     if stage.level is not None:
         level = (stage.level - float(stage.centre @ stage.view.floor)) / stage.radius - 0.002
     brightness, share = light.shaded(scene, stage.view, pixels, all_lamps, stage.view.floor, level)
-    give_back(all_lamps.quality.bytes)  # what the lamps saw
+    give_back(all_lamps.quality.bytes)  # bytes of the shadow maps
     canvas = (_clear_floor if clear else _floor)(share, palette, width, height)
     pixel = 2 * stage.view.slope / height * float(np.linalg.norm(stage.view.eye - stage.centre)) / stage.radius
     lines = edges(pixels, 2.5 * pixel)
     drawn = np.flatnonzero(np.isfinite(pixels.depth))
     inked, flat = _inked(pixels, drawn, brightness, lines, palette), canvas.reshape(-1, canvas.shape[2])
-    for channel in range(canvas.shape[2]):  # by numbers and one by one: a sixth of the time of all by a mask
+    for channel in range(canvas.shape[2]):  # a mask for all channels takes six times as long
         flat[drawn, channel] = inked[:, channel] if channel < 3 else 255
     return Image.fromarray(canvas).reduce(finer)
 
 
 def _open(share: Floats32, width: int, height: int) -> Bytes:
-    """(height, width) 0..255, how much of the light reaches the ground, without shadows at the edge of the page."""
+    """Return the share of light on the ground, (height, width) 0..255, without shadows at the edge of the page."""
     from PIL import Image
 
     margin = 0.12 * share.shape[0]
     x, y = (np.minimum(np.arange(k), np.arange(k)[::-1]) / margin for k in share.shape[::-1])
-    fade = np.clip(np.minimum(x, y[:, None]), 0, 1)  # no shadow ends at the edge of the page
+    fade = np.clip(np.minimum(x, y[:, None]), 0, 1)  # shadows must not end at the edge of the page
     share = 1 - (1 - share) * (fade * fade * (3 - 2 * fade)).astype(np.float32)
     shades = Image.fromarray(np.round(np.clip(share, 0, 1) * 255).astype(np.uint8))
     return np.asarray(shades.resize((width, height), Image.Resampling.BICUBIC))
 
 
 def _floor(share: Floats32 | None, palette: Palette, width: int, height: int) -> Bytes:
-    """(height, width, 3) paper with the shadows on it."""
+    """Return the paper with its shadows, (height, width, 3)."""
     if share is None:
         return np.asarray(np.broadcast_to(np.array(palette.paper, dtype=np.uint8), (height, width, 3)).copy())
     dark, bright = np.array(palette.shadow, dtype=np.float32), np.array(palette.paper, dtype=np.float32)
@@ -274,7 +276,7 @@ def _floor(share: Floats32 | None, palette: Palette, width: int, height: int) ->
 
 
 def _clear_floor(share: Floats32 | None, palette: Palette, width: int, height: int) -> Bytes:
-    """(height, width, 4) shadows alone, as opaque as paper would be dark."""
+    """Return shadows alone, (height, width, 4), as opaque as paper would be dark."""
     canvas = np.zeros((height, width, 4), dtype=np.uint8)
     canvas[:, :, :3] = palette.shadow
     if share is not None:
@@ -283,8 +285,7 @@ def _clear_floor(share: Floats32 | None, palette: Palette, width: int, height: i
 
 
 def _inked(pixels: Pixels, hit: Ints, brightness: Floats32, lines: Floats32, palette: Palette) -> Bytes:
-    """(k, 3) colours of the pixels drawn, of these numbers (k,): light on colour, darker at edges; marks keep their
-    colour, for the legend."""
+    """Return colours (k, 3) of pixels (k,): light on colour, darker at edges; marks keep the colour of the legend."""
     drawn, lines = pixels.colour.reshape(-1, 3).take(hit, axis=0), lines.ravel().take(hit)
     marks = (palette.load, palette.support, palette.reaction, palette.person, palette.tension, palette.compression)
     fixed = _codes(np.array(marks, dtype=np.uint8))
@@ -301,16 +302,15 @@ def _inked(pixels: Pixels, hit: Ints, brightness: Floats32, lines: Floats32, pal
 
 
 def _codes(colours: Bytes) -> Ints:
-    """(k,) one number for each of the colours (k, 3)."""
+    """Return one number (k,) for each colour (k, 3)."""
     red, green, blue = colours.T.astype(np.int32)
     return np.asarray(red << 16 | green << 8 | blue)
 
 
 def edges(pixels: Pixels, jump: float) -> Floats32:
-    """(h, w) 0..1: where depth jumps by more than `jump` (radii) to a neighbouring pixel, or the normals turn.
+    """Return line strengths (h, w) 0..1 where depth jumps by more than `jump` (radii), or where normals turn.
 
-    Lines where one thing ends in front of another, or where faces meet (Saito and Takahashi 1990), drawn on the nearer
-    of the two pixels, so that they lie on what they bound.
+    Lines lie on the nearer of two pixels, and so on the body that they bound (Saito and Takahashi 1990).
     """
     strong, rows = np.zeros(pixels.depth.shape, dtype=np.float32), 64
     for start in range(0, len(strong), rows):  # strips of rows bound the memory
@@ -336,7 +336,7 @@ def _edges(depth: Floats32, normal: Bytes, jump: float) -> Floats32:
         inner = tuple(slice(1, -1) if a == axis else slice(None) for a in range(2))
         one, two = flat[head], flat[tail]
         step = np.abs(one - two)
-        # along a slanted face depth changes as well: only what the pixels on either side do not continue is a jump
+        # depth also changes along a slanted face: a jump is a change that the pixels on either side do not continue
         steady = np.full_like(flat, np.inf)
         steady[inner] = np.minimum(step[head], step[tail])
         excess = step - 2 * np.minimum(steady[head], steady[tail])

@@ -22,13 +22,14 @@ if TYPE_CHECKING:
 
 
 def member_places(draft: Design, judged: bool = False) -> dict[str, Any]:
-    """Each member with its name, length, width (metres), largest curvature (1/m) and places, ready for JSON.
+    """Return names, lengths, widths (m), largest curvatures (1/m) and places of all members, ready for JSON.
 
-    `members` have `places` [x, y, z, ...], metres from the middle of the structure's box as the page draws it, and
-    `reach`, how far the member goes from these; `nearest` is the number of the member at each vertex of the drawn mesh.
+    `members` have `places` [x, y, z, ...], in metres from the middle of the structure's box as on the page, and
+    `reach`,
+    their extent around the places. `nearest` is the number of the nearest member at each vertex of the page's mesh.
 
-    judged : also how much of what each can bear it bears (`utilisation`); None of those that are not judged. Raises
-    DsfabError where no strength is known, nothing carries the loads, or the pattern leaves no material.
+    judged : adds `utilisation`, None for members without a check. Raises DsfabError if no strength is known, nothing
+    carries the loads, or the pattern leaves no material.
     """
     graph, V = draft.members, draft.surface.V
     middle = (V.min(axis=0) + V.max(axis=0)) / 2
@@ -50,7 +51,7 @@ def member_places(draft: Design, judged: bool = False) -> dict[str, Any]:
 
 
 def _places(member: "Member", centroids: Floats) -> tuple[Floats, float]:
-    """(q, 3) places of a member, and how far it reaches from them, metres."""
+    """Return places (q, 3) of a member, and its extent around them (m)."""
     if member.axis:
         count = int(np.clip(np.ceil(member.length / (0.5 * member.mean_width)), 2, 400))
         P = member.axis.at(np.linspace(0, member.length, count))[0]
@@ -60,7 +61,7 @@ def _places(member: "Member", centroids: Floats) -> tuple[Floats, float]:
 
 
 def _curvature(member: "Member") -> float | None:
-    """The largest of its axis but near its ends, where a spline knows less, 1/m; None without an axis."""
+    """Return the largest curvature of the axis, except near its ends (1/m); None without an axis."""
     axis = member.axis
     if axis is None:
         return None
@@ -70,7 +71,7 @@ def _curvature(member: "Member") -> float | None:
 
 
 def _nearest(V: Floats, found: list[tuple[Floats, float]]) -> list[int]:
-    """(n,) the number of the member whose places are nearest to each vertex, over how far it reaches."""
+    """Return the number (n,) of the member whose places are nearest to each vertex, relative to their extent."""
     best, number = np.full(len(V), np.inf), np.zeros(len(V), dtype=int)
     for k, (P, reach) in enumerate(found):
         away = np.asarray(cKDTree(P).query(V)[0]) / max(reach, 1e-9)
@@ -87,11 +88,11 @@ def members_picture(
     ground: Ground = "paper",
     palette: Palette = PAPER,
 ) -> Bytes:
-    """The sheet of a design with its members named, (height, width, 3 or 4) bytes.
+    """Return a picture of a design's sheet with named members, (height, width, 3 or 4) bytes.
 
-    Names of members that are hidden wholly stand where these are, and are pale: see them from another side.
+    Names of wholly hidden members are pale; another view shows them.
 
-    Raises DsfabError where nothing can be drawn.
+    Raises DsfabError if this machine cannot draw.
     """
     graph, palette = design.members, replace(palette, paper=(255, 255, 255)) if ground == "white" else palette
     words = f"{design.preset.name} - {len(graph.members)} members, {len(graph.nodes)} nodes"
@@ -103,10 +104,10 @@ def members_picture(
 def rated_members_picture(
     design: "Design", band: Ints, count: int, names: Sequence[str], *, size: tuple[int, int], palette: Palette = PAPER
 ) -> Bytes:
-    """The sheet of a design coloured in bands, with some members named, (height, width, 3) bytes.
+    """Return a picture of a design's sheet in colour bands, with the names of chosen members, (height, width, 3) bytes.
 
-    band : (m,) of the cells of the members' sheet, 0 to `count` - 1, see `band_colours`; -1 has none.
-    Raises DsfabError where nothing can be drawn.
+    band : (m,) band of each cell of the members' sheet, 0 to `count` - 1 (see `band_colours`); -1 for none.
+    Raises DsfabError if this machine cannot draw.
     """
     table = np.array([*band_colours(count), palette.plain], dtype=np.uint8)
     ink = dict.fromkeys(names, palette.text)
@@ -114,13 +115,13 @@ def rated_members_picture(
 
 
 def band_colours(count: int) -> list[Colour]:
-    """Of so many bands, pale to dark."""
+    """Return the colours of a number of bands, pale to dark."""
     return [(int(r), int(g), int(b)) for r, g, b in rising(np.linspace(0.04, 1, count))]
 
 
 @dataclass(frozen=True)
 class _Drawing:
-    """How a design is drawn."""
+    """Design with the size, view, ground and palette of its picture."""
 
     design: "Design"
     size: tuple[int, int]
@@ -131,8 +132,7 @@ class _Drawing:
     def named(
         self, face: Bytes, names: Mapping[str, Colour], words: str, swatches: tuple[tuple[str, Colour], ...]
     ) -> Bytes:
-        """The picture with colours (m, 3) of the faces, the names of some members in darker shades of a colour, and
-        what is written below."""
+        """Return the picture with face colours (m, 3), names in darker shades of their colours, and a caption."""
         check_ground(self.ground)
         require_rendering()
         design, size, palette = self.design, self.size, self.palette
@@ -152,14 +152,14 @@ class _Drawing:
 
 
 def _colour(kind: str, family: str, palette: Palette) -> Colour:
-    """Of a member; what is neither of the two families has the third."""
+    """Return the colour of a member; members outside both families have the third colour."""
     if kind not in ("strip", "stub"):
         return palette.tints[2]
     return palette.tints[0] if family == "major" else palette.tints[1]
 
 
 def _colours(design: "Design", palette: Palette) -> Bytes:
-    """(m, 3) of the cells: where members cross, of the one that is on top."""
+    """Return colours (m, 3) of the cells; at crossings those of the upper member."""
     graph, names = design.members, design.pattern.names
     family = np.array([_colour("strip" if name in ("major", "minor") else name, name, palette) for name in names])
     found = family[graph.sheet.family].astype(np.uint8)
@@ -170,7 +170,7 @@ def _colours(design: "Design", palette: Palette) -> Bytes:
 
 
 def _swatches(graph: "MemberGraph", palette: Palette) -> tuple[tuple[str, Colour], ...]:
-    """What the colours mean, of those that there are."""
+    """Return the legend of the colours in the picture."""
     known = (("A: major", "major"), ("B: minor", "minor"))
     there = {member.family for member in graph.members if member.kind in ("strip", "stub")}
     found = [(words, _colour("strip", name, palette)) for words, name in known if name in there]
@@ -182,7 +182,7 @@ def _swatches(graph: "MemberGraph", palette: Palette) -> tuple[tuple[str, Colour
 def _plates(
     graph: "MemberGraph", stage: Stage, depth: np.ndarray, look: tuple[tuple[int, int], Mapping[str, Colour], Palette]
 ) -> Iterator[Nameplate]:
-    """The names with the places where they may stand, the best first; look : size, colours by name, and palette."""
+    """Yield names with their possible places, best first; look : size, colours by name, and palette."""
     size, names, palette = look
     for member in (one for one in graph.members if one.id in names):
         points = _points(graph, member, stage.view)
@@ -198,8 +198,10 @@ def _plates(
 
 
 def _points(graph: "MemberGraph", member: "Member", view: View, count: int = 41) -> Floats:
-    """(k, 3) places on a member, metres: between its nodes before those on a node, from its middle on outwards, or of a
-    closed one from the side that is near to the eye."""
+    """Return places (k, 3) on a member (m): places between nodes first, then from its middle outwards.
+
+    A closed member starts at the side near the eye.
+    """
     if member.axis is None or member.kind == "disc":
         places = graph.sheet.surface.centroids[member.cells]
         return np.asarray(places[np.linalg.norm(places - places.mean(axis=0), axis=1).argsort(kind="stable")[:count]])

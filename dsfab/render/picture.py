@@ -18,9 +18,9 @@ from dsfab.surface import LoadCase, Surface
 
 
 def write_png(pixels: Bytes, path: Path, effort: int = 4) -> Path:
-    """Write a picture, whole or not at all; returns its path. Raises ExportError for a file that cannot be written.
+    """Write a picture, whole or not at all, and return its path. Raises ExportError if the file is not writable.
 
-    effort : to make the file small, 1 to 9; 6 makes it a twentieth smaller than 4, in twice the time.
+    effort : of compression, 1 to 9; 6 saves a twentieth of the bytes of 4 in twice the time.
     """
     from PIL import Image
 
@@ -32,7 +32,7 @@ def write_png(pixels: Bytes, path: Path, effort: int = 4) -> Path:
 
 
 def png(pixels: Bytes) -> bytes:
-    """A picture as the bytes of a PNG file."""
+    """Return a picture as the bytes of a PNG file."""
     from PIL import Image
 
     file = io.BytesIO()
@@ -42,8 +42,11 @@ def png(pixels: Bytes) -> bytes:
 
 @dataclass(frozen=True, eq=False)
 class Look:
-    """How a picture looks. size : (width, height) in pixels. up : (3,) any length, found out when left out.
-    letters : their size, in those of a build's preview."""
+    """Style of a picture.
+
+    size : (width, height) in pixels.    up : (3,) of any length; None derives it.
+    letters : size over that of a build's preview.
+    """
 
     size: tuple[int, int] = (1600, 1200)
     up: ArrayLike | None = None
@@ -52,7 +55,7 @@ class Look:
 
 
 PLAIN = Look()
-"""On white paper, as large as a build's preview."""
+"""White paper, at the size of a build's preview."""
 
 
 def picture(
@@ -65,15 +68,16 @@ def picture(
     caption: str = "",
     look: Look = PLAIN,
 ) -> Bytes:
-    """A picture of a solid (or a sheet), seen from a side that suits its shape, whole on the page.
+    """Return a picture of a solid or a sheet, whole on the page, from a side that suits its shape.
 
     V, F    : (n, 3) metres and (m, 3), outward oriented.
-    surface, load : the uncut surface and what acts on it, for arrows, supports and the ground; both or none.
-    family  : (m,) index into `look.palette.families` for each face, -1 for the one colour of all members.
-    caption : one line below.
+    surface, load : uncut surface and its loads, for arrows, supports and the ground; both or neither.
+    family  : (m,) index into `look.palette.families` for each face, -1 for the members' colour.
+    caption : line below the picture.
 
-    Returns (height, width, 3) bytes, red green blue. Raises DsfabError where nothing can be drawn (see
-    `dsfab.render.opengl.require_rendering`) and for a solid without faces. Draw in one thread at a time.
+    Returns (height, width, 3) bytes, red green blue. Raises DsfabError for a solid without faces, and if this machine
+    cannot
+    draw (see `dsfab.render.opengl.require_rendering`). Draw in one thread at a time.
     """
     require_rendering()
     return drawn_picture(V, F, surface=surface, load=load, family=family, caption=caption, look=look)
@@ -89,8 +93,7 @@ def drawn_picture(
     caption: str = "",
     look: Look = PLAIN,
 ) -> Bytes:
-    """The same without asking first whether this machine can draw, (height, width, 3): VTK ends the process where it
-    cannot."""
+    """Return `picture` without the test of this machine: VTK ends the process if it cannot draw."""
     vertices, faces = np.asarray(V, dtype=np.float64), np.asarray(F, dtype=np.int64)
     if not len(faces):
         raise DsfabError("there is nothing to draw: the solid has no faces; loosen the pattern's thresholds")
@@ -109,15 +112,12 @@ def drawn_picture(
 
 @dataclass(frozen=True, eq=False)
 class StructurePicture:
-    """What a picture of a finished structure is drawn of, from a side that is asked for; another process can have it.
+    """Data of a picture of a finished structure from a chosen side, which another process can draw.
 
-    V, F    : (n, 3) metres and (m, 3), outward oriented.
-    half    : half its thickness, metres.
-    side, up: where it is seen from, and (3,) the unit vector that is up.
-    beside  : what explains it.
-    caption : one line below.
-    look    : its size and colours; `up` of it is not asked.
-    clear   : whether it stands on nothing, not on paper.
+    V, F    : (n, 3) metres and (m, 3), outward oriented.    half : half its thickness (m).
+    side, up: view side, and (3,) unit vector up.
+    annotations : marks beside the structure.    caption : line below the picture.
+    look    : size and colours; its `up` is not used.    clear : transparent ground in place of paper.
     """
 
     V: Floats
@@ -131,9 +131,9 @@ class StructurePicture:
     clear: bool
 
     def drawn(self) -> Bytes:
-        """(height, width, 3) bytes, red green blue, on transparent ground (height, width, 4).
+        """Return (height, width, 3) bytes, red green blue; (height, width, 4) on transparent ground.
 
-        It does not ask whether this machine can draw: VTK ends the process where it cannot.
+        This does not test the machine: VTK ends the process if it cannot draw.
         """
         palette, size = self.look.palette, self.look.size
         body = Body(self.V, self.F, np.array(palette.members, dtype=np.uint8), casts=True)
@@ -146,7 +146,7 @@ class StructurePicture:
 
 
 def _member_colours(F: Ints, family: ArrayLike | None, palette: Palette) -> Bytes:
-    """(m, 3) colours of the faces."""
+    """Return colours (m, 3) of the faces."""
     table = np.array([*palette.families, palette.members], dtype=np.uint8)  # -1 is the last row
     index = np.full(len(F), -1) if family is None else np.asarray(family)
     if index.shape != (len(F),) or index.min() < -1 or index.max() >= len(palette.families):
@@ -155,7 +155,7 @@ def _member_colours(F: Ints, family: ArrayLike | None, palette: Palette) -> Byte
 
 
 def _half_thickness(V: Floats, F: Ints) -> float:
-    """Half the mean thickness of a thin solid, metres: its volume over its area; 0 for a sheet."""
+    """Return half the mean thickness of a thin solid (m), its volume over its area; 0 for a sheet."""
     a, b, c = (V[F[:, i]] - V.mean(axis=0) for i in range(3))
     area = np.cross(b - a, c - a)
     return abs(float(np.einsum("mi,mi->", a, area))) / 3 / float(np.linalg.norm(area, axis=1).sum())

@@ -1,7 +1,8 @@
-"""The shader that draws an uncut surface as if it were cut: a pixel that no stripe or kept region covers is discarded.
+"""Shader that draws an uncut surface as if it were cut: it discards pixels outside stripes and kept regions.
 
-It asks the question that slicing answers with cuts, material is |z - k| < d for an integer k, from the same linear
-fields at every pixel. So a change of pattern is a change of a few numbers on the graphics side.
+Material is |z - k| < d for an integer k, the rule of slicing, from the same linear fields at every pixel. So a change
+of
+pattern changes a few numbers on the graphics side.
 """
 
 from dataclasses import dataclass, field, replace
@@ -14,26 +15,26 @@ from dsfab.pattern.stripes import GLSL
 from dsfab.render.scene import Bytes, Colour, Floats32, set_array
 
 FAR = 1e30
-"""Distance from what is not there: infinity times a weight of zero would be no number."""
+"""Distance to absent things, finite because infinity times a weight of zero is not a number."""
 
 NO_REACH = -FAR
-"""A reach that keeps nothing; with 0, values interpolated to just below 0 at the silhouette would be kept."""
+"""Reach that keeps nothing; a reach of 0 would keep values interpolated to just below 0 at the silhouette."""
 
 BY_VERTEX = -1.0
-"""A half-width of this value, as a uniform, is read at the vertices."""
+"""Half-width uniform that makes the shader read half-widths at the vertices."""
 
 
 _DECLARED, _GIVEN = "//VTK::CustomUniforms::Dec", "//VTK::CustomBegin::Impl"
 _CLIP, _COLOURS = "//VTK::Clip::Impl", "//VTK::TCoord::Impl"
 
 FIELDS = ("modes", "widths", "kept")
-"""What may vary over the surface, two numbers a vertex each, in the order of `StripeShader.fields`."""
+"""Fields that may vary over the surface, two numbers a vertex each, in the order of `StripeShader.fields`."""
 
 TIE = 2e-6
-"""Periods by which what is nowhere or everywhere wide is so beyond the rounding of the graphics side."""
+"""Margin beyond rounding (periods) that makes widths of 0 and 1/2 empty and full on the graphics side."""
 
-# |t - nearest integer + 1/2| is (wave(t) + 1) / 4: material is where it exceeds 1/2 - d. All that is linear is done at
-# the vertices, since software rendering pays for each uniform at each pixel
+# |t - nearest integer + 1/2| is (wave(t) + 1) / 4: material is where it exceeds 1/2 - d. Vertices compute the linear
+# part, because software rendering pays for each uniform at each pixel
 _STRIPES = f"""
   vec2 dsWide = HALF;
   vec2 dsTie = vec2(dsWide.x > 0.0 ? -{TIE} : {TIE}, dsWide.y > 0.0 ? -{TIE} : {TIE});
@@ -60,8 +61,8 @@ vec3 dsDepth(vec4 stripes, vec2 kept) {
 float dsMost(vec3 depth) { return max(depth.x, max(depth.y, depth.z)); }
 """
 
-# a slab: the ray goes through it sideways, and so through the fields, which are linear here; it ends in face or wall.
-# A program of its own: software rendering runs both sides of every `if`
+# a slab: the ray passes through the linear fields and ends in a face or a wall. It is a separate program, because
+# software rendering runs both sides of every `if`
 _WALLS = """
   vec3 dsWall = vec3(0.0);
   vec3 px = dFdx(dsWhere), py = dFdy(dsWhere), ray = normalize(dsWhere - dsEye);
@@ -95,10 +96,10 @@ _WALL_NORMAL = "  if (dot(dsWall, dsWall) > 0.0) gl_FragData[0].rgb = 0.5 * dsWa
 
 @dataclass(frozen=True)
 class Settings:
-    """The numbers of a pattern, of the major and of the minor family each.
+    """Numbers of a pattern for the major and the minor family.
 
-    half_width : periods, 0 to 0.5, or `BY_VERTEX`.    shown : whether a family is drawn.
-    reach      : metres kept around loads and supports, and at the rim, or `NO_REACH`.
+    half_width : periods, 0 to 0.5, or `BY_VERTEX`.    shown : 1 for a visible family, else 0.
+    reach      : distances around loads and supports, and at the rim, that stay material (m), or `NO_REACH`.
     """
 
     frequency: tuple[float, float] = (1.0, 1.0)
@@ -109,15 +110,15 @@ class Settings:
 
 
 WHOLE, NOTHING = Settings(), Settings(half_width=(0.0, 0.0))
-"""All of the surface, and none of it: what a working shader draws wholly, and leaves away wholly."""
+"""Settings for all of the surface and for none of it, which test the shader."""
 
 
 @dataclass(frozen=True)
 class Program:
-    """What a shader computes; nothing else is sent to it, since software rendering pays for each number per triangle.
+    """Parts of the shader's program; software rendering pays for each further number per triangle.
 
-    vary : names of `FIELDS` that it reads at the vertices, modes among them.
-    walls, normals, tinted : whether walls are seen, normals given out, families tinted.
+    vary : names of `FIELDS` that it reads at the vertices, with modes.
+    walls, normals, tinted : whether walls are visible, normals are the output, and families have tints.
     """
 
     vary: tuple[str, ...] = ("modes",)
@@ -126,7 +127,7 @@ class Program:
     tinted: bool = False
 
     def vertex(self) -> tuple[tuple[str, str], ...]:
-        """Replacements in the vertex shader."""
+        """Return replacements in the vertex shader."""
         declared, given = [f"in vec2 {name}MC;" for name in self.vary], []
         if self.walls:
             declared.append("out vec4 stripesVS;\nout vec2 keptVS;\nout vec3 dsWhere;")
@@ -141,7 +142,7 @@ class Program:
         return (_DECLARED, "\n".join(declared) + "\n"), (_GIVEN, "".join(given))
 
     def fragment(self) -> tuple[tuple[str, str], ...]:
-        """Replacements in the fragment shader."""
+        """Return replacements in the fragment shader."""
         colour = _TINTED if self.tinted and not self.normals else ""
         if self.walls:
             declared = f"in vec4 stripesVS;\nin vec2 keptVS;\nin vec3 dsWhere;\n{GLSL}\n{_DEPTH}"
@@ -155,11 +156,12 @@ class Program:
 
 @dataclass(eq=False)
 class StripeShader:
-    """The shader of one body; `fields` and `settings` may be changed between pictures.
+    """Shader of a body; `fields` and `settings` may change between pictures.
 
-    fields : (n, 6) modes, half-widths in periods (major, minor each), distances in metres to what is kept and to the
-             boundary.
-    tints  : colours of major, minor and kept material in place of those of the faces.
+    fields : (n, 6) modes, half-widths in periods (major, minor each), and distances in metres to loads and supports,
+             and to
+             the boundary.
+    tints  : colours of major, minor and other material in place of those of the faces.
     """
 
     fields: Floats
@@ -168,7 +170,7 @@ class StripeShader:
     _parts: list[dict[str, Any]] = field(default_factory=list)
 
     def attach(self, actor: Any, mapper: Any, mesh: Any, source: Ints) -> None:
-        """Put the shader on an actor; `source` (k,) is the body's vertex that each point of its mesh comes from."""
+        """Put the shader on an actor; source : (k,) body vertex of each point of its mesh."""
         from vtkmodules.vtkCommonDataModel import vtkDataObject
 
         self._parts.append({"actor": actor, "mesh": mesh, "source": source, "program": None})
@@ -185,7 +187,7 @@ class StripeShader:
         self.colour_by("colour")
 
     def replace_fields(self, fields: Floats) -> None:
-        """Other modes, half-widths or distances, (n, 6), on the same geometry."""
+        """Replace modes, half-widths and distances (n, 6) on the same geometry."""
         self.fields = fields
         values: Floats32 = np.where(np.isfinite(fields), fields, FAR).astype(np.float32)
         for part in self._parts:
@@ -194,12 +196,12 @@ class StripeShader:
                 set_array(mesh.GetPointData(), name, values[at, 2 * k : 2 * k + 2])
 
     def recolour(self, face: Bytes) -> None:
-        """Other colours of the faces, (m, 3)."""
+        """Replace the colours (m, 3) of the faces."""
         for part in self._parts:
             set_array(part["mesh"].GetCellData(), "colour", face)
 
     def set(self, settings: Settings) -> None:
-        """Other numbers: takes microseconds, but for the first with widths or reaches, or without them."""
+        """Replace the numbers, in microseconds unless the program changes for widths or reaches."""
         drawn = [d if on > 0.5 else 0.0 for d, on in zip(settings.half_width, settings.shown, strict=True)]
         widths, kept = min(drawn) < 0, max(settings.reach) > NO_REACH
         self._run(vary=("modes", *(("widths",) if widths else ()), *(("kept",) if kept else ())))
@@ -212,10 +214,10 @@ class StripeShader:
             uniforms.SetUniform2f("dsShown", settings.shown)
 
     def look(self, eye: Floats | None, half: float) -> None:
-        """Show the walls of a sheet of this half thickness, as seen from `eye` (3,), both in the scene's units; or
+        """Show the walls of a sheet with half its thickness, as seen from `eye` (3,), both in scene units; None shows
         none.
 
-        A hint, no solid: walls are those of a slab in the plane of each triangle, and the rim of the surface has none.
+        Walls are only a hint: those of a slab in the plane of each triangle, without the surface's rim.
         """
         walls = eye is not None and half > 0
         self._run(walls=walls)
@@ -224,11 +226,11 @@ class StripeShader:
             uniforms.SetUniformf("dsThick", half if walls else 0.0)
 
     def colour_by(self, name: str) -> None:
-        """Give out 'colour' or 'normal'."""
+        """Choose the output, "colour" or "normal"."""
         self._run(normals=name == "normal")
 
     def _run(self, **changes: Any) -> None:
-        """Put the program together again where it changes: VTK keeps those that it has compiled."""
+        """Compose the program again if it changes; VTK keeps compiled programs."""
         self.program = replace(self.program, tinted=self.tints is not None, **changes)
         for part in self._parts:
             if part["program"] == self.program:
@@ -241,6 +243,6 @@ class StripeShader:
                 code.AddFragmentShaderReplacement(tag, True, f"{tag}\n{text}", False)
 
     def _uniforms(self) -> list[Any]:
-        """Of both kinds of shader: a name that stands in both is one number."""
+        """Return the uniforms of both kinds of shader, which share names."""
         codes = [part["actor"].GetShaderProperty() for part in self._parts]
         return [one for code in codes for one in (code.GetVertexCustomUniforms(), code.GetFragmentCustomUniforms())]

@@ -1,9 +1,9 @@
-"""Draws pictures of a design: a program of its own, started before anybody knows what to ask it.
+"""Program that draws pictures of a design; it starts before the first request.
 
-standard output: one line as soon as it can draw, the kind of window that it draws with; then a line for each picture
-standard input : for each picture 8 bytes n | n bytes of pickle; the input stays open for as long as anybody waits
-                 of a sketch (see `Design.sketch`), the PNG file to write, its width and height, options of `Previewer`
-                 of a `StructurePicture`, and the PNG file to write
+standard output: the kind of window as soon as it can draw; then a line for each picture
+standard input : for each picture 8 bytes n | n bytes of pickle; a closed input ends the program
+                 of a sketch (see `Design.sketch`), the PNG file, its width and height, options of `Previewer`
+                 of a `StructurePicture`, and the PNG file
 """
 
 import gc
@@ -23,23 +23,23 @@ if TYPE_CHECKING:
 
 
 def main(sketches: bool) -> None:
-    """Draw what standard input asks for; `sketches`: whether one will be asked for, which takes more to be loaded."""
+    """Draw the requests of standard input; `sketches` loads the modules for sketches beforehand."""
     requests: SimpleQueue[bytes] = SimpleQueue()
     threading.Thread(target=_listen, args=(requests,), daemon=True).start()
-    window = take_for_granted()  # where nothing can be drawn this process crashes, and says nothing
+    window = take_for_granted()  # if this machine cannot draw, the process crashes silently
     if not warm_up():
         sys.exit(1)
     _say(window)
     if sketches:
-        import dsfab.render.previewer  # noqa: F401  (before it is needed)
+        import dsfab.render.previewer  # noqa: F401  (loaded ahead)
     while True:
         _draw(*pickle.loads(requests.get()))
         _say("drawn")
-        gc.enable()  # whoever watches a file asks for many
+        gc.enable()  # `--watch` requests many pictures
 
 
 def _draw(what: Any, path: Any, size: tuple[int, int] = (0, 0), options: Any = None) -> None:
-    """One picture into its file."""
+    """Draw a picture into its file."""
     if isinstance(what, StructurePicture):
         write_png(what.drawn(), path)
         return
@@ -51,7 +51,7 @@ def _draw(what: Any, path: Any, size: tuple[int, int] = (0, 0), options: Any = N
 
 
 def _caption(previewer: "Previewer", show: str) -> str:
-    """That it is the first, and how far it can be trusted."""
+    """Return a caption for a first picture, with its reservations."""
     from dsfab.render.colouring import WHOLE_SHEET
 
     words = previewer.words or (show.replace("_", " ") if show in WHOLE_SHEET else "")
@@ -66,7 +66,7 @@ def _say(line: str) -> None:
 
 
 def _listen(requests: "SimpleQueue[bytes]") -> None:
-    """Take requests while a picture is drawn, and end with who asks."""
+    """Read requests while a picture is drawn, and end the process with its input."""
     source = sys.stdin.buffer
     while len(head := source.read(8)) == 8:
         requests.put(source.read(int.from_bytes(head, "little")))

@@ -152,7 +152,6 @@ class PairBlocks:
 
 
 def _turned(blocks: Floats) -> Floats:
-    """Transpose blocks (9, k) of 3 x 3."""
     return blocks.reshape(3, 3, -1).transpose(1, 0, 2).reshape(9, -1)
 
 

@@ -39,14 +39,12 @@ def face_moments(
 
     answer : made with `elements`. A sheet that was solved in its plane (no bending) has none.
 
-    `midedge` : constant on each face. Means are right to the order of the mesh width. `hhj`     : linear on each face:
-    the eliminated moments, recovered [Hellan 1967]. `hinge`   : constant, from the changed angles of the face's hinges.
-    For pictures only: on a plate bent to a parabola
+    `midedge` : constant on each face. Means are right to the order of the mesh width.
+    `hhj`     : linear on each face: the eliminated moments, recovered [Hellan 1967].
+    `hinge`   : constant, from the changed angles of the face's hinges. For pictures only: on a plate bent to a parabola
                 the mean over many faces is right to 2 %, but single faces scatter by 8 % (rows of staggered triangles)
-                to
-                60 % (random ones, and twist on squares halved by diagonals), and the statics themselves are off by a
-                factor
-                (see `hinge_blocks`). Faces on a free edge lack its share.
+                to 60 % (random ones, and twist on squares halved by diagonals), and the statics themselves are off by a
+                factor (see `hinge_blocks`). Faces on a free edge lack its share.
     """
     if elements.bending is None:
         return np.zeros((surface.m, 3, 3))

@@ -67,7 +67,6 @@ def require_held(surface: Surface, load: LoadCase, fixed: Bools, clamped: Bools 
 
 
 def _remedy(surface: Surface, held: Ints) -> str:
-    """Return a remedy for a piece that moves, with these held vertices."""
     if len(held) >= FEW_VERTICES:
         return "the supports do not stop it; hold more directions"
     where = " and ".join(str(surface.V[k].round(3).tolist()) for k in held)

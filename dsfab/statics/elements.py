@@ -217,7 +217,6 @@ NEEDLE = 0.02
 
 
 def _longest_edges(surface: Surface) -> Floats:
-    """Return the longest edge of each triangle (m,), metres."""
     corners = surface.V[surface.F]
     return np.asarray(np.linalg.norm(np.roll(corners, -1, axis=1) - corners, axis=2).max(axis=1))
 

@@ -130,7 +130,6 @@ class KeptFactor:
 
 
 def _same(A: csr_array, B: csr_array) -> bool:
-    """Return whether two matrices have equal entries in the same storage."""
     pairs = ((A.indptr, B.indptr), (A.indices, B.indices), (A.data, B.data))
     return A is B or all(np.array_equal(a, b) for a, b in pairs)
 

@@ -192,7 +192,6 @@ def _summed(
     F: Floats,
     X: Floats,
 ) -> Equilibrium:
-    """Return the sum of solved cases, each times its factor."""
     parts = list(zip(factors, answers, strict=True))
     reaction = np.sum([a * part.reaction for a, part in parts], axis=0)
     torque = np.sum([a * part.torque for a, part in parts], axis=0)
@@ -207,7 +206,6 @@ def _summed(
 
 
 def _require_solved(surface: Surface, imbalance: float, residual: float) -> None:
-    """Raise StaticsError if a solution does not balance the loads or does not solve the equations."""
     if imbalance <= BALANCE and residual <= RESIDUAL:
         return
     needles = f"; {told}" if (told := needles_told(surface)) else ""

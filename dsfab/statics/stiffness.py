@@ -137,7 +137,6 @@ def face_blocks(
 
 
 def _held(surface: Surface, loads: Sequence[LoadCase], elements: Elements, axis: int | None) -> Bools:
-    """Return held unknowns (N,). Raises StaticsError for a free motion."""
     fixed = loads[0].fixed.copy()
     if axis is not None:
         fixed[:, axis] = True

@@ -183,7 +183,6 @@ class SheetStress:
         return np.asarray(self.smooth_membrane + _SIDE[layer] * self.smooth_bending)
 
     def _mean(self, layer: Layer) -> Floats:
-        """Return the mean stress (m, 3), (xx, yy, xy), of each face."""
         return np.asarray((self.membrane + _SIDE[layer] * self.bending).mean(axis=1))
 
     def tensor(self, layer: Layer) -> Floats:

@@ -20,9 +20,11 @@ from dsfab.workshop.planks import PlankPlan, plank_courses, upright
 
 @dataclass(frozen=True, eq=False)
 class RefoldedStrip:
-    """A part by its name and its member's: right and left edges (k, 2, 3), station by station, with unit normals
-    (k, 3) of its face, and the middles of its holes, or of the bottoms of its slots, (h, 3), metres, with the names of
-    their bolts, or nodes, (h,)."""
+    """Part of a member in space, station by station.
+
+    edges : (k, 2, 3) right and left edge (m).    normals : (k, 3) unit normals of its face.
+    holes : (h, 3) middles of holes, or of slot bottoms (m).    bolts : (h,) names of bolts or nodes.
+    """
 
     id: str
     member: str
@@ -34,8 +36,10 @@ class RefoldedStrip:
 
 @dataclass(frozen=True, eq=False)
 class RefoldedPlan:
-    """All strips or planks of a plan in space, and how far their holes are off the lines of their bolts at nodes, or
-    the slots of two planks beside each other, metres (h,)."""
+    """Strips or planks of a plan in space, and the deviations (h,) of their joints (m).
+
+    A deviation is the distance of a hole from its bolt's line, or of the two slots at a node.
+    """
 
     strips: tuple[RefoldedStrip, ...]
     off: Floats
@@ -43,7 +47,7 @@ class RefoldedPlan:
 
 @lru_cache(maxsize=2)
 def refolded(plan: WorkshopPlan) -> RefoldedPlan:
-    """The strips of a plan at full size; nothing of a flat sheet, and no plate: these are stretched, not bent."""
+    """Return the strips or planks of a full-size plan in space; flat sheets and plates have none."""
     graph, layering = plan.graph, plan.layering
     if plan.planks and graph:
         return _refolded_planks(plan.planks, graph)
@@ -87,7 +91,7 @@ def _refolded(part: FlatPart, layer: Development) -> RefoldedStrip:
 
 
 def _refolded_planks(plan: PlankPlan, graph: MemberGraph) -> RefoldedPlan:
-    """Planks and cover plates; slots are known by the nearest node of their member."""
+    """Return planks and cover plates; each slot belongs to the nearest node of its member."""
     courses = plank_courses(graph, plan.stock)[0]
     planks = list[RefoldedStrip]()
     sides: dict[str, list[Floats]] = {}
@@ -110,7 +114,7 @@ def _refolded_planks(plan: PlankPlan, graph: MemberGraph) -> RefoldedPlan:
 
 
 def _plank(part: FlatPart, course: StripCourse) -> RefoldedStrip:
-    """A plank, its outline with slots: at every place along it the lowest and the highest that it has."""
+    """Return a plank from its outline with slots: the lowest and highest point at each place along it."""
     layer = Development(course, part.layer)
     along = np.concatenate([[0.0], np.cumsum(np.linalg.norm(np.diff(part.axis, axis=0), axis=1))])
     along += float(np.interp(part.span[0], course.s, layer.length))
@@ -133,16 +137,21 @@ def _plank(part: FlatPart, course: StripCourse) -> RefoldedStrip:
 
 
 def _with_ends(one: tuple[Floats, Floats], other: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
-    """An edge, lengths along and metres to the left (k,) each, with the ends of the other edge where these are farther
-    out: there the part ends obliquely."""
+    """Return an edge, as lengths along and distances to the left (k,), with the ends of an opposite edge that reaches
+    farther.
+
+    At such ends the part is cut obliquely.
+    """
     (at, y), (to, z) = one, other
     before, after = slice(0, int(to[0] < at[0])), slice(len(to) - int(to[-1] > at[-1]), len(to))
     return np.concatenate([to[before], at, to[after]]), np.concatenate([z[before], y, z[after]])
 
 
 def _beside(axis: Floats, along: Floats, places: Floats, beyond: bool = False) -> tuple[Floats, Floats]:
-    """Of places (h, 2) the lengths (h,) along a line (k, 2) with lengths (k,), and metres to the left of it (h,);
-    `beyond` its ends too, where it goes on straight."""
+    """Return lengths along a line (k, 2) and distances to its left for places (h, 2), (h,) each.
+
+    along : (k,) lengths at the corners of the line.    beyond : whether the line goes on straight beyond its ends.
+    """
     way = np.diff(axis, axis=0)
     long = np.linalg.norm(way, axis=1)
     off = places[:, None] - axis[None, :-1]
@@ -158,13 +167,12 @@ def _beside(axis: Floats, along: Floats, places: Floats, beyond: bool = False) -
 
 
 def built_shapes(plan: WorkshopPlan, shapes: Sequence[MemberShape], shift: int) -> tuple[MemberShape, ...]:
-    """The members of a plan that are built, in the order of the bodies that the design has of them; metres.
+    """Return the built members of a plan, in the order of the design's shapes (m).
 
-    shapes : as `dsfab.design.output` has them: vertices of the upper skin, then those of the lower one; `shift` says
-    by how
-    many halves of their thickness the middle between both lies over the surface.
-    Strips and planks are bent back from their flat parts, cover plates with them; plates are as thick as the stock.
-    Bars are as they are cut, but for mitres.
+    shapes : as in `dsfab.design.output`: vertices of the upper skin, then of the lower skin.
+    shift  : height of the middle between both skins over the surface, in half thicknesses.
+    Strips, planks and cover plates are bent back from flat parts; plates have the stock's thickness. Bars have no
+    mitres.
     """
     if plan.bars:
         return _bars(plan.bars, shapes, shift)
@@ -185,7 +193,7 @@ def built_shapes(plan: WorkshopPlan, shapes: Sequence[MemberShape], shift: int) 
 
 
 def _bars(plan: BarPlan, shapes: Sequence[MemberShape], shift: int) -> tuple[MemberShape, ...]:
-    """Members as their bars, and those that are plates as thick as these, below the plates of nodes."""
+    """Return members as their bars, and plates as thick as the bars, below the node plates."""
     bodies: dict[str, list[tuple[Floats, Ints]]] = {}
     for bar in plan.found.bars:
         bodies.setdefault(bar.bay.member, []).append(bar_body(bar, plan.stock))
@@ -201,7 +209,7 @@ def _bars(plan: BarPlan, shapes: Sequence[MemberShape], shift: int) -> tuple[Mem
 
 
 def strip_body(strip: RefoldedStrip, thickness: float) -> tuple[Floats, Ints]:
-    """Vertices (4 k, 3), metres, and triangles of a strip of a thickness: four corners at each of its k stations."""
+    """Return vertices (4 k, 3) in metres and triangles of a strip: four corners at each of its k stations."""
     up = thickness / 2 * strip.normals
     right, left = strip.edges[:, 0], strip.edges[:, 1]
     V = np.stack([right - up, right + up, left + up, left - up], axis=1).reshape(-1, 3)
@@ -222,7 +230,7 @@ def _joined(bodies: Sequence[tuple[Floats, Ints]]) -> tuple[Floats, Ints]:
 
 
 def _moved(V: Floats, thickness: float, height: float, shift: int) -> Floats:
-    """Both skins (2 n, 3) of a thickness about a height over the surface."""
+    """Return both skins (2 n, 3) of a thickness about a height over the surface."""
     upper, lower = V.reshape(2, -1, 3)
     middle, half = (upper + lower) / 2, (upper - lower) / 2
     n = half / np.linalg.norm(half, axis=1)[:, None]

@@ -1,4 +1,11 @@
-"""Models in card: their scale and limits, and panels with tabs."""
+"""Models in card: their scale and limits, and panels with tabs.
+
+══════════╗╔══════════   a member that goes through
+     ─────╢╟─────        others end at its edges, and a tab of each is glued beneath it
+══════════╝╚══════════
+
+Edges and kept regions go through all others, then the major family. Panels are developed without an offset.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
@@ -19,21 +26,20 @@ from dsfab.workshop.splices import splice_cuts, strip_fits
 from dsfab.workshop.strips import DRILL, StripLimits, bending_strain, is_strip, letter_height
 
 CARD = 0.01
-"""Strain at which greyboard creases: bent to a radius of fifty times its thickness. A rule of thumb; thin card and
-paper take more."""
+"""Strain at which greyboard creases: a bending radius of 50 thicknesses. A rule of thumb; thin card takes more."""
 NARROWEST = 0.002
-"""Metres; narrower strips of card tear at their holes and burn through."""
+"""Least width of card strips (m); narrower strips tear at holes and burn through."""
 LETTERS = (0.003, 0.002)
-"""Heights of names of parts and of nodes, metres, at most."""
+"""Largest heights of part names and of node names (m)."""
 
 
 def scaled_surface(surface: Surface, scale: float) -> Surface:
-    """A surface at 1 : scale."""
+    """Return a surface at 1 : scale."""
     return Surface(surface.V / scale, surface.F)
 
 
 def scaled_graph(graph: MemberGraph, scale: float) -> MemberGraph:
-    """Members and nodes at 1 : scale: lengths become shorter, curvatures larger, names stay."""
+    """Return members and nodes at 1 : scale: lengths shrink, curvatures grow, names stay."""
     sheet = replace(graph.sheet, surface=scaled_surface(graph.sheet.surface, scale))
     members = tuple(_scaled_member(member, scale) for member in graph.members)
     return replace(graph, sheet=sheet, members=members, nodes=tuple(_scaled_node(node, scale) for node in graph.nodes))
@@ -53,9 +59,9 @@ def _scaled_node(node: Node, scale: float) -> Node:
 
 
 def model_notes(limits: StripLimits, graph: MemberGraph, scale: float, bolt: float) -> list[str]:
-    """What card can be bent to, what is too narrow for it, and whether the mesh is fine enough; in the model's size.
+    """Return notes on bending of card, narrow members and coarse meshes, at model size.
 
-    graph : as large as the model.    bolt : diameter of the pins, metres; 0 where nothing has holes.
+    graph : at model size.    bolt : diameter of pins (m); 0 without holes.
     """
     found = []
     how = f"card of {length(limits.thickness)} is bent to a strain of {limits.bending:.2%} ({limits.member} most)"
@@ -88,7 +94,7 @@ def model_notes(limits: StripLimits, graph: MemberGraph, scale: float, bolt: flo
 
 
 def packing_parts(graph: MemberGraph, layering: Layering) -> list[FlatPart]:
-    """Squares of card for nodes between whose members a layer or more lies empty, a hole in the middle of each."""
+    """Return squares of card, with a hole, for nodes with empty layers between their members."""
     families = {member.id: member.family for member in graph.members}
     found = []
     for node in graph.nodes:
@@ -104,7 +110,7 @@ def packing_parts(graph: MemberGraph, layering: Layering) -> list[FlatPart]:
 
 
 def _rounded_scale(most: float) -> float:
-    """The largest usual scale, its second number, that is not larger than `most`; `most` rounded down below 1."""
+    """Return the largest usual scale number up to `limit`; below 1 `limit` rounded down."""
     usual = [k * 10.0**power for power in range(5) for k in (1.0, 2.0, 2.5, 5.0)]
     return max((one for one in usual if one <= most), default=float(np.floor(10 * most) / 10))
 
@@ -112,18 +118,20 @@ def _rounded_scale(most: float) -> float:
 THROUGH = ("keep", "rim", "major", "minor")
 """Families in the order in which they go through others."""
 ROOT, TIP = 0.8, 0.6
-"""Widths of a tab at its root and at its tip, over that of its panel."""
+"""Widths of a tab at its root and tip, over that of its panel."""
 NEAR = 0.15
-"""How near a tab comes to the middle of the member that it goes beneath, over half of its width: another one comes from
-the other side."""
+"""Distance from a tab to the middle of the member above it, over half its width; the opposite tab needs the rest."""
 SHARP = float(np.sin(np.radians(25.0)))
-"""Members that meet at less than that are not cut there: one lies on the other."""
+"""Sine of the least angle at which a member is cut at another; at sharper angles it lies on the other."""
 
 
 @dataclass
 class PanelParts:
-    """All panels; names of nodes at which members meet too sharply to be cut; how many bays are without a panel, for
-    the members at both ends cover them; how many tabs; and feet, with the names of the panels that stand on them."""
+    """Panels, and counts of their details.
+
+    sharp : names of nodes at which members meet too sharply to be cut.    covered : bays without room for a panel.
+    tabs  : number of tabs.    feet : with the names of their panels.
+    """
 
     parts: list[FlatPart] = field(default_factory=list)
     sharp: list[str] = field(default_factory=list)
@@ -147,9 +155,8 @@ class PanelParts:
 
 @dataclass(frozen=True, eq=False)
 class _Edge:
-    """Where another member crosses a course: at an arc length, along a direction (2,) beside it, half as wide; metres.
-
-    name : of the node.    over : whether it goes through.
+    """Crossing member on a course: arc length, direction (2,), half width (m), node name, and whether it goes
+    through.
     """
 
     name: str
@@ -162,7 +169,9 @@ class _Edge:
         lock(self, "way", np.float64, (2,))
 
     def at(self, side: int, away: float, y: Floats) -> Floats:
-        """(q,) arc lengths at which lines y (q,) metres beside the axis are `away` metres beyond the other's middle."""
+        """Return arc lengths (q,) where lines y (q,) beside the axis are `away` metres beyond the crossing member's
+        middle.
+        """
         nx, ny = np.array([-self.way[1], self.way[0]]) * np.sign(-self.way[1]) * side
         return np.asarray(self.s + (away - y * ny) / nx)
 
@@ -174,10 +183,10 @@ def panel_parts(
     room: list[tuple[float, float]],
     ground: Ground | None = None,
 ) -> PanelParts:
-    """The panels of all members of a graph that are strips, as large as the model.
+    """Return the panels of all strips of a graph at model size.
 
-    letters : height of names, at most.    room : lengths and widths, metres, that parts may have on the stock.
-    ground  : what they stand on with tabs; None where their ends are not changed.
+    letters : largest height of names (m).    room : lengths and widths (m) that parts may have on the stock.
+    ground  : base plate for feet with tabs; None leaves the ends as they are.
     """
     members = [member for member in graph.members if is_strip(member)]
     widest = max((member.mean_width for member in members), default=0.0)
@@ -201,7 +210,7 @@ def _edge(
     courses: dict[str, StripCourse],
     rank: dict[str, tuple[int, int]],
 ) -> _Edge | None:
-    """The other member at a node, as it is seen from one; None where it is no strip."""
+    """Return the crossing member at a node; None if it is no strip."""
     k = node.members.index(member.id)
     other = node.members[1 - k]
     if other not in courses or other == member.id or not np.isfinite(node.at).all():
@@ -216,8 +225,10 @@ def _edge(
 
 @dataclass(frozen=True)
 class _End:
-    """An end of a panel at its right and its left edge, arc lengths (2,), and the corners of its tab: arc lengths and
-    metres to the left (q,) each, from right to left; none without a tab. foot : where that goes into the plate."""
+    """End of a panel: arc lengths at its right and left edge, and corners of its tab from right to left.
+
+    tab  : arc lengths and distances to the left (q,) each; empty without a tab.    foot : a tab into the base plate.
+    """
 
     right: float
     left: float
@@ -227,7 +238,7 @@ class _End:
 
 @dataclass(frozen=True)
 class _Panels:
-    """A member on its way to become panels."""
+    """Panels of a member."""
 
     member: Member
     course: StripCourse
@@ -236,7 +247,7 @@ class _Panels:
     feet: tuple[StripFoot, ...] = ()
 
     def into(self, found: PanelParts, edges: Sequence[_Edge], room: list[tuple[float, float]]) -> None:
-        """Its panels into what was found, from each member that goes through it to the next."""
+        """Add the panels between members that go through to `panels`."""
         layer = Development(self.course, 0.0)
         found.sharp += [edge.name for edge in edges if edge.over and abs(edge.way[1]) < SHARP]
         cuts = sorted((e for e in edges if e.over and abs(e.way[1]) >= SHARP), key=lambda edge: edge.s)
@@ -256,12 +267,12 @@ class _Panels:
             found.parts.append(self._part(layer, name, begin, end, under))
 
     def _sides(self, s: float) -> tuple[float, float]:
-        """Metres to its right and left edge."""
+        """Return the distances to the right and left edge (m)."""
         course = self.course
         return float(np.interp(s, course.s, course.right)), float(np.interp(s, course.s, course.left))
 
     def _end(self, edge: _Edge | None, side: int) -> _End:
-        """The beginning (1) or the end (-1) of a panel: at an edge that goes through, or of the member."""
+        """Return the beginning (side 1) or end (side -1) of a panel, at a crossing member or at the member's end."""
         if edge is None:
             if foot := next((foot for foot in self.feet if foot.last == (side == -1)), None):
                 along = np.array([foot.shoulders[1], *foot.tips, foot.shoulders[2]])
@@ -279,7 +290,7 @@ class _Panels:
         return _End(float(shoulders[0]), float(shoulders[1]), (tab, y))
 
     def _standing(self, begin: _End, end: _End) -> tuple[_End, _End]:
-        """Both ends of a panel. A foot beneath what lies along the ground still hangs together with its other tab."""
+        """Return both ends of a panel; a foot beneath a member on the ground stays connected to its other tab."""
         least = 0.1 * self.member.mean_width  # length of the panel between its two tabs
         if begin.foot and len(end.tab[0]):
             low = max(begin.right, begin.left) + least
@@ -294,7 +305,7 @@ class _Panels:
         return begin, end
 
     def _spliced(self, s: float) -> _End:
-        """An end beneath the next panel of the same member, as long as it is wide."""
+        """Return an end with a tab beneath the next panel of the same member, as long as it is wide."""
         right, left = self._sides(s)
         y = np.array([-ROOT * right, -TIP * right, TIP * left, ROOT * left])
         return _End(s, s, (s + (right + left) * np.array([0.0, 1.0, 1.0, 0.0]), y))
@@ -302,15 +313,15 @@ class _Panels:
     def _divided(
         self, layer: Development, ends: tuple[_End, _End], under: Sequence[_Edge], room: list[tuple[float, float]]
     ) -> list[tuple[_End, _End]]:
-        """Pieces that fit on the stock, with their tabs."""
+        """Return pieces that fit on the stock with their tabs."""
         begin, end = min(ends[0].right, ends[0].left), max(ends[1].right, ends[1].left)
         fits, reach = strip_fits(layer, room), 1.2 * self.member.mean_width
 
-        def whole(a: float, b: float) -> bool:
+        def fits_with_tabs(a: float, b: float) -> bool:
             return fits(a - reach, b + reach)
 
         stations = np.array([edge.s for edge in under if begin < edge.s < end])
-        cuts = splice_cuts((begin, end), stations, 1.5 * self.member.mean_width, whole).at[1:-1]
+        cuts = splice_cuts((begin, end), stations, 1.5 * self.member.mean_width, fits_with_tabs).at[1:-1]
         marks = [ends[0], *(self._spliced(cut) for cut in cuts), ends[1]]
         plain = [ends[0], *(_End(cut, cut) for cut in cuts)]
         return list(zip(plain, marks[1:], strict=True))
@@ -333,7 +344,7 @@ class _Panels:
         return FlatPart(name, self.member.id, span, outline, (), (), tuple(marks), 0.0, strain, axis).lying()
 
     def _ticks(self, layer: Development, span: tuple[float, float], under: Sequence[_Edge]) -> list[Floats]:
-        """Short lines at the edges of a panel where others end beneath it, two at each side of each."""
+        """Return short lines at a panel's edges where other members end beneath it."""
         found, share = list[Floats](), 0.25  # of the width
         for edge in under:
             right, left = self._sides(edge.s)

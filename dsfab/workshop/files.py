@@ -28,22 +28,22 @@ from dsfab.workshop.plan import WorkshopPlan
 from dsfab.workshop.stock import stock_cost
 
 TITLE, SMALL_TITLE = 0.06, 0.06
-"""Height of the number of a sheet, metres; of small sheets that share of their width."""
+"""Height of a sheet's title (m); for small sheets a share of their width."""
 
 
 def part_drawing(part: FlatPart) -> FlatDrawing:
-    """A part alone, with its middle line on a layer of its own, AXIS, which is not to be cut."""
+    """Return the drawing of a part, with its middle line on the layer AXIS, which is not to be cut."""
     axis = [FlatLine("AXIS", part.axis)] if len(part.axis) else []
     return FlatDrawing(part.id, (*part_lines(part), *axis), part_circles(part))
 
 
 def file_stem(part: str) -> str:
-    """The name of a part as that of a file."""
+    """Return the file stem of a part's name."""
     return part.replace(" ", "_").replace("/", "_")
 
 
 def drawing_files(plan: WorkshopPlan) -> dict[str, list[str]]:
-    """The drawings of the parts of each member, by its name."""
+    """Return the drawing files of each member's parts, by member name."""
     found: dict[str, list[str]] = {}
     for group in plan.same:
         for k in group:
@@ -52,7 +52,7 @@ def drawing_files(plan: WorkshopPlan) -> dict[str, list[str]]:
 
 
 def part_lines(part: FlatPart) -> Iterator[FlatLine]:
-    """Outline, openings, engraved lines and folds of a part."""
+    """Yield outline, openings, engraved lines and folds of a part."""
     outline, *slots = part.contours
     yield FlatLine("CUT", outline, closed=True)
     yield from (FlatLine("SLOTS", slot, closed=True) for slot in slots)
@@ -61,12 +61,12 @@ def part_lines(part: FlatPart) -> Iterator[FlatLine]:
 
 
 def part_circles(part: FlatPart) -> tuple[FlatCircle, ...]:
-    """The holes of a part."""
+    """Return the holes of a part."""
     return tuple(FlatCircle("HOLES", (float(h.at[0]), float(h.at[1])), h.diameter) for h in part.holes)
 
 
 def nest_drawing(plan: WorkshopPlan, name: str) -> FlatDrawing:
-    """All sheets of a plan, from left to right in rows, each with its number above it."""
+    """Return all sheets of a plan in rows from left to right, each with its number above it."""
     lines, circles = list[FlatLine](), list[FlatCircle]()
     pitch = 1.15  # from sheet to sheet, over the largest one
     wide = max(sheet.size[0] for sheet in plan.sheets) * pitch
@@ -81,7 +81,7 @@ def nest_drawing(plan: WorkshopPlan, name: str) -> FlatDrawing:
         tall = min(TITLE, SMALL_TITLE * sheet.size[1])
         lines += [FlatLine("STOCK", mark + frame[3] + [0.0, tall / 2]) for mark in strokes(title, tall)]
         for nested in sheet.parts:
-            _ = nested.part.contours  # found before it is moved, once for all drawings
+            _ = nested.part.contours  # computed before the part moves, once for all drawings
             part = nested.placed.moved(0.0, origin)
             lines += part_lines(part)
             circles += part_circles(part)
@@ -89,7 +89,7 @@ def nest_drawing(plan: WorkshopPlan, name: str) -> FlatDrawing:
 
 
 def sheet_drawing(sheet: NestedSheet, title: str) -> FlatDrawing:
-    """A sheet alone, its lower left corner at the origin: what a laser is given."""
+    """Return the drawing of a sheet for a laser, with its lower left corner at the origin."""
     frame = FlatLine("STOCK", np.array([[0, 0], [1, 0], [1, 1], [0, 1]]) * sheet.size, closed=True)
     parts = [nested.placed for nested in sheet.parts]
     lines = [line for part in parts for line in part_lines(part)]
@@ -98,12 +98,12 @@ def sheet_drawing(sheet: NestedSheet, title: str) -> FlatDrawing:
 
 Cell = str | int | float
 NEVER = datetime(1980, 1, 1)
-"""The date in every workbook: the same plan gives the same bytes."""
+"""Date in every workbook, so that equal plans have equal bytes."""
 
 
 @dataclass(frozen=True)
 class PlanTable:
-    """Rows under a head, by a name."""
+    """Named table with a head and rows."""
 
     name: str
     head: tuple[str, ...]
@@ -111,7 +111,7 @@ class PlanTable:
 
 
 def part_table(plan: WorkshopPlan) -> PlanTable:
-    """A row for each part that differs from all others: how often it is cut, and as which parts."""
+    """Return a row for each different part: its count, and the names of equal parts."""
     costs = part_costs(plan)
     head = (
         *("part", "count", "same_as_it", "member", "length_mm", "width_mm", "thickness_mm", "area_m2", "holes"),
@@ -133,7 +133,7 @@ def part_table(plan: WorkshopPlan) -> PlanTable:
 
 
 def part_costs(plan: WorkshopPlan) -> dict[str, float]:
-    """What each part, by its name, costs: its share, by area, of its sheet's price; empty where there are no prices."""
+    """Return the cost of each part by name: its area share of the sheet's price; empty without prices."""
     if not any(sheet.price for sheet in plan.sheets):
         return {}
     whole = [sum(one.part.area for one in sheet.parts) for sheet in plan.sheets]
@@ -146,8 +146,7 @@ def part_costs(plan: WorkshopPlan) -> dict[str, float]:
 
 
 def stock_table(plan: WorkshopPlan) -> PlanTable:
-    """A row for each size and thickness of the sheets: how many there are, how much of them becomes parts, and their
-    price, where they have one."""
+    """Return a row for each sheet size and thickness: number of sheets, used share, and price."""
     kinds: dict[tuple[float, ...], list[NestedSheet]] = {}
     for sheet in plan.sheets:
         thickness = plan.thickness_of(sheet.parts[0].part)
@@ -162,7 +161,7 @@ def stock_table(plan: WorkshopPlan) -> PlanTable:
 
 
 def nest_table(plan: WorkshopPlan) -> PlanTable:
-    """A row for each part on its sheet: where the lower left corner of its box is, and how far it is turned."""
+    """Return a row for each part on its sheet: the lower left corner of its box, and its turn."""
     head = ("sheet", "sheet_length_mm", "sheet_width_mm", "sheet_used", "part", "x_mm", "y_mm", "turned_deg")
     rows = []
     for k, sheet in enumerate(plan.sheets, 1):
@@ -174,7 +173,7 @@ def nest_table(plan: WorkshopPlan) -> PlanTable:
 
 
 def node_table(plan: WorkshopPlan) -> PlanTable:
-    """A row for each node that has a bolt: its members and where they meet; empty for a flat sheet."""
+    """Return a row for each node with a bolt: its members and position; empty for a flat sheet."""
     head = ("node", "kind", "member_a", "member_b", "along_a_mm", "along_b_mm", "angle_deg", "x_mm", "y_mm", "z_mm")
     nodes = [node for node in plan.graph.nodes if node.kind != "grazing"] if plan.graph else []
     rows = []
@@ -186,7 +185,7 @@ def node_table(plan: WorkshopPlan) -> PlanTable:
 
 
 def bar_table(plan: WorkshopPlan) -> PlanTable:
-    """A row for each bar of a plan, as `bar_rows` has it; empty where there is none."""
+    """Return the table of a plan's bars (see `bar_rows`); empty without bars."""
     if plan.bars is None:
         return PlanTable("bars", BAR_HEAD, ())
     files = {plan.parts[k].id: file_stem(plan.parts[some[0]].id) for some in plan.same for k in some}
@@ -200,11 +199,12 @@ BAR_HEAD = (
 
 
 def bar_rows(plan: BarPlan, files: Mapping[str, str]) -> PlanTable:
-    """Each bar: from which node to which, and its angles; `files` has the stems of drawings that are not its own.
+    """Return a row for each bar: its nodes, sizes and angles.
 
-    along : degrees from the first bar of the node, counter-clockwise as seen from outside.    dip : degrees below the
-    plate of the node, by which its arm is folded.    twist : degrees that the bar turns by from its first node to its
-    second one, right-handed.    bow : millimetres that the member's axis is from the bar.
+    files : stems of drawings that bars share with others.
+    along : degrees from the first bar of the node, counter-clockwise from outside.    dip : degrees below the node
+            plate.
+    twist : degrees from the first to the second node, right-handed.    bow : distance of the member's axis (mm).
     """
     nodes, rows = plan.found.lattice.nodes, []
     sizes = {part.id: part.size for part in plan.parts}
@@ -218,12 +218,12 @@ def bar_rows(plan: BarPlan, files: Mapping[str, str]) -> PlanTable:
 
 
 def cut_list(plan: WorkshopPlan) -> str:
-    """The parts as CSV."""
+    """Return the parts as CSV."""
     return table_csv(part_table(plan))
 
 
 def table_csv(table: PlanTable) -> str:
-    """A table as CSV."""
+    """Return a table as CSV."""
     text = io.StringIO()
     writer = csv.writer(text)
     writer.writerow(table.head)
@@ -232,7 +232,7 @@ def table_csv(table: PlanTable) -> str:
 
 
 def cut_list_workbook(plan: WorkshopPlan) -> bytes:
-    """Parts, nests, stock, nodes and bars as an Excel workbook, a sheet for each that has rows."""
+    """Return parts, nests, stock, nodes and bars as an Excel workbook, with a sheet for each non-empty table."""
     import xlsxwriter
 
     file = io.BytesIO()
@@ -254,7 +254,7 @@ def cut_list_workbook(plan: WorkshopPlan) -> bytes:
 
 
 def _number(cell: Cell) -> Cell:
-    """Numbers that are written in words of their own are numbers in a workbook; names of parts are none."""
+    """Return text such as "1.2e-03" as a number; part names stay text."""
     return float(cell) if isinstance(cell, str) and "e-" in cell and cell[0].isdigit() else cell
 
 
@@ -269,12 +269,12 @@ NEST, CUTLIST, WORKBOOK, BARS, SHEET = "nest", "cutlist.csv", "cutlist.xlsx", "b
 def write_workshop(
     plan: WorkshopPlan, folder: Path, name: str, documents: Mapping[str, bytes] = MappingProxyType({})
 ) -> Path:
-    """Write the files of a plan into a folder, all of them or none. Those of an earlier plan that this one does not
-    have are removed, as its cut list names them. The same plan gives the same bytes.
+    """Write the files of a plan into a folder, all of them or none; equal plans give equal bytes.
 
-    documents : whole files by their names, which go with it.
+    Files of an earlier plan, by its cut list, are removed if this plan does not have them.
+    documents : further files by name.
 
-    Raises ExportError where the folder cannot be written.
+    Raises ExportError if the folder is not writable.
     """
     with whole_or_nothing(folder, _outdated) as partial:
         nest = nest_drawing(plan, name)
@@ -298,7 +298,7 @@ def write_workshop(
 
 
 def _write_sheets(plan: WorkshopPlan, folder: Path, name: str) -> None:
-    """A DXF and an SVG of each sheet alone, each on its own way to the laser."""
+    """Write a DXF and an SVG file for each sheet."""
     for k, sheet in enumerate(plan.sheets, 1):
         drawing = sheet_drawing(sheet, f"{name}, sheet {k} of {len(plan.sheets)}")
         path = folder / f"{SHEET}{k}.dxf"
@@ -308,7 +308,7 @@ def _write_sheets(plan: WorkshopPlan, folder: Path, name: str) -> None:
 
 
 def _outdated(target: Path, partial: Path) -> set[str]:
-    """Files that the cut list of an earlier plan names, or that go with it, and that are not written again."""
+    """Return files of an earlier plan, by its cut list, that the new plan does not write."""
     try:
         with open(target / CUTLIST, encoding="utf-8", newline="") as file:
             rows = list(csv.DictReader(file))
@@ -321,7 +321,7 @@ def _outdated(target: Path, partial: Path) -> set[str]:
 
 
 def _bar_list(target: Path) -> set[str]:
-    """The list of bars of an earlier plan, if there is one."""
+    """Return the bar list of an earlier plan, if it exists."""
     try:
         with open(target / BARS, encoding="utf-8") as file:
             return {BARS} if file.readline().startswith("bar,from,to,") else set()

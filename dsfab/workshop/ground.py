@@ -1,4 +1,9 @@
-"""Feet of strips with tabs, and the base plate that they stand in."""
+"""Feet of strips with tabs, and the base plate that they stand in.
+
+layer   ║ ║         shoulders stand on the plate, which is as thick as the card;
+      ──╨─╨──       the tab between them goes through its slot
+     ▒▒▒▒│▒│▒▒▒     plate
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -14,17 +19,17 @@ from dsfab.workshop.development import Development, StripCourse
 from dsfab.workshop.parts import FlatPart, label
 
 STEEP = np.sin(np.radians(25.0))
-"""A strip that comes down less steeply lies on the plate rather than standing in it: it is glued, without a tab."""
+"""Sine of the least slope of a strip that stands on the plate; a flatter strip is glued on it, without a tab."""
 
 
 @dataclass(frozen=True, eq=False)
 class StripFoot:
-    """The end of a layer on the plate: arc lengths of its course.
+    """End of a layer on the base plate, by arc lengths of its course.
 
-    shoulders : (4,) where it meets the plate, at the right edge, both sides of the tab from right to left, and the
-                left edge.    sides : (4,) metres to the left of the axis of these.
-    tips      : (2,) where the tab ends, right and left.
-    slot      : (4, 2) corners of its slot in the plate, metres.    last : whether it is at the end of the course.
+    shoulders : (4,) on the plate: right edge, right and left side of the tab, left edge.
+    sides     : (4,) distances of these to the left of the axis (m).
+    tips      : (2,) end of the tab, right and left.    at_end : whether the foot is at the end of the course.
+    slot      : (4, 2) corners of its slot in the plate (m).
     """
 
     shoulders: Floats
@@ -34,7 +39,7 @@ class StripFoot:
     last: bool
 
     def cap(self, layer: Development) -> Floats:
-        """(6, 2) the outline of the end, rolled out, counter-clockwise around the part."""
+        """Return the developed outline (6, 2) of the end, counter-clockwise around the part."""
         s = np.concatenate([self.shoulders[:2], self.tips, self.shoulders[2:]])
         y = np.concatenate([self.sides[:2], self.sides[1:3], self.sides[2:]])
         cap = layer.flat(s, y)
@@ -43,10 +48,10 @@ class StripFoot:
 
 @dataclass(frozen=True, eq=False)
 class Ground:
-    """The upper face of the plate: through a point (3,), square to a unit vector `up` (3,); metres.
+    """Upper face of the base plate, through a point (3,) in metres, with the unit normal `up` (3,).
 
-    supports : (q, 3) places of the surface that are held.    reach : how far from these a strip may end that stands
-    on the plate.    thickness : of the plate.    clearance : between tabs and slots, to each side.
+    supports : (q, 3) supported places of the surface.    reach : largest distance of a foot from these (m).
+    thickness : of the plate (m).    clearance : between tabs and slots, to each side (m).
     """
 
     point: Floats
@@ -63,7 +68,7 @@ class Ground:
 
     @classmethod
     def under(cls, surface: Surface, load: LoadCase, up: Floats, thickness: float, clearance: float) -> "Ground | None":
-        """The plate under the lowest support of a surface; None where nothing is held."""
+        """Return the plate under the lowest support of a surface; None without supports."""
         held = surface.V[load.fixed.any(axis=1) | load.spring.any(axis=1)]
         if not len(held):
             return None
@@ -71,29 +76,31 @@ class Ground:
         return cls(lowest, up, held, float(surface.mean_edge), thickness, clearance)
 
     def heights(self, points: Floats) -> Floats:
-        """(q,) metres of points (q, 3) above the plate."""
+        """Return heights (q,) of points (q, 3) above the plate (m)."""
         return np.asarray((points - self.point) @ self.up)
 
     def plan(self, points: Floats) -> Floats:
-        """(q, 2) metres, of points (q, 3) as they are seen from above: x to the right where up is z or y."""
+        """Return points (q, 3) as seen from above, (q, 2) metres: x to the right where up is z or y."""
         right = np.array([1.0, 0.0, 0.0])
         return np.asarray(points @ np.stack([right, np.cross(self.up, right)], axis=1))
 
     def supported(self, point: Floats, width: float) -> bool:
-        """Whether an end (3,) of a strip is at a support, and near the plate."""
+        """Return whether an end (3,) of a strip is at a support and close to the plate."""
         near = self.reach + width
         away = float(np.asarray(cKDTree(self.supports).query(point)[0]))
         return away < near and abs(float(self.heights(point[None])[0])) < near
 
     def height_near(self, point: Floats, width: float) -> float | None:
-        """Metres over the plate of the support that is nearest to an end (3,); None where none is near."""
+        """Return the height of the support nearest to an end (3,) over the plate (m); None if none is close."""
         away, k = cKDTree(self.supports).query(point)
         near = float(away) < self.reach + width
         return float(self.heights(self.supports[int(k)][None])[0]) if near else None
 
     def on_ground(self, course: StripCourse, height: float) -> tuple[StripCourse, tuple[StripFoot, ...]]:
-        """A course that begins and ends on the plate where a support is, in a layer at a height, and its feet. What
-        lies along the plate is cut off where it would reach below it."""
+        """Return a course in a layer at a height, cut off at the plate where it ends at supports, and its feet.
+
+        Strips along the plate lose the edge that would reach below it.
+        """
         if course.closed:
             return self._trimmed(course, height), ()
         layer, feet = Development(course, height), list[StripFoot]()
@@ -107,7 +114,7 @@ class Ground:
         return (course if feet else self._trimmed(course, height)), tuple(feet)
 
     def _foot(self, layer: Development, at: float, last: bool) -> StripFoot | None:
-        """The foot at an end; None where the strip is too flat for one, or does not come down to the plate."""
+        """Return the foot at an end; None for a strip that is too flat, or that does not reach the plate."""
         course = layer.course
         _, T, B, N = (rows[0] for rows in layer.frame(np.array([at])))
         down = T if last else -T
@@ -123,7 +130,11 @@ class Ground:
         return StripFoot(shoulders, sides, tips, self._slot(layer, shoulders[1:3], sides[1:3], (down, N, B)), last)
 
     def meeting(self, layer: Development, sides: Floats, at: float, height: float) -> Floats | None:
-        """(q,) arc lengths, near one, where lines at sides (q,) of a layer are at a height over the plate."""
+        """Return arc lengths (q,), close to `station`, where lines at sides (q,) of a layer have a height over the
+        plate.
+
+        None if a line does not reach the height.
+        """
         s, course = np.full(len(sides), at), layer.course
         for _ in range(20):  # Newton steps: strips are almost straight near the plate
             P, T, B, _ = layer.frame(s)
@@ -136,11 +147,11 @@ class Ground:
         return s if level.all() else None
 
     def _slot(self, layer: Development, s: Floats, sides: Floats, frame: tuple[Floats, Floats, Floats]) -> Floats:
-        """(4, 2) the rectangle in the plate that a tab needs on its way through, with the clearance around it."""
+        """Return the rectangle (4, 2) in the plate through which a tab passes, with its clearance."""
         down, N, B = frame
         P, _, across, _ = layer.frame(s)
         ends = P + sides[:, None] * across
-        half = self.thickness / 2  # of the strip: it is of the same card
+        half = self.thickness / 2  # of the strip, which is of the same card
         corners = np.array([end + u * half * N for end in ends for u in (-1, 1)])
         corners = np.concatenate(
             [corners - ((self.heights(corners) - z) / (down @ self.up))[:, None] * down for z in (0.0, -self.thickness)]
@@ -154,7 +165,7 @@ class Ground:
         return np.asarray(rectangle @ axes)
 
     def _trimmed(self, course: StripCourse, height: float) -> StripCourse:
-        """A course with edges that stay above the plate."""
+        """Return a course with edges that stay above the plate."""
         P, _, B, _ = Development(course, height).frame(course.s)
         above, slope = self.heights(P), B @ self.up
         sides = list[Floats]()
@@ -167,7 +178,7 @@ class Ground:
 
 
 def footed_outline(layer: Development, span: tuple[float, float], feet: tuple[StripFoot, ...]) -> Floats:
-    """(k, 2) the outline of a piece over a span, counter-clockwise, with those of the feet that are at its ends."""
+    """Return the outline (k, 2) of a piece over a span, counter-clockwise, with the feet at its ends."""
     ends: dict[bool, StripFoot] = {foot.last: foot for foot in feet}
     course = layer.course
     begin = ends.get(False) if span[0] == course.begin else None
@@ -191,13 +202,12 @@ def footed_outline(layer: Development, span: tuple[float, float], feet: tuple[St
 
 
 def _caps(foot: StripFoot | None, layer: Development) -> Iterator[Floats]:
-    """The outline of an end between its outer shoulders."""
     if foot is not None:
         yield foot.cap(layer)[1:-1]
 
 
 NAME = 0.002
-"""Height of names beside slots, metres."""
+"""Height of names beside slots (m)."""
 
 NO_FEET = "no strip ends on the base plate steeply enough for a tab: glue the model on the engraved lines"
 
@@ -205,10 +215,10 @@ NO_FEET = "no strip ends on the base plate steeply enough for a tab: glue the mo
 def base_parts(
     ground: Ground, surface: Surface, feet: list[tuple[str, StripFoot]], room: list[tuple[float, float]]
 ) -> list[FlatPart]:
-    """The plate, in as few equal rectangles as fit into one of `room`, lengths and widths in metres; each where it lies
-    under the model, as `Ground.plan` sees it.
+    """Return the plate in as few equal rectangles as fit into one of `room`, each in its place under the model.
 
-    surface : as large as the model; its supports are at the ground's places.    feet : with the names of their parts.
+    surface : at model size, with its supports at those of the base plate.    feet : with the names of their parts.
+    room : lengths and widths (m).
     """
     engraved = [*_support_marks(ground, surface), *_slot_names(feet)]
     slots = [foot.slot for _, foot in feet]
@@ -232,7 +242,7 @@ def base_parts(
 
 
 def clipped_polygon(P: Floats, box: Floats) -> Floats:
-    """(k, 2) what a box, its low and its high corner (2, 2), has of a convex polygon (q, 2) [Sutherland, Hodgman]."""
+    """Return the part (k, 2) of a convex polygon (q, 2) in a box, low and high corner (2, 2) [Sutherland, Hodgman]."""
     for axis, side in product((0, 1), (0, 1)):
         sign = 1 if side == 0 else -1
         inside = sign * (P[:, axis] - box[side, axis])
@@ -248,12 +258,12 @@ def clipped_polygon(P: Floats, box: Floats) -> Floats:
 
 
 def _lines_inside(lines: list[Floats], box: Floats) -> list[Floats]:
-    """Those lines (k, 2) that lie in a box; what goes across its edge is short, and left out."""
+    """Return the lines (k, 2) that lie in a box; lines across its edge are short and are omitted."""
     return [line for line in lines if ((line >= box[0]) & (line <= box[1])).all(axis=1).all()]
 
 
 def _support_marks(ground: Ground, surface: Surface) -> list[Floats]:
-    """Lines where edges of the surface are held, and crosses where single places are, as seen from above."""
+    """Return lines on supported edges of the surface, and crosses at single supports, as seen from above."""
     held = {tuple(place) for place in ground.supports.tolist()}
     on = np.array([tuple(place) in held for place in surface.V.tolist()])
     ends = surface.edges.ends[surface.edges.boundary]
@@ -267,7 +277,7 @@ def _support_marks(ground: Ground, surface: Surface) -> list[Floats]:
 
 
 def _slot_names(feet: list[tuple[str, StripFoot]]) -> list[Floats]:
-    """The name of each foot beside its slot, on the side that is away from the middle of all."""
+    """Return strokes of each foot's name beside its slot, on the outer side."""
     if not feet:
         return []
     middles = np.array([foot.slot.mean(axis=0) for _, foot in feet])
@@ -278,13 +288,13 @@ def _slot_names(feet: list[tuple[str, StripFoot]]) -> list[Floats]:
         deep = float(np.linalg.norm(way))
         way = way / deep * (1 if way @ (middle - centre) >= 0 else -1)
         angle = float(np.arctan2(*(foot.slot[1] - foot.slot[0])[::-1]))
-        angle -= np.pi * round(angle / np.pi) if abs(angle) > np.pi / 2 else 0.0  # to be read from below
+        angle -= np.pi * round(angle / np.pi) if abs(angle) > np.pi / 2 else 0.0  # readable from below
         found += label(name, middle + (deep / 2 + 0.002 + NAME / 2) * way, angle, NAME)
     return found
 
 
 def base_notes(ground: Ground, feet: list[tuple[str, StripFoot]], plates: list[FlatPart]) -> list[str]:
-    """How many feet stand in the plate, what does not, and whether it is in pieces."""
+    """Return notes on the feet, on supports above the plate, and on a plate in pieces."""
     names = {name for name, _ in feet}
     found = [f"{len(feet)} feet of {len(names)} parts stand in slots of the base plate" if feet else NO_FEET]
     highest = float(ground.heights(ground.supports).max())

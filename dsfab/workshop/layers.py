@@ -52,7 +52,7 @@ class Layering:
 
     @property
     def sparing(self) -> bool:
-        """Whether node names are omitted where they have no room, as on models."""
+        """True if node names are omitted where they have no room, as on models."""
         return self.letters[0] < LABEL
 
     @property

@@ -1,4 +1,8 @@
-"""Flattened plates, and flat designs divided into pieces of the stock's size."""
+"""Flattened plates [Liu et al. 2008], and flat designs divided into pieces of the stock's size.
+
+fingers   ──┐  ┌──┐      of both pieces in turn; a piece of rib that they cut off
+            └──┘  └──    goes to the neighbour    scarf   ────╲╲────   both pieces overlap at the joint
+"""
 
 from collections.abc import Container, Iterator, Sequence
 from dataclasses import dataclass
@@ -21,12 +25,12 @@ from dsfab.workshop.strips import EDGE, is_strip
 
 
 def is_plate(member: Member) -> bool:
-    """Whether a member is built as a plate: fills are not built, and all others are strips."""
+    """Return whether a member is built as a plate: fills are not built, and all other members are strips."""
     return member.kind != "fill" and not is_strip(member)
 
 
 def layer_numbers(layering: Layering, member: Member) -> tuple[int, ...]:
-    """The layers that a member is in, counted from the top; none where it is not built."""
+    """Return the layers of a member, counted from the top; empty for a member that is not built."""
     if member.kind == "fill":
         return ()
     return layering.numbers(member.family) if is_strip(member) else (layering.plates,)
@@ -40,8 +44,11 @@ def plate_parts(
     bolt: float,
     left: Container[str] = (),
 ) -> list[FlatPart]:
-    """Members of a graph as plates at a height over the surface, with holes of a diameter at their nodes, metres;
-    normals (n, 3) at the vertices of its sheet. Nodes that are left, by their names, have none."""
+    """Return members of a graph as plates at a height over the surface, with holes at their nodes (m).
+
+    normals : (n, 3) at the vertices of the graph's sheet.    bolt : diameter of holes (m).
+    missed_nodes : names of nodes without a hole.
+    """
     normals = normals / np.linalg.norm(normals, axis=1)[:, None]
     return [_plate(graph, member, normals, (height, bolt), left) for member in members]
 
@@ -66,7 +73,7 @@ def _plate(
 
 
 def _inside(outline: Floats, at: Floats, least: float) -> bool:
-    """Whether a place (2,) is so far inside of a polygon (k, 2)."""
+    """Return whether a place (2,) is inside a polygon (k, 2), at least a distance from its edges."""
     a, b = outline, np.roll(outline, -1, axis=0)
     t = np.clip(((at - a) * (b - a)).sum(axis=1) / np.maximum(((b - a) ** 2).sum(axis=1), 1e-30), 0, 1)
     away = np.linalg.norm(at - a - t[:, None] * (b - a), axis=1).min()
@@ -77,7 +84,7 @@ def _inside(outline: Floats, at: Floats, least: float) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class FlattenedMesh:
-    """Triangles F (m, 3) of points V (n, 3) and their places U (n, 2) in the plane, metres."""
+    """Triangles F (m, 3) of points V (n, 3) and their places U (n, 2) in the plane (m)."""
 
     V: Floats
     F: Ints
@@ -85,7 +92,7 @@ class FlattenedMesh:
 
     @classmethod
     def of(cls, V: Floats, F: Ints) -> "FlattenedMesh":
-        """As rigid as possible, from the projection along the mean normal; what bends only keeps every length."""
+        """Flatten as rigidly as possible from the projection along the mean normal; pure bending keeps all lengths."""
         n = np.cross(V[F[:, 1]] - V[F[:, 0]], V[F[:, 2]] - V[F[:, 0]]).sum(axis=0)
         n /= np.linalg.norm(n)
         x = np.eye(3)[np.abs(n).argmin()]
@@ -99,7 +106,7 @@ class FlattenedMesh:
 
     @property
     def strain(self) -> float:
-        """The largest of all triangles, by the singular values of what flattening does to them."""
+        """Largest strain of all triangles, from the singular values of their flattening."""
         e1, e2 = (self.V[self.F[:, k]] - self.V[self.F[:, 0]] for k in (1, 2))
         x = e1 / np.linalg.norm(e1, axis=1)[:, None]
         n = np.cross(e1, e2)
@@ -109,41 +116,41 @@ class FlattenedMesh:
         return float(np.abs(np.linalg.svd(D @ np.linalg.inv(E), compute_uv=False) - 1).max())
 
     def loops(self) -> list[Floats]:
-        """(k, 2) the outline, then its openings."""
+        """Return the outline, then the openings, (k, 2) each."""
         found = [self.U[loop] for loop in Surface(self.V, self.F).loops]
         return sorted(found, key=lambda loop: -abs(polygon_area(loop)))
 
     def at(self, point: Floats) -> Floats:
-        """(2,) where the place of the mesh nearest to a point (3,) is in the plane."""
+        """Return the plane position (2,) of the place on the mesh nearest to a point (3,)."""
         there = nearest(point[None], self.V, self.F)
         face = self.F[there.simplex]
         return np.asarray((weights_at(there.place, self.V, face) @ self.U[face[0]])[0])
 
 
 FINGER, PITCH = 4.0, 2.0
-"""Thicknesses that a finger is long, and about how wide it is."""
+"""Length of a finger, and about its width, over the thickness."""
 ROUNDS, WHOLE = 4, 4.0
-"""Rounds in which bits of fingers that hang on nothing, smaller than so many fingers, go to a piece beside them."""
+"""Rounds in which loose bits of fingers go to a neighbouring piece, and their largest area, in fingers."""
 ON = 1e-9
-"""Share of a sheet's size by which an edge of its mesh may be off a line that it was divided along."""
+"""Distance of a mesh edge from the dividing line that it lies on, over the sheet's size."""
 
 
 @dataclass(frozen=True)
 class SheetJoint:
-    """How pieces are joined: by "fingers", by a "scarf", or not at all, "butt"; of a sheet of a thickness, metres."""
+    """Joint of pieces of a sheet of a thickness (m): "fingers", "scarf", or "butt" for none."""
 
     kind: str = "butt"
     thickness: float = 0.0
 
     @property
     def reach(self) -> float:
-        """Metres along which both pieces are there, in turn or on each other."""
+        """Length along which both pieces overlap or alternate (m)."""
         return {"fingers": FINGER, "scarf": SCARF}.get(self.kind, 0.0) * self.thickness
 
     def count(self, size: float, room: float) -> int:
-        """How many pieces a length is divided into, none with its joints longer than the room, metres.
+        """Return the number of pieces of a length that with their joints are no longer than the room (m).
 
-        Raises PatternError where joints would be most of a piece.
+        Raises PatternError if joints are most of a piece.
         """
         if size <= room:
             return 1
@@ -157,19 +164,20 @@ class SheetJoint:
 
 @dataclass(frozen=True)
 class SheetParts:
-    """The pieces, and how many there are along and across the sheet."""
+    """Pieces, and their counts along and across the sheet."""
 
     pieces: tuple[FlatPart, ...]
     counts: tuple[int, int]
 
 
 def sheet_parts(surface: Surface, room: list[tuple[float, float]], joint: SheetJoint = SheetJoint()) -> SheetParts:
-    """A flat sheet cut into rectangles, as few as there can be, none larger than one of `room`, metres.
+    """Cut a flat sheet into as few rectangles as possible, none larger than one of `room` (m).
 
-    Pieces of one rectangle that do not hang together are parts of their own; openings become slots. With fingers all
-    pieces together are the sheet; with a scarf they are on each other along the joints.
+    Disconnected pieces of a rectangle become separate parts; openings become slots. With fingers all pieces together
+    are
+    the sheet; with a scarf they overlap at the joints.
 
-    Raises PatternError where joints are too long for the stock, or pieces with all that hangs on them are.
+    Raises PatternError if joints, or pieces with their joints, are too long for the stock.
     """
     x = in_plane(surface)
     level = Surface(np.pad(x - x.min(axis=0), ((0, 0), (0, 1))), surface.F)
@@ -187,13 +195,13 @@ def sheet_parts(surface: Surface, room: list[tuple[float, float]], joint: SheetJ
 
 
 def _beyond(part: FlatPart, room: list[tuple[float, float]]) -> float:
-    """Metres by which a part is too large for all of some rectangles, along or across; at most 0 where it fits."""
+    """Return the excess of a part over the best-fitting rectangle, along or across (m); at most 0 if it fits."""
     x, y = part.size
     return float(min(max(x - a, y - b) for a, b in [*room, *((b, a) for a, b in room)]))
 
 
 def _divided(level: Surface, room: list[tuple[float, float]], joint: SheetJoint) -> SheetParts:
-    """A level sheet with its lowest corner at the origin, in rectangles and what belongs to their joints."""
+    """Return rectangles, with their joints, of a level sheet with its lowest corner at the origin."""
     size = np.ptp(level.V[:, :2], axis=0)
     turned = [*room, *((b, a) for a, b in room)]
     counts = min(((joint.count(size[0], a), joint.count(size[1], b)) for a, b in turned), key=lambda n: n[0] * n[1])
@@ -210,22 +218,22 @@ def _divided(level: Surface, room: list[tuple[float, float]], joint: SheetJoint)
 
 @dataclass(frozen=True, eq=False)
 class _Grid:
-    """Rectangles of a size (2,), metres, so many along and across, and what lies along their joints."""
+    """Equal rectangles of a sheet of a size (2,) in metres, with their joints."""
 
     size: Floats
     counts: tuple[int, int]
     joint: SheetJoint
 
     def joints(self, axis: int) -> Floats:
-        """(q,) where pieces meet, metres."""
+        """Return the positions (q,) of joints (m)."""
         return np.asarray(self.size[axis] * np.arange(1, self.counts[axis]) / self.counts[axis])
 
     def fingers(self, axis: int) -> int:
-        """How many lie side by side along the whole sheet, an odd number: both ends look alike."""
+        """Return the number of fingers along the whole sheet: odd, so that both ends are alike."""
         return 2 * round(float(self.size[axis]) / (2 * PITCH * self.joint.thickness)) + 1
 
     def lines(self, axis: int) -> Floats:
-        """(q,) ascending, along which the sheet is to be divided."""
+        """Return ascending positions (q,) of the lines that divide the sheet."""
         half = self.joint.reach / 2
         found = self.joints(axis) if half == 0 else np.concatenate([self.joints(axis) - half, self.joints(axis) + half])
         if self.joint.kind == "fingers" and self.counts[1 - axis] > 1:
@@ -234,16 +242,16 @@ class _Grid:
         return np.unique(found)
 
     def pieces(self, places: Floats) -> Ints:
-        """(m,) the number of the piece of each of places (m, 3): along joints both have every other finger."""
+        """Return the piece number (m,) of places (m, 3); along joints fingers alternate."""
         at = list[Ints]()
         for axis in (0, 1):
             odd = (places[:, 1 - axis] * self.fingers(1 - axis) / self.size[1 - axis]).astype(int) % 2
-            moved = places[:, axis] + (odd - 0.5) * self.joint.reach  # a finger reaches half of its length over
+            moved = places[:, axis] + (odd - 0.5) * self.joint.reach  # fingers reach half over
             at.append(np.clip((moved * self.counts[axis] / self.size[axis]).astype(int), 0, self.counts[axis] - 1))
         return np.asarray(at[0] * self.counts[1] + at[1])
 
     def inside(self, places: Floats, which: tuple[int, int], more: float) -> Bools:
-        """(m,) whether places (m, 3) are in a rectangle, or no more than `more` metres beyond one of its joints."""
+        """Return (m,) whether places (m, 3) are in a rectangle, or at most `margin` metres beyond its joints."""
         found = np.ones(len(places), dtype=bool)
         for axis in (0, 1):
             ends = np.concatenate([[-np.inf], self.joints(axis), [np.inf]])[which[axis] : which[axis] + 2]
@@ -251,7 +259,7 @@ class _Grid:
         return found
 
     def bevels(self, which: tuple[int, int]) -> list[tuple[int, float]]:
-        """Axes and places, metres, of lines across a piece at which the bevels of its scarf joints begin."""
+        """Return the axis and the position (m) of each line at which the bevel of a scarf joint begins."""
         if self.joint.kind != "scarf":
             return []
         half = self.joint.reach / 2
@@ -263,7 +271,7 @@ class _Grid:
 
 
 def _cells(divided: Surface, grid: _Grid) -> Iterator[tuple[tuple[int, int], Ints]]:
-    """The cells (c,) of each rectangle, with what belongs to its joints."""
+    """Yield each rectangle and its cells (c,), with those of its joints."""
     along, across = (range(n) for n in grid.counts)
     every, half = list(product(along, across)), grid.joint.reach / 2
     if grid.joint.kind == "fingers":
@@ -283,7 +291,7 @@ def _cells(divided: Surface, grid: _Grid) -> Iterator[tuple[tuple[int, int], Int
 
 
 def _rooted(divided: Surface, here: Bools, roots: Bools) -> Bools:
-    """(m,) whether faces hang together with one of some roots (m,), by faces that are here (m,)."""
+    """Return (m,) whether faces are connected to roots (m,) through selected faces (m,)."""
     one, other = (divided.edges.pairs // 3).T
     joined = here[one] & here[other]
     part = connected(divided.m, one[joined], other[joined])[1]
@@ -291,8 +299,10 @@ def _rooted(divided: Surface, here: Bools, roots: Bools) -> Bools:
 
 
 def _hanging(divided: Surface, pieces: Ints, least: float) -> Ints:
-    """(m,) pieces of faces: what hangs together of one and is smaller than `least`, square metres, goes to the piece
-    beside it with which it has most of its edges in common."""
+    """Return pieces (m,) of faces in which bits smaller than `least` (m2) join a neighbour.
+
+    A bit joins the neighbour with which it shares the longest edges.
+    """
     one, other = (divided.edges.pairs // 3).T
     ends = divided.V[divided.edges.ends[divided.edges.count == 2]]
     long, pieces = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), pieces.copy()
@@ -311,7 +321,7 @@ def _hanging(divided: Surface, pieces: Ints, least: float) -> Ints:
 
 
 def in_plane(surface: Surface) -> Floats:
-    """(n, 2) the vertices of a flat surface in its plane, x and y as they are where it is level."""
+    """Return the vertices (n, 2) of a flat surface in its plane; x and y stay on a level surface."""
     normal = surface.normals[0]
     if abs(normal[2]) > 1 - 1e-9:
         return np.asarray(surface.V[:, :2] * ([1, 1] if normal[2] > 0 else [1, -1]))
@@ -321,7 +331,7 @@ def in_plane(surface: Surface) -> Floats:
 
 
 def _parts(divided: Surface, cells: Ints, name: str, bevels: list[tuple[int, float]]) -> list[FlatPart]:
-    """The connected parts of some cells (c,), with lines where bevels begin: an axis and a place on it, metres."""
+    """Return the connected parts of cells (c,), with lines where bevels begin."""
     used, F = np.unique(divided.F[cells], return_inverse=True)
     piece = Surface(divided.V[used], F.reshape(-1, 3))
     count, of = piece.pieces
@@ -340,14 +350,14 @@ def _parts(divided: Surface, cells: Ints, name: str, bevels: list[tuple[int, flo
 
 
 def _along(surface: Surface, axis: int, place: float) -> list[Floats]:
-    """(2, 2) edges of a mesh in the plane that lie on a line across an axis, metres."""
+    """Return edges (2, 2) of a plane mesh that lie on a line across an axis at a place (m)."""
     ends = surface.V[surface.edges.ends][..., :2]
     on = (np.abs(ends[..., axis] - place) < ON * float(np.ptp(surface.V))).all(axis=1)
     return list(ends[on])
 
 
 def _widest_place(surface: Surface) -> tuple[Floats, float]:
-    """(2,) a place far from all edges of a flat surface, and how far it is from their corners, metres."""
+    """Return a place (2,) far from all edges of a flat surface, and its distance from their corners (m)."""
     rim = surface.V[np.unique(surface.edges.ends[surface.edges.boundary])]
     away = np.array([np.linalg.norm(rim - place, axis=1).min() for place in surface.centroids])
     return surface.centroids[away.argmax(), :2], float(away.max())

@@ -1,4 +1,4 @@
-"""Where a strip is divided that is longer than the stock: away from its nodes, in pieces as long as can be."""
+"""Splices of strips that are longer than the stock: away from nodes, in pieces as long as possible."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
@@ -12,31 +12,32 @@ from dsfab.workshop.development import Development
 from dsfab.workshop.parts import label, polygon_area
 
 SCARF = 8.0
-"""Thicknesses that the pieces of a scarf joint overlap by: bevelled 1 to 8, as plywood and boards are glued."""
+"""Overlap of a scarf joint over the thickness: bevelled 1 to 8, as is usual for plywood and boards."""
 BEVEL = ("BEVEL", "BEVEL BACK")
-"""What stands on the end of a piece that is bevelled on the engraved face, and on that which is so on the other."""
+"""Engraved texts: bevel on the engraved face, and on the back."""
 
 
 @dataclass(frozen=True)
 class Cuts:
-    """Arc lengths at which a strip begins, is divided and ends; `near` counts cuts nearer to a node than was wanted."""
+    """Arc lengths at which a strip begins, is divided and ends; `near_nodes` counts cuts too close to a node."""
 
     at: tuple[float, ...]
     near: int
 
 
 def box(outline: Floats, along: Floats) -> tuple[float, float]:
-    """Length and width of the box around points (k, 2) along a direction (2,)."""
+    """Return length and width of the box around points (k, 2) along a direction (2,)."""
     way = along / np.linalg.norm(along)
     return float(np.ptp(outline @ way)), float(np.ptp(outline @ [-way[1], way[0]]))
 
 
 def fits_stock(outline: Floats, along: Floats, room: Sequence[tuple[float, float]]) -> bool:
-    """Whether a strip (k, 2) fits into one of some rectangles, lengths and widths, along or across; no strip does that
-    overlaps itself.
+    """Return whether the outline (k, 2) of a strip fits into one of the rectangles, along or across.
 
-    along : (2,) from the beginning of its axis to the end, as it lies on the stock (`FlatPart.lying`). By the middles
-            of its ends a strip with its axis beside them was 0.8 mm shorter, and found no sheet.
+    A strip that overlaps itself does not fit.
+    along : (2,) from the beginning of the strip's axis to its end, the direction of `FlatPart.along_x`. The middles of
+            its
+            ends gave lengths 0.8 mm too short.
     """
     k = len(outline) // 2
     turns = np.unwrap(np.arctan2(*np.diff(outline[:k], axis=0).T[::-1]))
@@ -53,12 +54,12 @@ def splice_cuts(
     fits: Callable[[float, float], bool],
     name: str = "the strip",
 ) -> Cuts:
-    """Cuts of a strip, by its name, from one arc length to another.
+    """Return the cuts of a strip between two arc lengths.
 
-    nodes : (q,) arc lengths that cuts stay away from, by `clear` metres where that is possible.
-    fits  : whether a piece from one arc length to another fits on the stock.
+    nodes : (q,) arc lengths from which cuts keep the distance `clear` (m) if possible.
+    fits  : whether a piece between two arc lengths fits on the stock.    name : of the strip, for messages.
 
-    Raises PatternError where the longest piece that fits is shorter than `clear`.
+    Raises PatternError if the longest piece that fits is shorter than `clear`.
     """
     begin, end = course
     cuts, near = [begin], 0
@@ -87,7 +88,7 @@ def _farthest(begin: float, end: float, fits: Callable[[float, float], bool]) ->
 
 
 def _free(nodes: Floats, clear: float, least: float, most: float) -> float | None:
-    """The largest arc length between two that is clear of all nodes."""
+    """Return the largest arc length between two values that is clear of all nodes; None if none is clear."""
     candidates = np.concatenate([[most], nodes - clear * (1 + 1e-9)])
     candidates = candidates[(candidates >= least) & (candidates <= most)]
     away = np.abs(candidates[:, None] - nodes[None]).min(axis=1, initial=np.inf)
@@ -96,7 +97,7 @@ def _free(nodes: Floats, clear: float, least: float, most: float) -> float | Non
 
 
 def _middle_of_bay(nodes: Floats, least: float, most: float) -> float:
-    """The arc length between two that is farthest from all nodes."""
+    """Return the arc length between two values that is farthest from all nodes."""
     inner = nodes[(nodes > least) & (nodes < most)]
     ends = np.concatenate([[least], inner, [most]])
     candidates = np.concatenate([(ends[1:] + ends[:-1]) / 2, [least, most]])
@@ -105,13 +106,13 @@ def _middle_of_bay(nodes: Floats, least: float, most: float) -> float:
 
 
 def lapped(span: tuple[float, float], whole: tuple[float, float], lap: float, closed: bool) -> tuple[float, float]:
-    """A span of a piece, longer by `lap` metres at those of its ends that are not ends of the whole strip."""
+    """Return the span of a piece, longer by `lap` metres at ends other than those of the strip."""
     begin = span[0] - lap if closed or span[0] > whole[0] else span[0]
     return begin, span[1] + lap if closed or span[1] < whole[1] else span[1]
 
 
 def scarf_line(splices: int, lap: float) -> str:
-    """A sentence on scarf joints, so many, of pieces that overlap by `lap` metres."""
+    """Return a sentence on a number of scarf joints with an overlap of `lap` metres."""
     return (
         f"{splices} splices are glued: pieces overlap by {length(lap)} and are bevelled 1 to {SCARF:g}, on the "
         "engraved face at BEVEL and on the other one at BEVEL BACK"
@@ -121,9 +122,9 @@ def scarf_line(splices: int, lap: float) -> str:
 def lap_marks(
     layer: Development, span: tuple[float, float], long: tuple[float, float], lap: float, height: float
 ) -> tuple[Floats, ...]:
-    """Lines across a piece where its bevels begin, and on which face these are: at its end on the engraved one.
+    """Return lines where the bevels of a piece begin, and texts for the face of each bevel.
 
-    span : without the laps.    long : with them.    lap : half of what two pieces overlap by, metres.
+    span : without the laps.    full_span : with them.    lap : half of the overlap of two pieces (m).
     """
     found = list[Floats]()
     for k, (s, end) in enumerate(zip(span, long, strict=True)):
@@ -139,11 +140,11 @@ def lap_marks(
 
 
 def strip_fits(development: Development, room: Sequence[tuple[float, float]]) -> Callable[[float, float], bool]:
-    """Whether the strip of a development from one arc length to another fits into one of some rectangles."""
+    """Return the test whether a developed strip between two arc lengths fits into one of the rectangles."""
     longest = max(np.hypot(x, y) for x, y in room) + 1e-6
 
     def fits(begin: float, end: float) -> bool:
-        (x, y), _ = development.at(np.array([begin, end]))  # most that are tried are far too long
+        (x, y), _ = development.at(np.array([begin, end]))  # most trials are far too long
         return float(np.linalg.norm(y - x)) <= longest and fits_stock(development.outline(begin, end), y - x, room)
 
     return fits

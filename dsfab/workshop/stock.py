@@ -16,9 +16,9 @@ from dsfab.workshop.parts import FlatPart
 
 
 def stock_choices(ask: Workshop) -> list[Workshop]:
-    """The section as it is, and, where its stock has prices, without the longest sizes of it, one after another.
+    """Return the section as it is and, if its stock has prices, without its longest sizes in turn.
 
-    What is longer than the stock is spliced, so that parts for long sheets have no room on short ones that are cheaper.
+    Parts for long sheets have no room on cheaper short sheets, because strips are spliced to the stock's length.
     """
     lengths = sorted({size[0] for size in ask.stock}, reverse=True) if ask.prices else []
     found = [ask]
@@ -30,12 +30,12 @@ def stock_choices(ask: Workshop) -> list[Workshop]:
 
 
 def stock_cost(sheets: Sequence[NestedSheet]) -> float:
-    """What sheets cost together; 0 where they have no prices."""
+    """Return the cost of all sheets; 0 without prices."""
     return round(sum(sheet.price for sheet in sheets), 6)
 
 
 def stock_words(sheets: Sequence[NestedSheet]) -> str:
-    """'12 of 2.5 x 1.25 m at 45, 3 of 3 x 1.5 m at 62'; without prices where there are none."""
+    """Return "12 of 2.5 x 1.25 m at 45, 3 of 3 x 1.5 m at 62"; without prices sizes only."""
     count = Counter((sheet.size, sheet.price) for sheet in sheets)
     return ", ".join(
         f"{many} of {size_words(size)}" + (f" at {money(price)}" if price else "")
@@ -44,9 +44,9 @@ def stock_words(sheets: Sequence[NestedSheet]) -> str:
 
 
 def price_notes(sheets: Sequence[NestedSheet], left: Sequence[tuple[Workshop, float]]) -> list[str]:
-    """What is said of the cost of sheets; nothing where they have no prices.
+    """Return notes on the cost of sheets; none without prices.
 
-    left : other choices of stock for which parts were cut, and what these would cost.
+    alternatives : other choices of stock with their costs.
     """
     cost = stock_cost(sheets)
     if not cost:
@@ -59,26 +59,26 @@ def price_notes(sheets: Sequence[NestedSheet], left: Sequence[tuple[Workshop, fl
 
 
 def size_words(size: tuple[float, float]) -> str:
-    """'2.5 x 1.25 m', '420 x 297 mm'."""
+    """Return "2.5 x 1.25 m" or "420 x 297 mm"."""
     if size[0] < 1:
         return f"{MM_PER_M * size[0]:g} x {MM_PER_M * size[1]:g} mm"
     return f"{size[0]:g} x {size[1]:g} m"
 
 
 def money(amount: float) -> str:
-    """'1,234.50', '45': in the currency of the prices."""
+    """Return an amount in the currency of the prices: "1,234.50", "45"."""
     return f"{amount:,.2f}".removesuffix(".00")
 
 
 NARROWER = (0.95, 0.9)
-"""Shares of the width of strips that are tried, the widest first."""
+"""Shares of the strips' width to try, the widest first."""
 WORTH = 0.04
-"""Share of the sheets, or of their area, that a hint saves at least."""
+"""Least share of the sheets, or of their area, that a hint saves."""
 Stock = Sequence[tuple[float, float]]
 
 
 class _Asked(NamedTuple):
-    """The gap, metres, and whether parts lie along the grain."""
+    """Gap (m), and whether parts lie along the grain."""
 
     gap: float
     grain: bool
@@ -87,11 +87,10 @@ class _Asked(NamedTuple):
 def sheet_hints(
     parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: Stock, gap: float, grain: bool = False
 ) -> list[str]:
-    """Sentences on what would need fewer sheets than these, or less stock; none where nothing that is tried does, or
-    where it would take too long.
+    """Return sentences on narrower strips or larger stock that would need fewer sheets.
 
-    stock : lengths and widths in metres.   gap : metres.   grain : as for `nested`. Each number is that of a nest
-    that was made.
+    stock : lengths and widths (m).    gap : metres.    grain : as for `nested`.
+    Each number comes from a trial nest. Large plans have no hints, because nesting takes too long.
     """
     if len(parts) * len(sheets) > 20_000:  # nesting again would take too long
         return []
@@ -100,7 +99,7 @@ def sheet_hints(
 
 
 def narrowed(part: FlatPart, share: float) -> FlatPart:
-    """A strip with that share of its width, about its axis; what is no strip stays. Holes stay where they are."""
+    """Return a strip with a share of its width about its axis; holes and other parts stay as they are."""
     if not _is_strip(part):
         return part
     outline = part.outline
@@ -109,18 +108,17 @@ def narrowed(part: FlatPart, share: float) -> FlatPart:
 
 
 def _is_strip(part: FlatPart) -> bool:
-    """Whether the outline runs along an axis and back, station by station."""
+    """Return whether the outline runs along an axis and back, station by station."""
     return len(part.axis) > 1 and len(part.outline) == 2 * len(part.axis)
 
 
 def _widths(parts: Sequence[FlatPart]) -> Floats:
-    """(k,) metres, of all strips."""
     rows = [np.linalg.norm(part.outline - part.outline[::-1], axis=1) for part in parts if _is_strip(part)]
     return np.array([float(np.median(row)) for row in rows])
 
 
 def _narrower(parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: Stock, ask: _Asked) -> Iterator[str]:
-    """The least narrowing that saves enough."""
+    """Yield a hint on the least narrowing that saves enough."""
     widths = _widths(parts)
     if not len(widths):
         return
@@ -141,7 +139,7 @@ def _narrower(parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: S
 
 
 def _larger(parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: Stock, ask: _Asked) -> Iterator[str]:
-    """The longer, or else the wider stock, where all of it together has less area; with one size of stock only."""
+    """Yield a hint on longer, or else wider, stock that has less area in total; for a single stock size only."""
     if len(stock) != 1:
         return
     ((long, wide),), larger = stock, 1.1
@@ -157,7 +155,7 @@ def _larger(parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: Sto
 
 
 def _tried(parts: Sequence[FlatPart], stock: Stock, ask: _Asked, most: int) -> list[NestedSheet] | None:
-    """The parts on so many sheets at most; None where that cannot be."""
+    """Nest the parts on at most `limit` sheets; None if that is impossible."""
     room = 0.95 * most * max(a * b for a, b in stock)
     if sum(part.area for part in parts) > room:
         return None

@@ -121,7 +121,7 @@ def simp(task: ComparisonTask) -> Structure:
 def ribbed(task: ComparisonTask) -> tuple[ComparisonTask, Structure]:
     """The same of half a sphere, begun at ribs, and its own task, on smaller triangles."""
     own = preset("half-sphere", task.share, method="stripes", major={}, minor={})
-    finer = dsfab.pipeline.draft(overridden(own, {"surface.edge": EDGE}))
+    finer = dsfab.design.draft(overridden(own, {"surface.edge": EDGE}))
     task = ComparisonTask.of(finer, task.share * finer.surface.area)
     return task, projected_simp(task)
 
@@ -147,7 +147,7 @@ def over_uncut(task: ComparisonTask, own: Structure) -> float:
 def row(name: str, share: float, pictures: Path | None) -> Iterator[str]:
     """Cells of the table, in the order of `HEAD`."""
     start = time.process_time()
-    made = dsfab.pipeline.draft(preset(name, share))
+    made = dsfab.design.draft(preset(name, share))
     own = structure(made)
     spent = time.process_time() - start
     task = ComparisonTask.of(made, own.sheet.surface.area)

@@ -97,7 +97,6 @@ def even_of(surface: Surface, arrays: Mapping[str, NDArray[Any]]) -> EvenStripes
 
 
 def _whole(array: Floats) -> NDArray[Any]:
-    """Return integers that are stored as floats."""
     return np.rint(array).astype(np.int64)
 
 
@@ -222,7 +221,6 @@ def _read(archive: Any, about: dict[str, Any], preset: Preset) -> Design:
 
 
 def _short(array: NDArray[Any]) -> NDArray[Any]:
-    """Return integers in 32 bits, if they fit."""
     if array.dtype == np.int64 and (not array.size or np.abs(array).max() < 2**31):
         return array.astype(np.int32)
     return array

@@ -172,7 +172,6 @@ def _turned_for_short_seam(surface: Surface, rounds: int = 1000) -> Bools:
 
 
 def _with_turned(surface: Surface, turned: Bools) -> Surface:
-    """Return the surface with marked faces (m,) turned over."""
     F = surface.F.copy()
     F[turned] = F[turned][:, [0, 2, 1]]
     return Surface(surface.V, F)
@@ -273,13 +272,11 @@ def _origin(design: Design) -> tuple[float, float, float]:
 
 
 def _measures(design: Design) -> dict[str, float]:
-    """Thickness and material, SI."""
     statics = design.preset.statics
     return {key: getattr(statics, key) for key in ("thickness", "density", "young", "poisson")}
 
 
 def _facts(design: Design) -> tuple[str, ...]:
-    """Lines of a title block."""
     statics, sheet = design.preset.statics, design.sheet.surface
     area, count = sheet.area, pieces(sheet.F, sheet.edges)[0]
     mass = f"{design.mass:,.0f}".replace(",", " ") if design.mass >= 100 else f"{design.mass:.3g}"

@@ -65,7 +65,6 @@ def _counted(graph: MemberGraph, k: int) -> dict[str, Any]:
 
 
 def _axis(axis: MemberAxis, sides: Floats) -> dict[str, Any]:
-    """Return the stations of an axis."""
     metres = {"s": axis.s, "points": axis.P, "left": sides[:, 0], "right": sides[:, 1]}
     lengths = {name: _rounded(MM_PER_M * values) for name, values in metres.items()}
     directions = {"normals": _rounded(axis.N, CURVATURE)}
@@ -90,12 +89,10 @@ def _mm(metres: float) -> float | None:
 
 
 def _number(value: float, digits: int) -> float | None:
-    """Round; None for nan."""
     return None if np.isnan(value) else round(value, digits) + 0.0
 
 
 def _rounded(values: Floats, digits: int = DIGITS) -> list[Any]:
-    """Return nested lists, without negative zeros."""
     found: list[Any] = (values.round(digits) + 0.0).tolist()
     return found
 

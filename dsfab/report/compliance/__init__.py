@@ -1,7 +1,7 @@
-"""The report of `dsfab compare`: what an architect hands to an engineer, as one HTML file and as a PDF.
+"""The report of `dsfab compare`, from an architect to an engineer: one HTML file and one PDF.
 
-Findings (findings.py) ─► sections.py ─► Document ─► html.py ─► report.html
-       with tables.py, pictures.py, charts.py    └─► pdf.py ──► report.pdf
+Findings (findings.py) ─► sections.py ─► Document ─► html_pages.py ─► report.html
+       with tables.py and figures.py             └─► pdf_pages.py ──► report.pdf
 """
 
 from collections.abc import Mapping, Sequence
@@ -24,7 +24,7 @@ __all__ = ["FILES", "Findings", "report", "write_report"]
 
 
 def report(found: Findings, rows: Sequence[Mapping[str, Any]], pictures: Pictures) -> Document:
-    """Everything that was found. rows : those of `results.json`, at several volumes."""
+    """Return the report as a document. rows : those of `results.json`, at several volumes."""
     from dsfab.preset.file import preset_toml
 
     preset, known = found.task.preset, versions()
@@ -46,7 +46,6 @@ def report(found: Findings, rows: Sequence[Mapping[str, Any]], pictures: Picture
 def _parts(
     found: Findings, pictures: Pictures, number: Numbers, drawn: Charts, known: Mapping[str, str], preset: str
 ) -> list[ReportSection]:
-    """Of a design that carries its loads."""
     return [
         sections.summary(found, pictures, number),
         sections.checks(found, number),
@@ -63,7 +62,7 @@ def _parts(
 
 
 def write_report(found: Findings, rows: Sequence[Mapping[str, Any]], folder: Path) -> tuple[list[str], list[str]]:
-    """Write both files; returns their names, and what could not be done, a sentence each."""
+    """Write both files; return their names, and a sentence for each step that failed."""
     pictures = Pictures(found)
     document, told = report(found, rows, pictures), [pictures.missing] if pictures.missing else []
     (folder / FILES[0]).write_text(page(document), encoding="utf-8")

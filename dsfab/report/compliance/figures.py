@@ -44,7 +44,7 @@ STYLES: Mapping[str, tuple[str, str, str]] = {
     "grid": ("#2c9a62", "-", "D"),
     "simp": ("#222222", "-.", "x"),
 }
-"""Colour, line and mark of each competitor; readable without colours too."""
+"""Colour, line and mark of each competitor, distinguishable in black and white too."""
 
 NAMES = {
     "design": "this design",
@@ -60,17 +60,12 @@ NAMES = {
     "simp": "SIMP, cut along a level line",
 }
 
-TONNE = 1000.0
-
-CROWDED = 6
-"""Names of more rows than these stand below the lines, where they hide none."""
-
 
 def write_chart(rows: Sequence[Row], title: str, path: Path, names: Mapping[str, str] = NAMES) -> None:
-    """The chart as `path` with the suffixes .svg and .png.
+    """Write the chart of compliance over mass as `path` with the suffixes .svg and .png.
 
-    rows  : of several volumes; those that carry nothing leave a gap in their line.
-    names : what each competitor is called in it.
+    rows  : at several volumes; a competitor without equilibrium leaves a gap in its line.
+    names : label of each competitor.
     """
     import matplotlib as mpl
 
@@ -80,10 +75,10 @@ def write_chart(rows: Sequence[Row], title: str, path: Path, names: Mapping[str,
 
 
 def chart_figure(rows: Sequence[Row], title: str, names: Mapping[str, str] = NAMES) -> "Figure":
-    """The chart itself, see `write_chart`."""
+    """Return the chart as a figure of matplotlib; see `write_chart`."""
     from matplotlib.figure import Figure
 
-    many = len({row["name"] for row in rows}) > CROWDED
+    many = len({row["name"] for row in rows}) > 6  # a longer legend would hide lines, so it goes below them
     figure = Figure(figsize=(7.6, 5.6 if many else 4.6), layout="constrained")
     axes = figure.add_subplot()
     _draw(axes, rows, title, names)
@@ -101,8 +96,7 @@ def _save(figure: "Figure", path: Path) -> None:
 
 def _draw(axes: "Axes", rows: Sequence[Row], title: str, names: Mapping[str, str]) -> None:
     full = next(row for row in rows if row["name"] == "full")
-    heavy = full["mass_kg"] >= TONNE
-    unit, scale = ("t", 1 / TONNE) if heavy else ("kg", 1.0)
+    unit, scale = ("t", 1e-3) if full["mass_kg"] >= 1000 else ("kg", 1.0)
     whole = full["mass_kg"] * scale
     for name in (name for name in STYLES if any(row["name"] == name for row in rows)):
         colour, line, mark = STYLES[name]
@@ -135,7 +129,6 @@ def _times(factor: float, x: Any) -> Any:
 
 
 def _over(row: Row, key: str) -> float:
-    """A compliance of the variants over that of the full sheet."""
     best, ratio = _number(row.get("compliance_J")), _number(row["ratio_to_full"])
     return _number(row.get(key)) * ratio / best
 
@@ -144,10 +137,8 @@ def _number(value: float | None) -> float:
     return float("nan") if value is None else float(value)
 
 
-DPI = 200
-
 Chart = tuple[bytes, tuple[int, int]]
-"""PNG, and its width and height in pixels."""
+"""PNG file, and its width and height in pixels."""
 
 Charts = Mapping[str, Chart]
 
@@ -155,7 +146,9 @@ FONT: dict[Any, Any] = {"font.family": ["Helvetica", "Arial", "Liberation Sans",
 
 
 def charts(found: Findings, rows: Sequence[Mapping[str, Any]]) -> dict[str, Chart]:
-    """`bars` of the structures of one mass; `volumes` where several masses were asked for. rows : of these."""
+    """Return `bars`, the compliances at one mass, and `volumes` if the request names several masses. rows : at
+    these.
+    """
     made: dict[str, Chart] = {}
     with lettering():
         if found.compared.rivals:
@@ -167,19 +160,20 @@ def charts(found: Findings, rows: Sequence[Mapping[str, Any]]) -> dict[str, Char
 
 @contextmanager
 def lettering(**more: Any) -> Iterator[None]:
-    """Charts with the letters of a report; more : settings of matplotlib."""
+    """Draw charts with the letters of a report; more : settings of matplotlib."""
     import logging
 
     import matplotlib as mpl
 
-    logging.getLogger("matplotlib.font_manager").setLevel(logging.ERROR)  # one of the fonts is enough
+    logging.getLogger("matplotlib.font_manager").setLevel(
+        logging.ERROR
+    )  # a missing font is no fault: the next one serves
     settings: dict[Any, Any] = {**FONT, **more}
     with mpl.rc_context(settings):
         yield
 
 
 def _bars(found: Findings) -> "Figure":
-    """Compliance of each that carries, with its bound."""
     from matplotlib.figure import Figure
 
     shown = [one for one in found.compared.competitors if one.judgement]
@@ -202,52 +196,38 @@ def _bars(found: Findings) -> "Figure":
     return figure
 
 
-def png(figure: "Figure") -> Chart:
-    """A figure as a file, with its size in pixels."""
+def png(figure: "Figure", dpi: int = 200) -> Chart:
+    """Return a figure as a PNG file, with its size in pixels."""
     written = io.BytesIO()
-    figure.savefig(written, format="png", dpi=DPI, metadata={"Software": None})
-    wide, high = (round(DPI * inches) for inches in figure.get_size_inches())
+    figure.savefig(written, format="png", dpi=dpi, metadata={"Software": None})
+    wide, high = (round(dpi * inches) for inches in figure.get_size_inches())
     return written.getvalue(), (wide, high)
 
 
-SIZE = (1500, 1000)
-"""Pixels."""
-
-SMALL = (1050, 760)
+SIZE, SMALL = (1500, 1000), (1050, 760)
+"""Pixels of a large picture and of the picture of a load case."""
 
 BANDS = 10
-"""Of colour, or a few less."""
-
-STEEPEST = 0.98
-"""Colours of stress end at what this share of the area does not exceed: peaks would hide the rest."""
-
-MOVES = 0.07
-"""Displacements are exaggerated until the largest is this share of the surface's size, or a little less."""
+"""Bands of a colour scale, at most."""
 
 WHITE = replace(PAPER, paper=(255, 255, 255))
 
 RED: Colour = (200, 60, 40)
-"""Of what is not built."""
-
-LETTERS = 7.0
-"""Points that the words on pictures are high on paper."""
+"""Colour of material that reaches no support."""
 
 TEXT = 174 / 25.4 * 72
-"""Points that pictures of the whole width are wide on paper."""
-
-QUALITY = 90
-"""Of JPEG."""
+"""Points on paper of a picture as wide as the text."""
 
 
 class Pictures:
-    """Draws what is found; every method returns a figure, with the reason in it where nothing could be drawn."""
+    """Pictures of findings. Each method returns a figure, with the reason in it if this machine cannot draw."""
 
     def __init__(self, found: Findings) -> None:
         self.found = found
 
     @cached_property
     def missing(self) -> str:
-        """Why nothing can be drawn, or ''."""
+        """The reason why this machine cannot draw, or ''."""
         from dsfab.render.opengl import why_no_pictures
 
         why = why_no_pictures()
@@ -260,12 +240,12 @@ class Pictures:
         return up_axis(task.surface.V, task.surface, task.statics.load)
 
     def design(self, caption: str, width: float) -> ReportFigure:
-        """What is built, with its loads and supports."""
+        """Draw the design with its loads and supports."""
         sheet, task = self.found.structure.sheet.surface, self.found.task
         return self._figure(caption, width, SIZE, sheet.V, sheet.F, task.surface, task.statics.load)
 
     def everything(self, caption: str, width: float) -> ReportFigure:
-        """All material, with its loads and supports; what is not built is red."""
+        """Draw all material of the pattern with its loads and supports, in red the parts that reach no support."""
         made, task = self.found.structure, self.found.task
         sheet = made.drawn
         lost = np.where(kept_cells(sheet, made.sheet), -1, 0)
@@ -275,7 +255,9 @@ class Pictures:
         )
 
     def case(self, name: str, caption: str, width: float, beside: bool = False) -> ReportFigure:
-        """The uncut surface with the loads and supports of one case; beside: another one, both half as wide."""
+        """Draw the uncut surface with the loads and supports of a case; beside: two pictures share the width of the
+        text.
+        """
         surface = self.found.task.surface
         load = self.found.task.all_loads[name]
         palette = replace(WHITE, members=WHITE.plain)
@@ -283,15 +265,16 @@ class Pictures:
         return self._figure(caption, width, SMALL, surface.V, surface.F, surface, load, palette, letters=letters)
 
     def stress(self, shown: Answered, caption: str) -> ReportFigure:
-        """The largest von Mises stress of both sides and the middle, on the cut sheet."""
+        """Draw the largest von Mises stress of top, middle and bottom on the cut sheet."""
         sheet, value = self.found.structure.sheet.surface, shown.stress.largest
-        limit = quantile(value, sheet.areas, STEEPEST) or 1.0
+        limit = quantile(value, sheet.areas, 0.98) or 1.0  # peaks at corners would hide the rest
         return self._banded(caption, sheet.V, sheet.F, value, limit, "Pa", "von Mises stress")
 
     def displacement(self, shown: Answered, limit: float, caption: str) -> ReportFigure:
-        """The deformed sheet, coloured by how far it moved; `caption` is given the factor as {factor}."""
+        """Draw the deformed sheet, coloured by displacement; `caption` names the magnification as {factor}."""
         sheet, u = self.found.structure.sheet.surface, shown.equilibrium.u
-        factor = nice(MOVES * self.found.task.surface.size / float(np.linalg.norm(u, axis=1).max())) / 2
+        # magnified until the largest is 7 % of the surface's size, or a little less
+        factor = nice(0.07 * self.found.task.surface.size / float(np.linalg.norm(u, axis=1).max())) / 2
         moved = np.linalg.norm(u, axis=1)[sheet.F].mean(axis=1)
         told = caption.format(factor=digits_of(factor, 2))
         return self._banded(told, sheet.V + factor * u, sheet.F, moved, limit, "m", "displacement")
@@ -335,15 +318,19 @@ class Pictures:
         return ReportFigure(caption, jpeg(pixels), (wide, high), width, scale)
 
 
-def larger_letters(size: tuple[int, int], width: float) -> float:
-    """How much larger than on a preview the words of a picture are, to be `LETTERS` high at this share of the text's
-    width: at half of it they were 3 points high."""
+def larger_letters(size: tuple[int, int], width: float, points: float = 7.0) -> float:
+    """Return the factor over a preview's letters that makes them `points` high on paper.
+
+    size : pixels.    width : share of the text's width that the picture takes.
+    """
     point = size[0] / (TEXT * width)
-    return max(1.0, LETTERS * point / (size[1] / 46))
+    return max(1.0, points * point / (size[1] / 46))
 
 
 def trimmed(pixels: Bytes, paper: Colour, margin: int = 12) -> Bytes:
-    """Without empty rows at the top and at the bottom, and with few between the structure and the words below it."""
+    """Return a picture without empty rows at top and bottom, and with few between the structure and the words below
+    it.
+    """
     drawn = np.flatnonzero((np.abs(pixels.astype(np.int16) - np.array(paper)).max(axis=2) > 6).any(axis=1))
     if not len(drawn):
         return pixels
@@ -354,10 +341,10 @@ def trimmed(pixels: Bytes, paper: Colour, margin: int = 12) -> Bytes:
     return np.asarray(pixels[np.concatenate(keep)])
 
 
-def jpeg(pixels: Bytes) -> bytes:
-    """(height, width, 3) bytes as a file."""
+def jpeg(pixels: Bytes, quality: int = 90) -> bytes:
+    """Return (height, width, 3) bytes as a JPEG file."""
     from PIL import Image
 
     written = io.BytesIO()
-    Image.fromarray(np.ascontiguousarray(pixels)).save(written, format="JPEG", quality=QUALITY, subsampling=0)
+    Image.fromarray(np.ascontiguousarray(pixels)).save(written, format="JPEG", quality=quality, subsampling=0)
     return written.getvalue()

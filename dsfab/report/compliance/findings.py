@@ -25,14 +25,14 @@ PREFIXES = ((1e9, "G"), (1e6, "M"), (1e3, "k"), (1.0, ""), (1e-3, "m"), (1e-6, "
 
 
 def unit_for(size: float, unit: str) -> tuple[float, str]:
-    """What to divide values of this size by, and the unit with its prefix."""
+    """Return the divisor for values of this size, and the unit with its prefix."""
     size = abs(size)
     factor, prefix = next(((f, p) for f, p in PREFIXES if size >= 0.9995 * f), (1.0, "") if not size else PREFIXES[-1])
     return factor, prefix + unit
 
 
 def quantity(value: float | None, unit: str, digits: int = 3) -> str:
-    """'12.3 kN'; 'n/a' for what is not known."""
+    """Return for example '12.3 kN'; 'n/a' for None or an infinite value."""
     if value is None or not math.isfinite(value):
         return "n/a"
     factor, name = unit_for(value, unit)
@@ -40,16 +40,16 @@ def quantity(value: float | None, unit: str, digits: int = 3) -> str:
 
 
 def digits_of(value: float, digits: int = 3) -> str:
-    """So many digits, without an exponent: '0.0123', '12.3', '12 300'."""
+    """Return a number with significant digits and without an exponent: '0.0123', '12.3', '12 300'."""
     if value == 0 or not math.isfinite(value):
         return "0" if value == 0 else "n/a"
-    value = float(f"{value:.{digits - 1}e}")  # 9.996 has become 10.00 before its digits are counted
+    value = float(f"{value:.{digits - 1}e}")  # rounded first, because 9.996 becomes 10.00 and has a digit more
     after = max(0, digits - 1 - math.floor(math.log10(abs(value)) + 1e-12))
     return f"{value:,.{after}f}".replace(",", " ")
 
 
 def within(value: float, bound: float | None, unit: str) -> str:
-    """'59.9 J ± 1.8 %': as many digits as the bound leaves."""
+    """Return for example '59.9 J ± 1.8 %', with as many digits as the bound leaves."""
     if not math.isfinite(value):
         return "n/a"
     if bound is None or not math.isfinite(bound):
@@ -58,43 +58,45 @@ def within(value: float, bound: float | None, unit: str) -> str:
 
 
 def share_of(part: float) -> str:
-    """'41.3 %', of the surface."""
+    """Return a share of the surface, for example '41.3 %'."""
     return f"{100 * part:.1f} %"
 
 
 def percent(share: float) -> str:
-    """'1.8 %', '0.3 %', '12 %'."""
+    """Return a share with two digits: '1.8 %', '0.3 %', '12 %'."""
     return f"{100 * share:.2g} %" if abs(share) < 0.1 else f"{100 * share:.0f} %"
 
 
 def times(low: float, middle: float, high: float) -> str:
-    """'1.92 (1.87 to 1.97)'."""
+    """Return a ratio with its range, for example '1.92 (1.87 to 1.97)'."""
     return f"{digits_of(middle)} ({digits_of(low)} to {digits_of(high)})"
 
 
 def point(place: Sequence[float]) -> str:
-    """'(1.20, 0.00, 3.98) m'."""
+    """Return a place, for example '(1.20, 0.00, 3.98) m'."""
     return f"({', '.join(f'{x + 0.0:.2f}' for x in place)}) m"
 
 
 def length(metres: float | None) -> str:
-    """'0.31 mm', '2.4 m'."""
+    """Return a length, for example '0.31 mm' or '2.4 m'; 'n/a' for None."""
     return "n/a" if metres is None or not math.isfinite(metres) else length_words(metres)
 
 
 def enumeration(words: Sequence[str]) -> str:
-    """'a, b and c'."""
+    """Return 'a, b and c'."""
     return words[0] if len(words) == 1 else f"{', '.join(words[:-1])} and {words[-1]}"
 
 
 def nice(value: float) -> float:
-    """The next of 1, 2, 2.5 and 5 times a power of ten."""
+    """Return the next of 1, 2, 2.5 and 5 times a power of ten."""
     power = 10.0 ** math.floor(math.log10(value))
     return float(next(power * step for step in (1.0, 2.0, 2.5, 5.0, 10.0) if power * step >= value * (1 - 1e-9)))
 
 
 KNOCKED_DOWN = 5.0
-"""Real shells buckle at a fifth to a half of the linear load factor: a factor above this needs no second look."""
+"""Load factor above which the linear buckling analysis suffices, because real shells buckle at a fifth to a half of
+it.
+"""
 
 LABELS = {
     "full": "Whole sheet, uncut",
@@ -106,12 +108,12 @@ LABELS = {
     "grid": "Straight grid",
     "simp": "Topology optimisation (SIMP)",
 }
-"""Competitors as a report names them."""
+"""Names of the competitors in a report."""
 
 
 @dataclass(frozen=True)
 class CheckLine:
-    """One line of the list of checks."""
+    """A line of the list of checks."""
 
     name: str
     status: Mark
@@ -121,11 +123,12 @@ class CheckLine:
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """A comparison, and those at several volumes, which may be none.
+    """A comparison at one mass, with those at several volumes, if any.
 
-    Where the design does not carry its loads (`carries`), there is nothing that was `judged`, and no `fields`.
+    A design without equilibrium (`carries` is False) has no `judged` and no `fields`.
 
-    command : that made it.       share : of the surface, where the design is not as its preset draws it.
+    command : the command line of the comparison.
+    share   : share of the surface, if the widths of the design are scaled.
     """
 
     compared: Comparison
@@ -135,7 +138,7 @@ class Findings:
 
     @property
     def task(self) -> ComparisonTask:
-        """What all competitors share."""
+        """The task that all competitors share."""
         return self.compared.task
 
     @property
@@ -150,35 +153,35 @@ class Findings:
 
     @property
     def drawn(self) -> bool:
-        """Whether there is a structure to be drawn."""
+        """Whether the design has a structure that can be drawn."""
         return self.design.structure is not None
 
     @property
     def unit_of(self) -> float:
-        """J, the compliance whose unit is used for all."""
+        """The compliance that sets the unit of all compliances, J."""
         return self.design.compliance if self.carries else self.compared.full.compliance
 
     @property
     def judged(self) -> Judgement:
-        """Of the design."""
+        """The judgement of the design."""
         assert self.design.judgement is not None
         return self.design.judgement
 
     @property
     def structure(self) -> Structure:
-        """The design's."""
+        """The structure of the design."""
         assert self.design.structure is not None
         return self.design.structure
 
     @cached_property
     def fields(self) -> Mapping[str, Answered]:
-        """What is drawn, of each load."""
+        """Displacements and stresses of each load, for pictures."""
         every = set(self.judged.cases) != set(self.task.loads)
         return solved_loads(self.task, self.structure, every)
 
     @cached_property
     def sums(self) -> Mapping[str, Floats]:
-        """(3,) newtons of each case and combination on the cut sheet; nothing where that does not carry them all."""
+        """(3,) newtons of each case and combination on the cut sheet; empty if the sheet does not carry all of them."""
         if not self.carries:
             return {}
         task, made = self.task, self.structure
@@ -190,7 +193,7 @@ class Findings:
 
     @cached_property
     def cases(self) -> list[str]:
-        """The names of what was judged, the governing one first."""
+        """Names of the cases with a judgement, the governing one first."""
         if not self.carries:
             return list(self.task.loads)
         if self.judged.check:
@@ -199,7 +202,7 @@ class Findings:
 
     @property
     def plane(self) -> bool:
-        """Whether the sheet is loaded in its own plane, and solved there."""
+        """Whether the loads lie in the plane of a flat sheet, so that it was solved there."""
         return flat_axis(self.task.surface, *self.task.all_loads.values()) is not None
 
     @property
@@ -208,8 +211,11 @@ class Findings:
         return self.judged.cases[self.cases[0]]
 
     def decisive(self, answer: str) -> tuple[str, Carried]:
-        """Where displacement or stress is largest, or the buckling factor least, of the limit state that it is judged
-        in: the case or combination, and its answer."""
+        """Return the case or combination with the largest displacement or stress, or the least buckling factor, and
+        its answer.
+
+        Only cases of the limit state that judges this answer count: SLS for displacement, else ULS.
+        """
         state: LimitState = "SLS" if answer == "displacement" else "ULS"
         return max(
             ((name, self.judged.cases[name]) for name in self.task.preset.judged_in(state, self.judged.cases)),
@@ -217,18 +223,20 @@ class Findings:
         )
 
     def detailed(self, names: Iterable[str]) -> list[str]:
-        """Those of the cases and combinations that are shown one by one: of the combinations after a standard only
-        those in which something is largest."""
+        """Select the cases and combinations with a figure of their own: of a standard's combinations only the
+        decisive ones.
+        """
         made = {one.name for one in self.task.preset.surface.standard_sums}
         most = {self.cases[0], self.decisive("displacement")[0], self.decisive("stress")[0]} if self.carries else set()
         return [name for name in names if name not in made or name in most]
 
     def _under(self, answer: str) -> str:
-        """Of which case or combination an answer is, where there are several."""
         return f", {escaped(self.decisive(answer)[0])}" if len(self.judged.cases) > 1 else ""
 
     def gain(self, rival: Competitor) -> tuple[float, float, float]:
-        """How many times as stiff as a competitor of the same mass the design is: at least, probably, at most."""
+        """Return the stiffness of the design over that of a competitor of the same mass: lower bound, estimate,
+        upper bound.
+        """
         assert rival.judgement is not None
         off, own = rival.judgement.bound or 0.0, self.judged.bound or 0.0
         middle = rival.compliance / self.design.compliance
@@ -236,12 +244,12 @@ class Findings:
 
     @property
     def status(self) -> Status:
-        """Of the whole: the worst of what is asked of the structure itself."""
+        """The worst status of the checks on the structure itself."""
         return worst(one.status for one in self.checks if one.status != "note")
 
     @cached_property
     def checks(self) -> list[CheckLine]:
-        """What is asked of the structure."""
+        """Lines of the checks on the structure itself."""
         if not self.carries:
             told = f"no: {self.design.error}"
             return [CheckLine("Carries its loads", "fail", told, "equilibrium with its supports")]
@@ -339,13 +347,13 @@ class Findings:
         return CheckLine("Lowest natural frequency", "note", told, "not judged")
 
     def _assumed(self) -> str:
-        """What was assumed of the supports of a sheet that leaves its plane."""
+        """Assumption about the supports of a sheet that leaves its plane."""
         told = next((case.assumed for case in self.judged.cases.values() if case.assumed), "")
         return f"; {told}" if told else ""
 
     @cached_property
     def claims(self) -> list[CheckLine]:
-        """Whether the design is stiffer than each competitor of its mass."""
+        """Lines that say whether the design is stiffer than each competitor of its mass."""
         return [self._claim(rival) for rival in self.compared.rivals]
 
     def _claim(self, rival: Competitor) -> CheckLine:
@@ -366,7 +374,7 @@ class Findings:
 
 
 def _size(case: Carried, answer: str) -> float:
-    """How grave an answer is: metres, pascals, or the buckling factor's distance below infinity."""
+    """Size of an answer for comparison: metres, pascals, or minus the buckling factor."""
     if answer == "buckling":
         return -math.inf if case.buckling is None else -case.buckling
     found: Extreme = getattr(case, answer)

@@ -1,4 +1,4 @@
-"""Sections of a compliance report, for designs that carry their loads and for designs that do not."""
+"""Sections of a compliance report, for designs with and without equilibrium."""
 
 from collections.abc import Mapping, Sequence
 
@@ -36,7 +36,7 @@ PLANE = "The sheet is loaded in its own plane: there is no bending, and the two 
 
 
 def summary(found: Findings, drawn: Pictures, number: Numbers) -> ReportSection:
-    """One page."""
+    """The first page: verdict, picture and key results."""
     picture = drawn.design(number.figure(f"The structure, {found.extent}. Arrows are loads, cones are supports."), 0.86)
     return ReportSection(
         "Summary",
@@ -68,7 +68,7 @@ def checks(found: Findings, number: Numbers) -> ReportSection:
 
 
 def subject(found: Findings, number: Numbers) -> ReportSection:
-    """What was checked."""
+    """Structure, material and pattern."""
     blocks: list[Block] = [tables.structure_table(found, number)]
     if found.compared.pattern is not None:
         blocks.append(tables.pattern_table(found.compared.pattern, number))
@@ -94,7 +94,7 @@ def loads(found: Findings, drawn: Pictures, number: Numbers) -> ReportSection:
 
 
 def convergence(found: Findings, number: Numbers) -> ReportSection:
-    """How the compliance is known."""
+    """The compliance on finer and finer meshes, or by one solve."""
     levels = tables.levels_table(found, number)
     if levels is None:
         words = "The compliance was found by one solve on the mesh as it is cut; "
@@ -118,7 +118,7 @@ def convergence(found: Findings, number: Numbers) -> ReportSection:
 
 
 def comparison(found: Findings, number: Numbers, charts: Mapping[str, tuple[bytes, tuple[int, int]]]) -> ReportSection:
-    """Beside others of the same mass."""
+    """Structures of the same mass."""
     blocks: list[Block] = [Paragraph(text) for text in standing(found)]
     blocks.append(tables.rivals_table(found, number))
     blocks += [
@@ -154,7 +154,7 @@ def _chart(caption: str, chart: tuple[bytes, tuple[int, int]]) -> ReportFigure:
 
 
 def answers(found: Findings, drawn: Pictures, number: Numbers) -> ReportSection:
-    """Displacements and stress, each of the case or combination in which it is the largest that is judged."""
+    """Displacements and stress, each of the case or combination that decides it."""
     (farthest, moves), (strained, strains) = found.decisive("displacement"), found.decisive("stress")
     under = {name: f" under {escaped(name)}" if len(found.cases) > 1 else "" for name in (farthest, strained)}
     moved = drawn.displacement(
@@ -180,14 +180,14 @@ def answers(found: Findings, drawn: Pictures, number: Numbers) -> ReportSection:
 
 
 def reactions(found: Findings, number: Numbers) -> ReportSection:
-    """Of each support, in each case."""
+    """Reactions of each support, in each case."""
     return ReportSection(
         "Reactions and balance", [tables.reactions_table(found, name, number) for name in found.detailed(found.cases)]
     )
 
 
 def scope(found: Findings) -> list[ReportSection]:
-    """What was assumed, and what nobody looked at."""
+    """Assumptions, and questions that nobody checked."""
     preset = found.task.preset
     statics = preset.statics
     assumed = [
@@ -229,7 +229,7 @@ def scope(found: Findings) -> list[ReportSection]:
 
 
 def calibrated(number: Numbers) -> ReportSection:
-    """Why the bound can be believed."""
+    """Tests of the rule for the bound."""
     rows = calibration.shipped_table()
     told = calibration.summary(rows)
     kinds = len({row.kind for row in rows})
@@ -252,7 +252,7 @@ def calibrated(number: Numbers) -> ReportSection:
 
 
 def reproduction(found: Findings, versions: Mapping[str, str], preset: str, number: Numbers) -> ReportSection:
-    """Everything that is needed to make it again."""
+    """Command, versions and preset of the report."""
     blocks: Sequence[Block] = [
         Paragraph("Made by this command, with the preset below and these versions:"),
         Code(found.command),
@@ -271,7 +271,7 @@ def parts(
     versions: Mapping[str, str],
     preset: str,
 ) -> list[ReportSection]:
-    """All of it; there are no displacements, stresses and reactions of what is not in equilibrium."""
+    """Return the sections for a design without equilibrium: it has no displacements, stresses and reactions."""
     return [
         _summary(found, pictures, number),
         checks(found, number),
@@ -293,7 +293,6 @@ def _summary(found: Findings, pictures: Pictures, number: Numbers) -> ReportSect
 
 
 def _advice(found: Findings) -> str:
-    """What there is to know and to do."""
     carrying = [share for share, one in found.volumes if one.design.judgement]
     told = "No compliance, displacement or stress can be given for what is not in equilibrium. "
     if carrying:

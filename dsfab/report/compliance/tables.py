@@ -1,4 +1,4 @@
-"""The tables of a report."""
+"""Tables of a compliance report."""
 
 from collections.abc import Mapping
 from dataclasses import fields
@@ -27,19 +27,15 @@ from dsfab.statics import elements_of
 from dsfab.study.alternatives import Competitor
 from dsfab.surface import Surface
 
-GB = 1e9
-
 OFF_CORNERS = "further than a rib's width from corners"
-"""Where a stress is the largest that is a number."""
+"""Region in which the largest stress converges."""
 
 DUST = 5e-5
-"""Share of the largest force under which one is nothing."""
-MORE = 1e-6
-"""Share by which the loads of the uncut sheet have to be larger to be told beside those of the cut one."""
+"""Share of the largest force below which a force is shown as 0."""
 
 
 def checks_table(checks: list[CheckLine], number: Numbers, caption: str) -> Table:
-    """What is asked, what was found, what is wanted, and the verdict."""
+    """Checks with their result, limit and verdict."""
     rows = [(one.name, one.found, one.limit, one.status) for one in checks]
     return Table(number.table(caption), ("Check", "Found", "Wanted", "Verdict"), rows, 4, "", (3.2, 5.2, 2.4, 1.2))
 
@@ -74,7 +70,7 @@ def _over_full(found: Findings) -> str:
 
 
 def structure_table(found: Findings, number: Numbers) -> Table:
-    """What was checked."""
+    """Sizes, mass and material of the structure."""
     preset, design, task = found.task.preset, found.design, found.task
     statics, sheet = preset.statics, found.structure.sheet.surface if found.drawn else None
     size = [length(float(x)) for x in np.ptp(task.surface.V, axis=0)]
@@ -96,7 +92,7 @@ def structure_table(found: Findings, number: Numbers) -> Table:
 
 
 def pattern_table(found: PatternQuality, number: Numbers) -> Table:
-    """How even both families of members are, how they end, and how they follow the stress."""
+    """Spacing, dead ends and direction of both families of members."""
     drawn = [(name, one) for name, one in found.families if one.drawn]
     rows = [
         ("Distance of members, median", *(length(one.spacing[1]) for _, one in drawn)),
@@ -126,8 +122,9 @@ def _kept(design: Competitor, sheet: Surface | None) -> str:
 
 
 def loads_table(found: Findings, number: Numbers) -> Table:
-    """The sum of the forces of each case and combination, on the cut sheet where it carries them, and what is judged in
-    it."""
+    """Sums of the forces of each case and combination, on the cut sheet if it carries them all, and the checks on
+    each.
+    """
     task, rows = found.task, []
     cases = task.statics.cases
     uncut = {name: case.load.force.sum(axis=0) for name, case in cases.items()}
@@ -153,21 +150,20 @@ def loads_table(found: Findings, number: Numbers) -> Table:
 
 
 def _uncut_note(sums: Mapping[str, Floats], uncut: Mapping[str, Floats]) -> str:
-    """What the uncut sheet carries, where that is more."""
     size = {name: tuple(float(np.linalg.norm(of[name])) for of in (sums, uncut)) for name in uncut}
-    more = [f"{escaped(name)} {force(whole)}" for name, (cut, whole) in size.items() if whole > (1 + MORE) * cut]
+    more = [f"{escaped(name)} {force(whole)}" for name, (cut, whole) in size.items() if whole > (1 + 1e-6) * cut]
     if not more:
         return ""
     return f"The uncut sheet carries more of its own weight, or of what is not covered: {', '.join(more)}."
 
 
 def found_order(found: Findings) -> list[str]:
-    """All cases: those that were judged first."""
+    """Return the names of all cases, those with a judgement first."""
     return [*found.cases, *(name for name in found.task.statics.cases if name not in found.cases)]
 
 
 def acting_table(found: Findings, number: Numbers) -> Table:
-    """Every load and every support, as the preset gives them."""
+    """Loads and supports of the preset."""
     given = found.task.preset.surface
     rows = [(load.name or "Load", load.case, load.kind.replace("_", " "), _places(load)) for load in given.load]
     rows += [
@@ -198,7 +194,7 @@ UNITS = {
 
 
 def _places(thing: Any) -> str:
-    """'axis x, end min; force (0, -1000, 0) N' of a load or a support."""
+    """For example 'axis x, end min; force (0, -1000, 0) N' of a load or a support."""
     told: list[str] = []
     for one in fields(thing):
         value = getattr(thing, one.name)
@@ -230,7 +226,7 @@ def _value(value: Any) -> str:
 
 
 def levels_table(found: Findings, number: Numbers) -> Table | None:
-    """The meshes that the verdict is made with, for the governing case."""
+    """Meshes of the full check, for the governing case; None after a quick one."""
     check, name = found.judged.check, found.cases[0]
     if check is None:
         return None
@@ -250,7 +246,7 @@ def levels_table(found: Findings, number: Numbers) -> Table | None:
                 f"{100 * level.zz_bending[name]:.2f} %",
                 f"{level.residual:.0e}",
                 f"{level.seconds:.1f}",
-                f"{level.memory / GB:.2f}",
+                f"{level.memory / 1e9:.2f}",
             )
         )
     value = check.case(name)
@@ -278,7 +274,7 @@ def levels_table(found: Findings, number: Numbers) -> Table | None:
 
 
 def cases_table(found: Findings, number: Numbers) -> Table:
-    """Each case that was judged, the governing one first."""
+    """Cases with a judgement, the governing one first."""
     check, rows = found.judged.check, []
     for name in found.cases:
         case = found.judged.cases[name]
@@ -302,7 +298,7 @@ def cases_table(found: Findings, number: Numbers) -> Table:
 
 
 def stress_table(found: Findings, number: Numbers) -> Table:
-    """Largest stresses of the case in which they are the largest that are judged, with their places."""
+    """Largest stresses with their places, of the case that decides the stress."""
     name, case = found.decisive("stress")
     rows = [
         (what, quantity(one.quantile, "Pa"), quantity(one.settled, "Pa"), quantity(one.value, "Pa"), point(one.place))
@@ -324,7 +320,7 @@ def stress_table(found: Findings, number: Numbers) -> Table:
 
 
 def reactions_table(found: Findings, name: str, number: Numbers) -> Table:
-    """What each support carries in one case, and whether it balances the load."""
+    """Reactions of each support in one case, and their balance with the load."""
     case = found.judged.cases[name]
     loads = found.fields[name].load.force.sum(axis=0)
     held = np.sum(case.reactions, axis=0)
@@ -347,7 +343,7 @@ def reactions_table(found: Findings, name: str, number: Numbers) -> Table:
 
 
 def rivals_table(found: Findings, number: Numbers) -> Table:
-    """All competitors, how they carry the loads, and how they were judged."""
+    """All competitors with mass, compliance, displacement, stress and level of judgement."""
     rows = [_rival(found, one) for one in found.compared.competitors]
     _, unit = unit_for(found.unit_of, "J")
     head = (
@@ -408,7 +404,7 @@ def _ratio(one: Competitor, full: float) -> str:
 
 
 def versions_table(versions: Mapping[str, str], number: Numbers) -> Table:
-    """What it was made with."""
+    """Versions of dsfab and of the libraries that a result depends on."""
     return Table(number.table("Versions."), ("Part", "Version"), list(versions.items()), 2, "", (1, 3))
 
 
@@ -421,5 +417,4 @@ def _thousands(count: int) -> str:
 
 
 def _small(value: float, dust: float = DUST) -> str:
-    """Four digits, and 0 for what is less than `dust`."""
     return "0" if abs(value) < dust else digits_of(value, 4)

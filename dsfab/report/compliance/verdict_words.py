@@ -1,4 +1,4 @@
-"""The verdict of a report in sentences: what the structure does, and how it stands beside others of its mass."""
+"""The verdict of a report in sentences: on the structure itself, and beside others of its mass."""
 
 from dsfab.core.messages import length, mass, sentence
 from dsfab.report.compliance.findings import LABELS, Findings, digits_of, enumeration, percent, times, within
@@ -14,7 +14,7 @@ TITLES = {
 
 
 def banner(found: Findings) -> Banner:
-    """The verdict on the structure itself."""
+    """Return the verdict on the structure itself."""
     bad = [one for one in found.checks if one.status == found.status != "pass"]
     if not found.carries:
         return Banner("fail", "Fail: the structure does not carry its loads", f"{_sentence(found.design.error)}.")
@@ -34,7 +34,7 @@ def banner(found: Findings) -> Banner:
 
 
 def losses(found: Findings) -> list[Banner]:
-    """What stands first where a thinner sheet or isotropic stripes of the same mass are stiffer; else nothing."""
+    """Return a warning if a thinner sheet or isotropic stripes of the same mass are stiffer; else nothing."""
     stiffer = [one for one in found.compared.alternatives if one.is_stiffer]
     if not stiffer:
         return []
@@ -50,7 +50,7 @@ def losses(found: Findings) -> list[Banner]:
 
 
 def standing(found: Findings) -> list[str]:
-    """How the design stands beside its competitors, a sentence each."""
+    """Return a sentence on the design beside each competitor."""
     told = [_against(found, rival) for rival in found.compared.rivals]
     if not told:
         told = ["It was compared with no other structure."]
@@ -78,12 +78,11 @@ def _against(found: Findings, rival: Competitor) -> str:
 
 
 def _sentence(error: str) -> str:
-    """As markup, with a capital letter."""
     return escaped(error[0].upper() + error[1:])
 
 
 def shortly(error: str) -> str:
-    """Why there is no structure, without the example that follows."""
+    """Return the reason of a failure without the example that follows it."""
     return error.split("; the first: ")[0]
 
 
@@ -103,7 +102,7 @@ def _against_thinner(found: Findings, rival: Competitor) -> str:
 
 
 def thinner_at_volumes(found: Findings) -> str:
-    """Where a thinner whole sheet is the stiffer one, over the range of masses; '' where that was not asked."""
+    """Say at which masses a thinner whole sheet is stiffer; '' if the comparison has none."""
     pairs = [
         (f"{share:.0%}", one.design, one["thinner"])
         for share, one in found.volumes
@@ -124,19 +123,17 @@ def thinner_at_volumes(found: Findings) -> str:
 
 
 def _least(one: Competitor) -> float:
-    """The smallest that its compliance may be, J."""
     return one.compliance * (1 - ((one.judgement.bound if one.judgement else None) or 0.0))
 
 
 def _most(one: Competitor) -> float:
-    """The largest that its compliance may be, J."""
     return one.compliance * (1 + ((one.judgement.bound if one.judgement else None) or 0.0))
 
 
 def one_line(found: Findings) -> str:
-    """'pass: compliance 59.9 J ± 1.8 % ...' for the terminal."""
+    """Return for the terminal 'pass: compliance 59.9 J ± 1.8 % ...'."""
     if not found.carries:
-        return "fail: the design does not carry its loads"  # why stands in the table above
+        return "fail: the design does not carry its loads"  # the table above has the reason
     told = within(found.judged.compliance, found.judged.bound, "J")
     bad = next((one for one in found.checks if one.status == found.status != "pass"), None)
     known = bad is None or bad.name == "Compliance is known"

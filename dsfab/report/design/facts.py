@@ -18,17 +18,13 @@ if TYPE_CHECKING:
     from dsfab.study import Alternative
 
 
-SHOWN = 8
-"""Lines of the table that a build prints; `design.json` has them all."""
-
-
-def choice_lines(choice: "Choice | None") -> list[str]:
-    """A table of the best candidates, best first; empty where nothing was chosen."""
+def choice_lines(choice: "Choice | None", count: int = 8) -> list[str]:
+    """Return a table of the `count` best candidates, best first; empty without an automatic choice."""
     if choice is None:
         return []
-    rows = [_row(rank, candidate) for rank, candidate in enumerate(choice.candidates[:SHOWN], start=1)]
+    rows = [_row(rank, candidate) for rank, candidate in enumerate(choice.candidates[:count], start=1)]
     lines = [table(("", "modes", "phases", "over uncut", "kept", "pieces"), rows)]
-    rest = choice.candidates[SHOWN:]
+    rest = choice.candidates[count:]
     refused = [candidate for candidate in choice.candidates if candidate.refused]
     if rest:
         lines.append(f"and {len(rest)} more, {len(refused)} of all refused (design.json has them)")
@@ -43,7 +39,7 @@ def _row(rank: int, candidate: "Candidate") -> tuple[str, ...]:
 
 
 def attempt_lines(attempts: "Sequence[Attempt]") -> list[str]:
-    """A table of methods and width rules, best first; empty where none were tried."""
+    """Return a table of methods and width rules, best first; empty without a search for them."""
     if not attempts:
         return []
     rows = [(f"{rank}", one.name, *_figures(one)) for rank, one in enumerate(attempts, start=1)]
@@ -57,7 +53,7 @@ def _figures(one: "Attempt") -> tuple[str, ...]:
 
 
 def attempt_facts(attempts: "Sequence[Attempt]") -> dict[str, Any]:
-    """`attempts` of `design.json`, best first; numbers that a refused one does not have are left out."""
+    """Return `attempts` of `design.json`, best first; a refused one has no numbers."""
     if not attempts:
         return {}
     return {"attempts": [_attempt_facts(one) for one in attempts]}
@@ -77,12 +73,12 @@ def _attempt_facts(one: "Attempt") -> dict[str, Any]:
 
 
 def alternative_facts(found: "Sequence[Alternative]") -> dict[str, Any]:
-    """`loses_to` of `design.json`, a sentence or '', and `alternatives`, the numbers behind it."""
+    """Return `loses_to` of `design.json`, a sentence or '', and `alternatives`, the numbers behind it."""
     return {"loses_to": losing_line(found), "alternatives": [one.record() for one in found]}
 
 
 def alternative_lines(facts: Mapping[str, Any]) -> list[str]:
-    """A line for each alternative that was judged, from what `design.json` says."""
+    """Return a line for each alternative of `design.json`."""
     return [_beside(one) for one in facts.get("alternatives", ())]
 
 
@@ -95,7 +91,7 @@ def _beside(one: Mapping[str, Any]) -> str:
 
 
 def choice_facts(choice: "Choice | None") -> dict[str, Any]:
-    """`candidates` of `design.json`, best first; numbers that a refused one does not have are left out."""
+    """Return `candidates` of `design.json`, best first; a refused one has no numbers."""
     if choice is None:
         return {}
     return {"candidates": [_facts(candidate) for candidate in choice.candidates]}
@@ -118,7 +114,7 @@ def _facts(candidate: "Candidate") -> dict[str, Any]:
 def facts(
     design: Design, seconds: dict[str, float], files: list[str], refused: list[str], told: Sequence[str] = ()
 ) -> dict[str, Any]:
-    """What `design.json` holds: sizes and results in SI units, seconds per stage, notes, versions."""
+    """Return the content of `design.json`: sizes and results in SI units, seconds per stage, notes, versions."""
     sheet, uncut = design.sheet.surface, design.surface
     return {
         "name": design.preset.name,
@@ -170,7 +166,7 @@ def _solid_facts(design: Design) -> dict[str, Any]:
 
 
 def versions() -> dict[str, str]:
-    """dsfab, Python and the libraries that a result depends on."""
+    """Return the versions of dsfab, Python and the libraries that a result depends on."""
     from dsfab.core.sparse import solver_name
 
     libraries = ("numpy", "scipy", "libigl", "manifold3d", "trimesh", "build123d", "pyvista", "vtk")

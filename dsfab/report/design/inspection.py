@@ -14,19 +14,12 @@ if TYPE_CHECKING:
     from dsfab.surface import Load
 
 
-BALANCED = 1e-3
-"""A load whose resultant is a smaller share of its sum of magnitudes cancels out, as pressure all around does."""
-
-ROUNDING = 1e-9
-"""A support with a smaller share of the reactions carries nothing."""
-
-
 def acting_facts(design: "Design", solved: bool = True) -> dict[str, Any]:
-    """`supports` and `loads` of `design.json`; reactions and shares by case and combination, of the uncut sheet.
+    """Return `supports` and `loads` of `design.json`; reactions and shares by case and combination, of the uncut sheet.
 
-    Of each load the sum on the uncut surface (`force_N`), and on the cut sheet where that is there (`cut_force_N`).
+    Each load has its sum on the uncut surface (`force_N`) and, after slicing, on the cut sheet (`cut_force_N`).
 
-    solved : whether reactions are told, which takes the statics; without them it is known what is held and loaded.
+    solved : also report reactions, which needs the statics.
     Raises DsfabError for supports and loads that pick nothing, and of the statics.
     """
     from dsfab.design import acting_on
@@ -67,7 +60,7 @@ def acting_facts(design: "Design", solved: bool = True) -> dict[str, Any]:
 
 
 def _on_cut(design: "Design", load: "Load") -> "Floats":
-    """(3,) newtons of a load on the cut sheet: what acts on material alone is less there."""
+    """(3,) newtons of a load on the cut sheet: uncovered loads and weight act on the material alone."""
     from dsfab.surface import load_parts
 
     surface, sheet = design.surface, design.sheet
@@ -78,7 +71,9 @@ def _on_cut(design: "Design", load: "Load") -> "Floats":
 
 
 def acting_lines(facts: Mapping[str, Any]) -> Iterator[str]:
-    """A table of the supports, each where it carries most, and one of the loads; nothing of older files."""
+    """Yield a table of the supports, each in its largest case, and a table of the loads; nothing for files without
+    them.
+    """
     supports, loads = facts.get("supports", ()), facts.get("loads", ())
     if supports:
         several = len(supports[0]["share"]) > 1
@@ -98,20 +93,20 @@ def _support(entry: Mapping[str, Any], several: bool) -> Sequence[str]:
         return cells
     size = {case: _size(reaction) for case, reaction in entry["reaction_N"].items()}
     most = max(size, key=lambda case: size[case])
-    carried = force(size[most]) if entry["share"][most] > ROUNDING else "0 N"
+    carried = force(size[most]) if entry["share"][most] > 1e-9 else "0 N"  # less is rounding
     return [*cells, carried, f"{entry['share'][most]:.0%}", *([most] if several else [])]
 
 
 def _load(entry: Mapping[str, Any], several: bool) -> Sequence[str]:
     sizes = [_size(entry[key]) for key in ("force_N", "cut_force_N") if key in entry]
-    balanced = sizes[0] < BALANCED * entry["sum_of_magnitudes_N"]
+    balanced = sizes[0] < 1e-3 * entry["sum_of_magnitudes_N"]  # as pressure all around cancels out
     sums = ["0 N" if balanced else force(size) for size in sizes]
     way = "cancels out" if balanced else towards(entry["force_N"])
     return entry["name"], *([entry["case"]] if several else []), *sums, way, _extent(entry)
 
 
 def _extent(entry: Mapping[str, Any]) -> str:
-    """'4.2 m' of a line, '18 m2' of faces, else 'points'."""
+    """For example '4.2 m' of a line, '18 m2' of faces, else 'points'."""
     if entry["along_m"]:
         return length(entry["along_m"])
     if entry["area_m2"]:
@@ -127,7 +122,7 @@ QUANTILES = ("5%", "50%", "95%")
 
 
 def quality_facts(found: "PatternQuality") -> dict[str, Any]:
-    """`pattern` of `design.json`: see `PatternQuality` for what each number is; metres, degrees, shares."""
+    """Return `pattern` of `design.json` in metres, degrees and shares; see `PatternQuality` for each number."""
     families = {name: _family(one) for name, one in found.families}
     both = {"crossing_angle_deg": found.crossing_angle, "symmetry_error": found.symmetry_error}
     return {"summary": found.summary, **families, **both}
@@ -148,7 +143,7 @@ def _family(found: "FamilyQuality") -> dict[str, Any]:
 
 
 def quality_lines(facts: Mapping[str, Any]) -> Iterator[str]:
-    """What is told of a pattern: dead ends, slits and directions; then the openings of each family and their spread."""
+    """Yield a line of dead ends, slits and directions, then the openings of each family and their spread."""
     yield f"pattern: {facts['summary']}"
     for name in ("major", "minor"):
         if not facts[name].get("drawn", True):
@@ -163,14 +158,14 @@ def quality_lines(facts: Mapping[str, Any]) -> Iterator[str]:
 
 
 SHARES = (0.05, 0.5, 0.95)
-"""The widths that these shares of the walls do not exceed are told."""
+"""Shares of the walls whose widths `design.json` lists."""
 
 MEASURED = {"min_member": "smallest_member", "min_gap": "smallest_gap", "min_wall": "thinnest_wall"}
-"""What each limit is compared with."""
+"""Key of `design.json` that each limit is compared with."""
 
 
 def fabrication_facts(made: "FabricationMeasures") -> dict[str, Any]:
-    """What was measured on a design, metres, and the limits of its preset; null where there is nothing of a kind."""
+    """Return the measures of a design, metres, and the limits of its preset; null without a feature of a kind."""
     found, wall = made.features, made.wall
     return {
         "thickness_m": made.thickness,
@@ -230,8 +225,10 @@ def _check(check: "Check") -> dict[str, Any]:
 
 
 def fabrication_lines(facts: Mapping[str, Any]) -> Iterator[str]:
-    """A line of what is smallest, and one of what of it is narrower than the sheet is thick; a table of the limits that
-    are asked for or missed; loads and pieces where there are several."""
+    """Yield the smallest features, those narrower than the sheet is thick, the pieces, and a table of limits.
+
+    The table lists limits of the preset, and limits that the design misses.
+    """
     found = {name: facts[name] for name in ("smallest_member", "smallest_gap", "thinnest_wall") if facts[name]}
     told = [f"{name.replace('_', ' ')} {length(value['m'])}" for name, value in found.items()]
     usual = facts["member_widths"]["at_share_of_walls"].get("50%")
@@ -247,12 +244,12 @@ def fabrication_lines(facts: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _asked(check: Mapping[str, Any]) -> bool:
-    """Whether [fabrication] has the limit; designs of before kept to no others."""
+    """Whether [fabrication] sets the limit; older files list such limits only."""
     return bool(check.get("asked", True))
 
 
 def _narrow(facts: Mapping[str, Any]) -> Iterator[str]:
-    """What is narrower than the sheet is thick, and no limit is set for: where it is and what cures it."""
+    """Warn of features that are narrower than the sheet is thick and have no limit: place and remedy."""
     thickness, limits = facts.get("thickness_m", 0.0), {c["limit"] for c in facts["checks"] if _asked(c)}
     few = {key: facts[MEASURED[key]] for key in ("min_gap", "min_member") if facts[MEASURED[key]] and key not in limits}
     narrow = {key: value for key, value in few.items() if value["m"] < thickness}

@@ -1,4 +1,4 @@
-"""A design as a folder of files: what `dsfab build`, the editor's Build and `design.save` write."""
+"""Writing a design as a folder of files: `dsfab build`, the editor's Build and `design.save`."""
 
 import json
 import shutil
@@ -24,14 +24,14 @@ from dsfab.study.fabrication import FabricationMeasures, fabrication
 from dsfab.thickening import SplitBodies, parts
 
 SIZE = (1600, 1200)
-"""Pixels of the picture of what is smallest."""
+"""Pixels of fabrication.png."""
 
 MAY_BE_REFUSED = ("step", "stpz", "brep")
-"""Formats whose limits of size a design may miss: the others are written then, and it is told."""
+"""Formats with limits of size. A design that misses a limit is written in the other formats, with a note."""
 
 
 class Saved(NamedTuple):
-    """What `design.json` says, lines about the files, and why a format was refused, or ''."""
+    """Content of `design.json`, messages about the files, and the reason why a format was refused, or ''."""
 
     facts: Mapping[str, Any]
     told: tuple[str, ...]
@@ -39,7 +39,7 @@ class Saved(NamedTuple):
 
 
 class _Files(NamedTuple):
-    """Names of files, lines about them, notes for `design.json`, and why formats were refused."""
+    """Names of files, lines about them, notes for `design.json`, and reasons of refused formats."""
 
     names: list[str]
     reports: list[str]
@@ -52,14 +52,14 @@ def save(
 ) -> Saved:
     """Write every file of a design into `folder`: all of them, or none.
 
-    picture : also preview.png.
-    marked  : also fabrication.png: where the smallest member, gap and wall are.
-    Raises ExportError for a folder that cannot be written; a STEP file that is too large is told instead. Raises
-    PatternError for a design that nobody should build, unless its preset accepts it: see `require_fit`.
+    picture : also write preview.png.
+    marked  : also write fabrication.png, which marks the smallest member, gap and wall.
+    Raises ExportError for a folder that cannot be written; `Saved.refused` reports a STEP file that is too large.
+    Raises PatternError for a design that nobody should build, unless its preset accepts it: see `require_fit`.
     """
     with whole_or_nothing(Path(folder)) as here:
         with _picture(design, here / "preview.png", progress) if picture else nullcontext():
-            require_fit(design, measure=False)  # that is done while OCCT checks
+            require_fit(design, measure=False)  # `numbers` measures while OCCT checks
             measured, spent = dict[str, Any](), 0.0
 
             def numbers() -> None:
@@ -79,7 +79,7 @@ def save(
 
 
 def _measured(design: Design, progress: Progress, marks: Path | None) -> dict[str, Any]:
-    """What `design.json` says about fabrication and pattern, and of a search about its rivals; `marks` is drawn.
+    """Measure fabrication and pattern, after a search also the alternatives; draw `marks`.
 
     Raises PatternError as `require_fit`.
     """
@@ -96,7 +96,7 @@ def _measured(design: Design, progress: Progress, marks: Path | None) -> dict[st
 
 
 def ready_to_draw(picture: bool) -> AbstractContextManager[None]:
-    """Inside, if there will be a picture, another process loads what draws while the design is still being made."""
+    """Load the drawing libraries in another process while the design is made, if the caller wants a picture."""
     from dsfab.render.design_picture import picture_ahead
 
     return picture_ahead() if picture else nullcontext()
@@ -104,7 +104,7 @@ def ready_to_draw(picture: bool) -> AbstractContextManager[None]:
 
 @contextmanager
 def _picture(design: Design, path: Path, progress: Progress) -> Iterator[None]:
-    """What is done inside is done while the picture is drawn; at the end it is waited for."""
+    """Draw the picture while the body of the `with` runs; wait for it at the end."""
     from dsfab.render.design_picture import picture_meanwhile
 
     with picture_meanwhile(design, path) as finish:
@@ -115,7 +115,7 @@ def _picture(design: Design, path: Path, progress: Progress) -> Iterator[None]:
 
 
 def _write_numbers(design: Design, here: Path, folder: Path, preset: Preset) -> None:
-    """The sheet, the preset with its mesh, and the archive of the design: what any of its files comes from."""
+    """Write the sheet, the preset with its mesh, and the archive of the design."""
     write(design.sheet.surface, here / "sheet.ply")
     _keep_mesh(preset, folder, here)
     write_archive(design, here, preset)
@@ -123,16 +123,16 @@ def _write_numbers(design: Design, here: Path, folder: Path, preset: Preset) -> 
 
 
 def _keep_mesh(preset: Preset, folder: Path, here: Path) -> None:
-    """A mesh of the preset that lies in the folder belongs to the new design too."""
+    """Copy a mesh of the preset that lies in the folder to the new build."""
     name = getattr(preset.surface, "file", None)
     if name is not None and not name.is_absolute() and (folder / name).is_file() and not (here / name).exists():
         shutil.copy2(folder / name, here / name)
 
 
 def _written(design: Design, folder: Path, progress: Progress, numbers: Callable[[], None]) -> _Files:
-    """The files of all formats that the preset asks for, and what `numbers` writes and measures.
+    """Write all formats of the preset; call `numbers` meanwhile.
 
-    Formats that another program judges for seconds begin; all else is done while it does.
+    Slow formats, which another program checks for seconds, start first.
     """
     asked = design.preset.export.formats
     found, judged = dict[str, _Files](), list[str]()
@@ -156,7 +156,7 @@ def _written(design: Design, folder: Path, progress: Progress, numbers: Callable
 
 
 def said_once(notes: Mapping[str, Sequence[str]]) -> list[str]:
-    """Notes by suffixes of files; what several files say alike is said once, behind their suffixes."""
+    """Merge notes by format: a note of several files appears once, with their suffixes in front."""
     by_note: dict[str, list[str]] = {}
     for suffix, lines in notes.items():
         for line in lines:
@@ -165,7 +165,7 @@ def said_once(notes: Mapping[str, Sequence[str]]) -> list[str]:
 
 
 def _one_written(design: Design, folder: Path, suffix: str, progress: Progress) -> _Files:
-    """The file of one format; or why not, where a design may miss its limits."""
+    """Write one format; report a missed limit as a refusal."""
     files, name = _Files([], [], [], []), f"{design.preset.name}.{suffix}"
     progress("export", f"writing and reading back {name}")
     try:
@@ -183,7 +183,7 @@ def _one_written(design: Design, folder: Path, suffix: str, progress: Progress) 
 
 
 def _parts(design: Design, folder: Path) -> Iterator[str]:
-    """Of a solid that was split for a machine one STL file for each part; other formats keep parts in one file."""
+    """Write an STL file for each part of a solid split for a machine; other formats keep all parts in one file."""
     if design.solid.pieces == 1 or not any(isinstance(extra, SplitBodies) for extra in design.preset.thickening.extra):
         return
     for number, part in enumerate(parts(design.solid), 1):
@@ -191,7 +191,6 @@ def _parts(design: Design, folder: Path) -> Iterator[str]:
 
 
 def _mark(design: Design, made: FabricationMeasures, path: Path) -> None:
-    """Where the smallest things are, as a picture."""
     from dsfab.render.fabrication import write_workshop_picture
 
     write_workshop_picture(path, design, made, SIZE)

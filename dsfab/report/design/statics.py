@@ -1,4 +1,4 @@
-"""Statics of the uncut sheet and the balance of its forces: numbers for `design.json`, lines for people."""
+"""Statics of the uncut sheet and its balance of forces: numbers for `design.json`, lines for people."""
 
 from typing import TYPE_CHECKING, Any
 
@@ -15,10 +15,10 @@ if TYPE_CHECKING:
 
 
 def answer_facts(design: "Design", case: "CaseResult | StaticsResult") -> dict[str, Any]:
-    """Stress, energy, and what else was asked of the uncut sheet under one load; SI units.
+    """Return stress, energy and further answers for the uncut sheet under one load; SI units.
 
-    `answered_by` names the elements, and the compliance and the displacement are given again where they differ from
-    those of the statics. Lists are left out where nothing was asked; they are empty where nothing was found.
+    `answered_by` names the elements; compliance and displacement appear again if they differ from those of the statics.
+    Frequencies and buckling factors appear only on request; a list without results is empty.
     """
     answers, ask, areas = case.answers, design.preset.statics.ask, design.surface.areas
     stress = answers.stress
@@ -48,8 +48,10 @@ def answer_facts(design: "Design", case: "CaseResult | StaticsResult") -> dict[s
 
 
 def uncut_modes(design: "Design") -> "ModeIntervals":
-    """The lowest factor of buckling of each case and the lowest frequency of the uncut sheet, by its mesh and finer
-    ones; found once for a design that asks for them."""
+    """Return the lowest buckling factor of each case and the lowest frequency of the uncut sheet, with intervals.
+
+    Finer meshes give the intervals. The design keeps the result.
+    """
     from dsfab.study.verdict import BUDGET, LoadedSurface, mode_intervals, whole_sheet
 
     ask = design.preset.statics.ask
@@ -61,7 +63,9 @@ def uncut_modes(design: "Design") -> "ModeIntervals":
 
 
 def mode_facts(design: "Design") -> dict[str, Any]:
-    """`mode_intervals` of `design.json`: values with half widths of their intervals, relative; nothing if not asked."""
+    """Return `mode_intervals` of `design.json`: values with relative half widths of their intervals; empty without
+    a request.
+    """
     if not design.preset.statics.ask.modes:
         return {}
     found = uncut_modes(design)
@@ -76,7 +80,7 @@ def mode_facts(design: "Design") -> dict[str, Any]:
 
 
 def mode_lines(design: "Design") -> list[str]:
-    """The same for people, of the case that buckles first."""
+    """Return the lowest buckling factor and frequency as a line, for the case that buckles first."""
     if not design.preset.statics.ask.modes:
         return []
     found, told = uncut_modes(design), []
@@ -93,7 +97,9 @@ def mode_lines(design: "Design") -> list[str]:
 
 
 def answer_lines(design: "Design") -> list[str]:
-    """The same for people, of the case or combination where it is worst; `hinge` stress is left to `design.json`."""
+    """Return stress, buckling and vibration as lines, for the worst case or combination; without stress of `hinge`
+    elements.
+    """
     cases = design.statics.cases
     told = {name: cases[name].answers for name in design.preset.judged_in("ULS", cases)}
     under = {name: f", {name}" if len(cases) > 1 else "" for name in told}
@@ -129,12 +135,8 @@ def _stress_line(design: "Design", answers: "Answers", under: str) -> str:
     )
 
 
-THRUST = 1.02
-"""Reactions whose sizes add up to more than this many times the loads' are not upright alone, which is told."""
-
-
 def equilibrium_facts(design: "Design", load: "LoadCase", answer: "Equilibrium") -> dict[str, Any]:
-    """Compliance, largest displacement, residuals, and the sums of loads and reactions, of one equilibrium."""
+    """Return compliance, largest displacement, residuals, and sums of loads and reactions of one equilibrium."""
     return {
         "compliance_J": answer.compliance,
         "largest_displacement_m": answer.largest_displacement,
@@ -145,7 +147,7 @@ def equilibrium_facts(design: "Design", load: "LoadCase", answer: "Equilibrium")
 
 
 def case_facts(design: "Design") -> dict[str, Any]:
-    """The same of each case and combination, by name."""
+    """Return the facts of each case and combination, by name."""
     told = {}
     for name, case in design.statics.cases.items():
         factors = {} if case.factors is None else {"factors": dict(case.factors)}
@@ -155,7 +157,7 @@ def case_facts(design: "Design") -> dict[str, Any]:
 
 
 def cut_load_facts(design: "Design") -> dict[str, Any]:
-    """`load_N`: what acts on the cut sheet, by case and combination; nothing where it finds no material."""
+    """Return `load_N`, newtons on the cut sheet by case and combination; empty if a load finds no material."""
     from dsfab.core.errors import DsfabError
     from dsfab.design import loads_on
 
@@ -168,7 +170,7 @@ def cut_load_facts(design: "Design") -> dict[str, Any]:
 
 
 def balance(design: "Design", load: "LoadCase", answer: "Equilibrium") -> dict[str, Any]:
-    """Sums of loads and reactions, moments about the origin, in all and support by support."""
+    """Return sums of loads and reactions and their moments about the origin, in total and for each support."""
     from dsfab.design import acting_on
     from dsfab.statics import resultant, support_reactions
 
@@ -194,7 +196,7 @@ def balance(design: "Design", load: "LoadCase", answer: "Equilibrium") -> dict[s
 
 
 def case_lines(design: "Design") -> list[str]:
-    """How stiff the uncut sheet is and who carries what: two lines for one case, else a line for each."""
+    """Return stiffness of the uncut sheet and reactions: two lines for one case, else a line for each."""
     cases = design.statics.cases
     if len(cases) == 1:
         (case,) = cases.values()
@@ -215,8 +217,7 @@ def case_lines(design: "Design") -> list[str]:
 
 
 def _governing(design: "Design") -> dict[str, tuple[str, str]]:
-    """The combinations in which stress and displacement are largest, of the limit states that they are judged in: by
-    name, what is largest, and the sum in words."""
+    """Return the combinations with the largest stress (ULS) and displacement (SLS): name, quantity, and formula."""
     cases, preset = design.statics.cases, design.preset
     formulas = {one.name: one.formula for one in preset.surface.sums}
     strained = max(preset.judged_in("ULS", cases), key=lambda name: cases[name].answers.stress.peak.stress)
@@ -237,7 +238,8 @@ def _carried(design: "Design", load: "LoadCase", answer: "Equilibrium") -> str:
 
     parts = ", ".join(told(part["reaction_N"]) for part in sums["supports"])
     apart = sum(_size(part["reaction_N"]) for part in sums["supports"])
-    thrust = ", their thrust included" if apart > THRUST * _size(sums["load_N"]) else ""
+    # reactions of an arch also push sideways, so their sizes add up to more than the loads
+    thrust = ", their thrust included" if apart > 1.02 * _size(sums["load_N"]) else ""
     return f"loads sum to {told(sums['load_N'])}; supports carry {parts}{thrust}"
 
 

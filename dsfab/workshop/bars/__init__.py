@@ -1,8 +1,7 @@
-"""Structures of straight bars: from node to node, bolted on folded plates.
+"""Structures of straight bars between nodes, bolted on folded plates.
 
-lattice   the nodes of a graph of members and the bays between them      joints   bars in space, and their angles
-cutting   bars and plates as flat parts                                  plan     all of it: `bar_plan`
-bodies    both where they are in the structure
+lattice   nodes of a graph of members, and the bays between them    joints   bars in space, and their angles
+cutting   bars and plates as flat parts                             plan     the whole plan: `bar_plan`
 """
 
 from dsfab.workshop.bars.cutting import (

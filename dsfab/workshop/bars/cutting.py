@@ -1,8 +1,8 @@
-"""Bars and the plates of their nodes as flat parts.
+r"""Bars and the plates of their nodes as flat parts.
 
 plate of a node, from outside       bar, from outside
       _| |_                          ____________________________
-     |_ o _|   o node                \\ o o                    o o |   corners cut where neighbours are near
+     |_ o _|   o node                \ o o                    o o |   corners cut off near neighbours
        | |     folds across arms     /____________________________|
 """
 
@@ -17,15 +17,17 @@ from dsfab.workshop.bars.lattice import CLEAR
 from dsfab.workshop.parts import FILLED, WORKSHOP_SMALL, FlatPart, Fold, Hole, label, text_length
 
 BOLTS = ((3.0, 4.0, 3.0), (2.0, 3.0, 2.0), (2.0, 2.0))
-"""Bolt diameters from the clear end of a bar to its bolts, from one to the next, and from the last to the end of the
-plate: the first of these that there is room for."""
+"""Bolt diameters from the clear end of a bar to its bolts, between bolts, and to the end of the plate.
+
+The first of these that fits is used.
+"""
 GROUND = "ground"
-"""The name of the leg of a plate, in the place of that of a bar."""
+"""Name of a plate's leg, in place of a bar's name."""
 
 
 @dataclass(frozen=True)
 class BarStock:
-    """Thickness of bars, of the plates beneath them, and diameter of bolts, metres; the height of letters, at most."""
+    """Thickness of bars and of node plates, diameter of bolts, and largest height of letters (m)."""
 
     bar: float
     plate: float
@@ -34,11 +36,11 @@ class BarStock:
 
     @property
     def lever(self) -> float:
-        """Metres from the middle of a bar to that of the plate beneath it."""
+        """Distance between the middles of a bar and of the plate beneath it (m)."""
         return (self.bar + self.plate) / 2
 
     def bolts(self, bar: LatticeBar) -> tuple[tuple[float, ...], float]:
-        """Metres from a root of a bar to its bolts there, and to the end of the plate; no bolt where no room is."""
+        """Return distances from a bar's root to its bolts and to the end of the plate (m); no bolts without room."""
         clear, room = CLEAR * self.bolt, bar.length / 2
         for *steps, last in BOLTS:
             at = clear + self.bolt * np.cumsum(steps)
@@ -48,7 +50,7 @@ class BarStock:
 
 
 def bar_part(bar: LatticeBar, nodes: tuple[str, str], stock: BarStock) -> FlatPart:
-    """A bar as it is cut from a board that is as thick as it; nodes : names of those at its ends."""
+    """Return a bar as it is cut from a board of its thickness; nodes : names at its ends."""
     L, half, clear = bar.length, bar.bay.width / 2, CLEAR * stock.bolt
     low, high = (clear if end.root else 0.0 for end in bar.ends)
     P = np.array([[low, -half], [L - high, -half], [L - high, half], [low, half]])
@@ -67,8 +69,10 @@ def bar_part(bar: LatticeBar, nodes: tuple[str, str], stock: BarStock) -> FlatPa
 
 
 def _mitres(end: BarEnd, stock: BarStock, clear: float) -> Iterator[tuple[Floats, float]]:
-    """Half planes a . x <= b, x along the bar from its root and to the left, that keep it from its neighbours: up to
-    the plane between both that stands on the plate, at all of its thickness."""
+    """Yield half planes a . x <= b, x along the bar from its root and to the left, that clear the neighbours.
+
+    Each ends at the plane between both bars that stands on the plate, over the full thickness.
+    """
     for side, gap in ((1, end.after), (-1, end.before)):
         if 0 < gap < np.pi:
             c, s = np.cos(gap / 2), np.sin(gap / 2)
@@ -77,14 +81,14 @@ def _mitres(end: BarEnd, stock: BarStock, clear: float) -> Iterator[tuple[Floats
 
 
 def mitre_length(bar: LatticeBar, end: BarEnd, stock: BarStock) -> float:
-    """Metres from a bar's root for which a side of it is cut, so that it is clear of its nearest neighbour there."""
+    """Return the length from a bar's root along which a mitre cuts one of its sides (m)."""
     half = bar.bay.width / 2
     cuts = [(b - abs(a[1]) * half) / a[0] for a, b in _mitres(end, stock, CLEAR * stock.bolt)]
     return float(np.clip(max(cuts, default=0.0), 0.0, bar.length))
 
 
 def half_plane_clip(P: Floats, a: Floats, b: float) -> Floats:
-    """(k, 2) what a half plane a . x <= b has of a convex polygon (q, 2) [Sutherland, Hodgman 1974]."""
+    """Return the part (k, 2) of a convex polygon (q, 2) in a half plane a . x <= b [Sutherland, Hodgman 1974]."""
     off = P @ a - b
     found = list[Floats]()
     for k in range(len(P)):
@@ -97,7 +101,7 @@ def half_plane_clip(P: Floats, a: Floats, b: float) -> Floats:
 
 
 def _bar_marks(bar: LatticeBar, nodes: tuple[str, str], inner: tuple[float, float], height: float) -> Iterator[Floats]:
-    """The name of a bar in its middle, and those of its nodes near its ends, between places along it."""
+    """Yield strokes of a bar's name in its middle, and of node names close to its ends."""
     room = inner[1] - inner[0]
     names = [nodes[0], bar.bay.id, nodes[1]]
     long = sum(text_length(name, height) for name in names) + 4 * height
@@ -114,7 +118,7 @@ def _bar_marks(bar: LatticeBar, nodes: tuple[str, str], inner: tuple[float, floa
 
 
 def plate_part(joint: Joint, found: BarLattice, stock: BarStock) -> FlatPart:
-    """The plate of a node as it is cut, before it is folded; its first arm points to the right."""
+    """Return the unfolded plate of a node; its first arm points to the right."""
     arms = plate_arms(joint, found, stock)
     outline = _plate_outline(joint, arms)
     holes = [Hole(np.zeros(2), stock.bolt, joint.node.id)]
@@ -136,7 +140,7 @@ def plate_part(joint: Joint, found: BarLattice, stock: BarStock) -> FlatPart:
 
 
 def plate_arms(joint: Joint, found: BarLattice, stock: BarStock) -> "list[PlateArm]":
-    """The arms of a node's plate, counter-clockwise; its leg among them."""
+    """Return the arms of a node's plate counter-clockwise, with its leg."""
     arms = [PlateArm.of(joint, found.bars[k], side, stock) for k, side in joint.bars]
     if joint.leg is None:
         return arms
@@ -151,10 +155,11 @@ def plate_arms(joint: Joint, found: BarLattice, stock: BarStock) -> "list[PlateA
 
 @dataclass(frozen=True)
 class PlateArm:
-    """An arm of a plate: the name of its bar, its azimuth, by how much it is folded, radians, and how far from the
-    node, metres; its holes and its end, metres from the node on the flat plate; the angle to the next arm.
+    """Arm of a flat node plate.
 
-    root : where the root of its bar comes to lie on the flat plate.
+    bar     : name of its bar.    azimuth, dip : its direction, and the angle of its fold (radians).
+    fold, end : distances from the node to the fold and to the end (m).    holes : distances to holes (m).
+    after   : angle to the next arm (radians).    root : distance to the root of its bar (m).
     """
 
     bar: str
@@ -168,7 +173,9 @@ class PlateArm:
 
     @classmethod
     def of(cls, joint: Joint, bar: LatticeBar, side: int, stock: BarStock) -> "PlateArm":
-        """On a plate beneath the bars the folds are nearer to the node than the roots of bars that go down."""
+        """Return the arm of a bar; on a plate below the bars, folds are closer to the node than roots of bars that
+        dip.
+        """
         end, (at, last) = bar.ends[side], stock.bolts(bar)
         nearer = stock.lever * np.tan(end.dip / 2)
         holes = tuple(end.root - 2 * nearer + r for r in at)
@@ -176,13 +183,13 @@ class PlateArm:
         return cls(bar.bay.id, end.azimuth, end.dip, end.root - nearer, holes, root + last, end.after, root)
 
     def at(self, r: float, y: float) -> Floats:
-        """(2,) metres from the node along the arm and to its left."""
+        """Return the point (2,) at r along the arm and y to its left (m)."""
         c, s = np.cos(self.azimuth), np.sin(self.azimuth)
         return np.array([r * c - y * s, r * s + y * c])
 
 
 def _plate_outline(joint: Joint, arms: Sequence[PlateArm]) -> Floats:
-    """(k, 2) counter-clockwise: the end of each arm, and the corner between it and the next one."""
+    """Return the outline (k, 2) counter-clockwise: the end of each arm, and the corner to the next arm."""
     a, found = joint.half, list[Floats]()
     for arm, after in zip(arms, [*arms[1:], arms[0]], strict=True):
         found += [arm.at(arm.end, -a), arm.at(arm.end, a)]
@@ -195,7 +202,7 @@ def _plate_outline(joint: Joint, arms: Sequence[PlateArm]) -> Floats:
 
 
 def _plate_marks(joint: Joint, arms: Sequence[PlateArm], stock: BarStock) -> Iterator[Floats]:
-    """On each arm the name of its bar and by how many degrees it is folded; the node's on the first."""
+    """Yield strokes of bar names and fold angles (degrees) on each arm, and of the node's name on the first."""
     height = min(stock.letters, WORKSHOP_SMALL, 0.5 * joint.half)
     for k, arm in enumerate(arms):
         stops = [arm.fold, *arm.holes]

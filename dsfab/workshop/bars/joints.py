@@ -1,4 +1,13 @@
-"""Joints: the angles at the ends of bars, and the legs by which node plates stand on the ground."""
+"""Joints: the angles at the ends of bars, and the legs by which node plates stand on the ground.
+
+       n                     n    normal of a node; its plate is square to it, below the bars
+       |   dip               e    from the node to a bar's root, where the plate's arm is folded
+-------+--e--·.._            dip  of the bar below the plane of the plate
+     plate      ··.._        m    the bar's normal: n without its component along the bar; the twist is the
+                 bar          ·   angle between the normals of both ends
+
+A leg continues the plate down the surface (u) to a fold at e, and is level from there, with anchors.
+"""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
@@ -16,17 +25,18 @@ from dsfab.workshop.layers import END, Layering
 from dsfab.workshop.parts import WORKSHOP_SMALL, FlatPart, Fold, Hole, label, text_length
 
 FLAT = np.sin(np.radians(5.0))
-"""A surface that is less steep than this at a support has no way down: plates have no legs there."""
+"""Sine of the least slope of a surface at a support for a leg."""
 SIDE, ARM = 1.5, 0.45
-"""Half of the width of a plate below strips: anchor diameters at least, or a share of the narrowest member."""
+"""Half width of an arm over the bolt or anchor diameter, at least; share of the narrowest member otherwise."""
 ANCHORS = (3.0, 4.0, 3.0)
-"""Anchor diameters from a fold to the first anchor, to the second, and to the end of the leg."""
+"""Anchor diameters from the fold to the first anchor, to the second, and to the end of the leg."""
 
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """The leg of a plate: its direction in the plane of the plate, a unit vector (3,); the angle of its fold, radians,
-    towards the normal; and the diameter of its anchors, metres."""
+    """Leg of a plate: unit direction (3,) in the plate, fold angle towards the normal (radians), anchor diameter
+    (m).
+    """
 
     way: Floats
     fold: float
@@ -37,19 +47,21 @@ class Leg:
 
     @property
     def holes(self) -> tuple[float, ...]:
-        """Metres from the fold."""
+        """Distances of the anchors from the fold (m)."""
         return tuple((self.anchor * np.cumsum(ANCHORS[:2])).tolist())
 
     @property
     def long(self) -> float:
-        """Metres from the fold to the end."""
+        """Length from the fold to the end (m)."""
         return self.anchor * sum(ANCHORS)
 
 
 @dataclass(frozen=True, eq=False)
 class Footing:
-    """Where a structure is held: places (q, 3) of supports, metres; the unit vector `up`; how far a support may be from
-    a node besides its members' widths; and the diameter of anchors, metres."""
+    """Supports (q, 3) of a structure (m), unit vector `up` (3,), and diameter of anchors (m).
+
+    reach : distance of a support from a node, in addition to member widths (m).
+    """
 
     supports: Floats
     up: Floats
@@ -62,13 +74,12 @@ class Footing:
 
     @classmethod
     def of(cls, surface: Surface, load: LoadCase, up: Floats, anchor: float) -> "Footing | None":
-        """None where nothing is held, or no anchors are asked for."""
+        """Return the footing of a surface; None without supports or without anchors."""
         held = surface.V[load.fixed.any(axis=1) | load.spring.any(axis=1)]
         return cls(held, up, float(surface.mean_edge), anchor) if len(held) and anchor else None
 
     def legs(self, points: Floats, normals: Floats, widths: Sequence[float]) -> dict[int, Leg | None]:
-        """By number, the legs of those of some nodes (q, 3), with normals (q, 3), that are at a support; None where the
-        surface is too flat for one."""
+        """Return the legs of nodes (q, 3) at supports, by node number; None where the surface is too flat."""
         away = np.asarray(cKDTree(self.supports).query(points)[0])
         found: dict[int, Leg | None] = {}
         limits = self.reach + 0.75 * np.asarray(widths)  # a nearer support belongs to the node
@@ -76,7 +87,7 @@ class Footing:
             n = normals[k]
             down = (n @ self.up) * n - self.up
             steep = float(np.linalg.norm(down))
-            outward = n @ self.up > 0  # of a surface whose normals point down, plates are folded the other way
+            outward = n @ self.up > 0  # plates fold the other way where normals point down
             angle = float(np.arctan2(steep, abs(float(n @ self.up)))) * (1 if outward else -1)
             found[k] = Leg(down / steep, angle, self.anchor) if steep > FLAT else None
         return found
@@ -85,8 +96,10 @@ class Footing:
 def leg_plates(
     graph: MemberGraph, layering: Layering, footing: Footing, thickness: float
 ) -> tuple[list[FlatPart], list[str]]:
-    """Plates of a thickness, metres, below strips at nodes on supports: a hole for the bolt of the node, and a leg; and
-    the names of nodes where the surface is too flat for one."""
+    """Return plates with legs below strips at supported nodes, and the names of nodes on too flat a surface.
+
+    thickness : of the plates (m).
+    """
     nodes = [node for node in graph.nodes if node.kind != "grazing"]
     members = [[graph.by_id[name] for name in node.members] for node in nodes]
     widths = [max(one.mean_width for one in some) for some in members]
@@ -108,7 +121,7 @@ def leg_plates(
 def _leg_plate(
     node: str, leg: Leg, size: tuple[float, float], bolt: float, height: float, thickness: float
 ) -> FlatPart:
-    """A plate with its node at the origin; size : metres to the fold, and half of its width."""
+    """Return a plate with its node at the origin; size : distance to the fold, and half width (m)."""
     root, half = size
     begin, end = -END * bolt, root + leg.long
     outline = np.array([[begin, -half], [end, -half], [end, half], [begin, half]])
@@ -128,7 +141,7 @@ def _leg_plate(
 
 
 def leg_lines(folds: Sequence[float], flat: Sequence[str]) -> list[str]:
-    """Sentences on plates with legs, by their folds, radians, and on nodes without."""
+    """Return sentences on plates with legs, by their folds (radians), and on nodes without a leg."""
     angles = [abs(float(np.degrees(fold))) for fold in folds]
     found = []
     if angles:
@@ -144,17 +157,17 @@ def leg_lines(folds: Sequence[float], flat: Sequence[str]) -> list[str]:
 
 
 SQUARE = np.radians(70.0)
-"""Bars that meet at this angle or a larger one are cut square, so far from the node; others get mitres."""
+"""Least angle of bars that are cut square, farther from the node; at sharper angles bars have mitres."""
 
 
 @dataclass(frozen=True, eq=False)
 class BarEnd:
-    """One end of a bar.
+    """End of a bar.
 
-    node    : by number.    azimuth : radians, counter-clockwise from the first bar of the node, as its normal sees it.
-    dip     : radians below the plane of the node.
-    before, after : radians to the next bars of the node, clockwise and counter-clockwise; 2 pi alone.
-    root    : metres from the node to where the bar's line begins.
+    node    : node number.    azimuth : radians counter-clockwise about the node's normal, from its first bar.
+    dip     : radians below the plane of the node.    root : distance from the node to the beginning of the bar's line
+              (m).
+    before, after : radians to the next bars, clockwise and counter-clockwise; 2 pi for a single bar.
     """
 
     node: int
@@ -167,11 +180,10 @@ class BarEnd:
 
 @dataclass(frozen=True, eq=False)
 class LatticeBar:
-    """A straight bar.
+    """Straight bar of a bay.
 
-    bay     : what it is of.    ends : its beginning and its end.
-    points  : (2, 3) its roots, metres.    normals : (2, 3) its own at both.
-    sagitta : the farthest that the member's axis is from its line, metres.
+    points : (2, 3) roots (m).    normals : (2, 3) of the bar at both ends.
+    sagitta : largest distance of the member's axis from the bar (m).
     """
 
     bay: Bay
@@ -186,7 +198,7 @@ class LatticeBar:
 
     @cached_property
     def length(self) -> float:
-        """From root to root, metres."""
+        """Length from root to root (m)."""
         return float(np.linalg.norm(self.points[1] - self.points[0]))
 
     @cached_property
@@ -196,17 +208,17 @@ class LatticeBar:
 
     @cached_property
     def twist(self) -> float:
-        """Radians from its normal at the beginning to that at the end, right-handed about its direction."""
+        """Angle from the first to the second normal, right-handed about the direction (radians)."""
         one, other = self.normals
         return float(np.arctan2(np.cross(one, other) @ self.direction, one @ other))
 
 
 @dataclass(frozen=True, eq=False)
 class Joint:
-    """Bars at a node, counter-clockwise from the first: (number of the bar, 0 for its beginning or 1 for its end).
+    """Bars at a node, counter-clockwise, as (bar number, 0 for its beginning or 1 for its end).
 
-    half : metres; half of the width of the arms of its plate.    root : metres from the node to the folds, about.
-    leg  : of its plate, at a support.
+    half : half width of the plate's arms (m).    root : approximate distance from the node to the folds (m).
+    leg  : leg of the plate at a support.
     """
 
     node: LatticeNode
@@ -218,20 +230,22 @@ class Joint:
 
 @dataclass(frozen=True, eq=False)
 class BarLattice:
-    """All bars and joints of a design."""
+    """Bars and joints of a design."""
 
     bars: tuple[LatticeBar, ...]
     joints: tuple[Joint, ...]
     lattice: Lattice
 
     def azimuth(self, joint: Joint, way: Floats) -> float:
-        """Radians, 0 to 2 pi, from the first bar of a joint to a direction (3,), counter-clockwise about its normal."""
+        """Return the angle from a joint's first bar to a direction (3,), counter-clockwise about its normal, 0 to 2
+        pi.
+        """
         (k, side), n = joint.bars[0], joint.node.normal
         x = _level((self.bars[k].direction * (1 - 2 * side))[None], n[None])[0]
         return float(np.mod(np.arctan2(way @ np.cross(n, x), way @ x), 2 * np.pi))
 
     def with_legs(self, footing: Footing) -> "tuple[BarLattice, list[str]]":
-        """With legs at supports, and names of nodes there that have none: too flat, or a bar is in its way."""
+        """Return the lattice with legs at supports, and names of supported nodes that are too flat or obstructed."""
         joined = [k for k, joint in enumerate(self.joints) if joint.node.joined]
         points, normals = (
             np.array([getattr(self.joints[k].node, name) for k in joined]) for name in ("point", "normal")
@@ -247,7 +261,7 @@ class BarLattice:
         return replace(self, joints=tuple(joints)), without
 
     def _is_free(self, joint: Joint, azimuth: float) -> bool:
-        """Whether an arm there would be apart from all others where it is folded."""
+        """Return whether an arm at an azimuth would be clear of other arms at its fold."""
         others = np.array([self.bars[k].ends[side].azimuth for k, side in joint.bars])
         gap = float(np.abs(np.angle(np.exp(1j * (others - azimuth)))).min())
         return bool(joint.half <= joint.root * np.tan(gap / 2))
@@ -255,19 +269,21 @@ class BarLattice:
 
 @dataclass(frozen=True, eq=False)
 class _Ways:
-    """Ends of bays by number: node (2 b,), width (2 b,) metres, and that of the other end (2 b,)."""
+    """Ends of bays: node number (2 b,), width (2 b,) in metres, and number of the bay's opposite end (2 b,)."""
 
     node: Ints
     width: Floats
     other: Ints
 
     def dip(self, way: Floats, N: Floats) -> Floats:
-        """(2 b,) radians that ways (2 b, 3) go below the planes of their nodes, with normals N (n, 3)."""
+        """Return angles (2 b,) of directions (2 b, 3) below the planes of their nodes with normals N (n, 3)
+        (radians).
+        """
         return np.asarray(-np.arcsin(np.einsum("qi,qi->q", way, N[self.node]) / np.linalg.norm(way, axis=1)))
 
 
 def bar_lattice(graph: MemberGraph, lattice: Lattice, thickness: float, bolt: float) -> BarLattice:
-    """Bars of a thickness for all bays of a lattice, with bolts of a diameter, metres."""
+    """Return bars of a thickness for all bays of a lattice, with bolts of a diameter (m)."""
     ends = np.array([bay.ends for bay in lattice.bays], dtype=np.int64).reshape(-1, 2)
     count = len(ends)
     ways = _Ways(
@@ -301,13 +317,13 @@ def bar_lattice(graph: MemberGraph, lattice: Lattice, thickness: float, bolt: fl
 
 
 def _level(way: Floats, N: Floats) -> Floats:
-    """(q, 3) unit vectors along ways (q, 3) in the planes square to normals (q, 3)."""
+    """Return unit vectors (q, 3) along directions (q, 3) in the planes square to normals (q, 3)."""
     level = way - np.einsum("qi,qi->q", way, N)[:, None] * N
     return np.asarray(level / np.linalg.norm(level, axis=1)[:, None])
 
 
 def _around(ends: Ints, level: Floats, normal: Floats) -> tuple[Ints, Floats, Floats]:
-    """Ends at a node counter-clockwise from the first of them, their azimuths, and the angle from each to the next."""
+    """Return ends counter-clockwise about a node, their azimuths, and the angle from each to the next."""
     x = level[ends[0]]
     y = np.cross(normal, x)
     azimuth = np.mod(np.arctan2(level[ends] @ y, level[ends] @ x), 2 * np.pi)
@@ -318,11 +334,11 @@ def _around(ends: Ints, level: Floats, normal: Floats) -> tuple[Ints, Floats, Fl
 
 
 def _arms(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: float) -> tuple[float, float]:
-    """Half of the width of the arms of a node's plate, and how far from the node it is folded, metres.
+    """Return half the width of a node plate's arms, and the distance of their folds from the node (m).
 
-    Bars that meet at right angles are clear of each other from half of their width on, others farther out, and what
-    leans a little more; where a bar is short they are not so far out, and get mitres. Arms at sharp angles are
-    narrower, but not too narrow for bolts, which moves the folds outwards.
+    Bars at right angles clear each other at half of their width; sharper angles and leaning bars need more. Short bars
+    stay closer and get mitres. Arms at sharp angles are narrower, but wide enough for bolts, which moves folds
+    outwards.
     """
     notch = 0.9  # share of the way from the node to the roots from which arms of a plate are apart
     least, sharpest = SIDE * bolt, min(float(gaps.min()), np.pi / 2)
@@ -334,8 +350,10 @@ def _arms(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: float) 
 
 
 def _roots(P: Floats, N: Floats, ways: _Ways, root: Floats, rounds: int = 30) -> Floats:
-    """(2 b, 3) where bars begin: in the planes of their nodes, each in the direction of its other root. Seen from the
-    nodes, not from the roots: for short bars with roots far out that would not converge."""
+    """Return bar roots (2 b, 3) in the planes of their nodes, each towards its opposite root.
+
+    Directions start at nodes, because directions from roots do not converge for short bars.
+    """
     here = P[ways.node]
     found = here
     for _ in range(rounds):  # each round moves the roots e / (distance - e) times as far as the one before
@@ -347,7 +365,6 @@ def _roots(P: Floats, N: Floats, ways: _Ways, root: Floats, rounds: int = 30) ->
 def _bar_ends(
     orders: list[tuple[Ints, Floats, Floats]], way: Floats, N: Floats, ways: _Ways, root: Floats
 ) -> dict[int, BarEnd]:
-    """By the numbers of ends."""
     dip = ways.dip(way, N)
     found = {}
     for k, (order, azimuth, gaps) in enumerate(orders):

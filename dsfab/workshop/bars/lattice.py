@@ -1,4 +1,4 @@
-"""`Lattice`: the places at which members of a graph meet, and the ways from each to the next that bars can go."""
+"""`Lattice`: nodes of a graph of members, and the bays between them that bars can span."""
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
@@ -16,19 +16,18 @@ from dsfab.workshop.development import CONSTANT
 from dsfab.workshop.strips import STRIPS
 
 CLEAR = 0.25
-"""Bolt diameters between bars that meet, and from the fold of a plate to a bar."""
+"""Bolt diameters between neighbouring bars, and from the fold of a plate to a bar."""
 LEAST = 4.0
-"""Bolt diameters of a bar on a plate, at least: one bolt, and two diameters to both sides of it."""
+"""Least length of a bar on a plate, in bolt diameters: one bolt, and two diameters to both sides of it."""
 
 
 @dataclass(frozen=True, eq=False)
 class LatticeNode:
-    """Where bars meet: one node of the graph, or several that are too near to each other for bars between them.
+    """Node of bars: one node of the graph, or several that are too close for bars between them.
 
-    id     : of the first of these nodes; "A07 end 1" where a member ends at none.    nodes : all their names.
-    point  : (3,) metres.    normal : (3,) of the surface.
-    joined : whether a plate joins the bars; none is at an end.
-    moved  : the farthest that one of these nodes is away from it, metres.
+    id     : of the first of these nodes; "A07 end 1" for a free end of a member.    nodes : all their names.
+    point  : (3,) metres.    normal : (3,) of the surface.    joined : whether a plate joins the bars.
+    moved  : largest distance of these nodes from the point (m).
     """
 
     id: str
@@ -45,8 +44,7 @@ class LatticeNode:
 
 @dataclass(frozen=True)
 class Bay:
-    """What is to be one bar: its name, "A07.3"; its member's; its two nodes by number; arc lengths of the member's axis
-    from where to where; its width, metres."""
+    """Span of a bar: its name "A07.3", its member, two node numbers, arc lengths of the axis, and width (m)."""
 
     id: str
     member: str
@@ -59,9 +57,9 @@ class Bay:
 class Lattice:
     """Nodes and bays.
 
-    short    : pairs of nodes of the graph, nearer to each other than a bar is long: one place each.
-    parallel : names of bays beside another one between the same nodes; none is built twice.
-    rings    : names of closed members with fewer than three nodes, of which no ring of bars can be made.
+    merged_pairs : number of node pairs that are closer than a bar is long, and become one node.
+    parallel : names of omitted bays beside another bay between the same nodes.
+    rings    : names of closed members with fewer than three nodes, which cannot become bars.
     """
 
     nodes: tuple[LatticeNode, ...]
@@ -73,7 +71,7 @@ class Lattice:
 
 @dataclass(frozen=True)
 class _Way:
-    """A bay before nodes are joined: its member, keys of its ends, its span and its width."""
+    """Bay before nodes are merged: its member, keys of its ends, span and width."""
 
     member: str
     ends: tuple[str, str]
@@ -82,9 +80,9 @@ class _Way:
 
 
 def member_lattice(graph: MemberGraph, bolt: float) -> Lattice:
-    """The lattice of all members of a graph that have an axis; bolt : diameter, metres.
+    """Return the lattice of all members with an axis; bolt : diameter (m).
 
-    Raises PatternError where so many nodes are near to each other that bars are no way to build it.
+    Raises PatternError if too many nodes are too close for bars.
     """
     places = {node.id: (node.point, _smooth_normal(graph, node)) for node in graph.nodes}
     members = [member for member in graph.members if is_barred(member)]
@@ -99,14 +97,15 @@ def member_lattice(graph: MemberGraph, bolt: float) -> Lattice:
     nodes = [_node([key for key, k in zip(keys, group, strict=True) if k == one], places) for one in _ordered(group)]
     number = {key: k for k, node in enumerate(nodes) for key in node.nodes}
     bays, parallel = _named(ways, number)
-    rings = tuple(one.id for one in members if one.axis and one.axis.closed and not len(graph.along[one.id]) > 2)
+    closed = [member for member in members if member.axis and member.axis.closed]
+    rings = tuple(member.id for member in closed if not len(graph.along[member.id]) > 2)
     return Lattice(tuple(nodes), tuple(bays), short, tuple(parallel), rings)
 
 
 def _smooth_normal(graph: MemberGraph, node: Node) -> Floats:
-    """(3,) the mean of those of the members' axes, which are fitted over many faces of the mesh; its own without these.
+    """Return the mean normal (3,) of the members' axes, which are fitted over many faces; else the node's normal.
 
-    On a sphere with edges of .1 m it is right to .006 degrees, where that of the face is to .34.
+    On a sphere with 0.1 m edges its error is 0.006 degrees, that of a face normal 0.34 degrees.
     """
     members = [(graph.by_id[name].axis, s) for name, s in zip(node.members, node.at, strict=True)]
     found = [axis.at(np.array([s]))[2][0] for axis, s in members if axis is not None and np.isfinite(s)]
@@ -115,14 +114,13 @@ def _smooth_normal(graph: MemberGraph, node: Node) -> Floats:
 
 
 def is_barred(member: Member) -> bool:
-    """Whether a member becomes bars."""
     return member.axis is not None and member.kind in STRIPS
 
 
 def _member_ways(
     graph: MemberGraph, member: Member, places: dict[str, tuple[Floats, Floats]], bolt: float
 ) -> Iterator[_Way]:
-    """The bays along a member; ends that no node is near get a place of their own, added to `places`."""
+    """Yield the bays along a member; free ends get an entry in `places`."""
     axis = member.axis
     assert axis is not None
     nodes = graph.along[member.id]
@@ -149,8 +147,10 @@ def _member_ways(
 def _grouped(
     keys: list[str], ways: list[_Way], places: dict[str, tuple[Floats, Floats]], bolt: float
 ) -> tuple[Ints, int]:
-    """(n,) which places are one, by number, and how many bays vanish by it. Ends of members without a node are one
-    where these would overlap, as at the corners of a surface."""
+    """Return the group number (n,) of each place, and the number of bays that vanish.
+
+    Free ends of members join if they overlap, as at corners of a surface.
+    """
     number = {key: k for k, key in enumerate(keys)}
     half = np.zeros(len(keys))
     ends = np.array([[number[key] for key in way.ends] for way in ways], dtype=np.int64).reshape(-1, 2)
@@ -175,7 +175,6 @@ def _ordered(group: Ints) -> list[int]:
 
 
 def _node(keys: list[str], places: dict[str, tuple[Floats, Floats]]) -> LatticeNode:
-    """The place in the middle of some."""
     points = np.array([places[key][0] for key in keys])
     point = points.mean(axis=0)
     moved = float(np.linalg.norm(points - point, axis=1).max())
@@ -186,7 +185,7 @@ def _node(keys: list[str], places: dict[str, tuple[Floats, Floats]]) -> LatticeN
 
 
 def _named(ways: Sequence[_Way], number: dict[str, int]) -> tuple[list[Bay], list[str]]:
-    """Bays between different places, numbered along their members, and names of those beside another."""
+    """Return bays between different places, numbered along members, and names of parallel bays."""
     bays, parallel = list[Bay](), list[str]()
     counted: dict[str, int] = {}
     there = set[frozenset[int]]()

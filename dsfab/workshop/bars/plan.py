@@ -17,8 +17,10 @@ from dsfab.workshop.plates import plate_parts
 
 @dataclass(frozen=True, eq=False)
 class BarPlan:
-    """Bars with their angles, what they are cut from, and all parts: bars, plates of nodes, and discs; and names of
-    nodes at supports whose plates have no leg."""
+    """Bars in space, their stock, and all parts: bars, node plates and discs.
+
+    legless : names of supported nodes whose plates have no leg.
+    """
 
     found: BarLattice
     stock: BarStock
@@ -32,20 +34,22 @@ class BarPlan:
 
     @property
     def strayed(self) -> float:
-        """Metres by which bars leave the surface, at most."""
+        """Largest distance of a bar from the surface (m)."""
         return max(bar.sagitta for bar in self.found.bars)
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """Sentences: what is possible, and what is not."""
+        """Sentences on what can be built and what cannot."""
         legged = {joint.node.id: joint.leg for joint in self.found.joints if joint.leg}
         return (*_possible(self), *leg_lines([leg.fold for leg in legged.values()], self.legless), *_left_out(self))
 
 
 def bar_plan(graph: MemberGraph, normals: Floats, stock: BarStock, footing: Footing | None = None) -> BarPlan:
-    """The bars, plates and discs of a graph; normals (n, 3) at the vertices of its sheet; with legs where it is held.
+    """Return the bars, plates and discs of a graph, with legs at supports.
 
-    Raises PatternError where nodes are too near to each other for bars.
+    normals : (n, 3) at the vertices of the graph's sheet.
+
+    Raises PatternError if nodes are too close to each other for bars.
     """
     found = bar_lattice(graph, member_lattice(graph, stock.bolt), stock.bar, stock.bolt)
     found, legless = found.with_legs(footing) if footing else (found, [])
@@ -81,7 +85,7 @@ def _possible(plan: BarPlan) -> Iterator[str]:
 
 
 def _sharp_angles(plan: BarPlan) -> Iterator[str]:
-    """Where the sharpest angle is, and which bars lose most of a side to such."""
+    """Yield sentences on the sharpest angle, and on bars that lose most of a side."""
     bars, stock = plan.found.bars, plan.stock
     angle, node, one, other = min(
         (bars[k].ends[side].after, joint.node.id, bars[k].bay.id, bars[beside].bay.id)
@@ -125,17 +129,17 @@ def _left_out(plan: BarPlan) -> Iterator[str]:
 
 
 def _names(names: tuple[str, ...]) -> str:
-    """'A01.2 and 3 others are'."""
+    """Return "A01.2 and 3 others are"."""
     return f"{some_names(names)} {'is' if len(names) == 1 else 'are'}"
 
 
 BOX = np.array([[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]])
-"""Corners of the six sides of a bar, seen from outside: bit 1 of a corner's number is up, bit 2 left, bit 4 its end."""
+"""Corners of a bar's six sides from outside; bits of a corner number: 1 up, 2 left, 4 end."""
 
 
 @dataclass(frozen=True, eq=False)
 class PlacedPart:
-    """A part in space: its name, and quads (q, 4, 3), metres; corners may be twice there."""
+    """Part in space: its name, its member, and quads (q, 4, 3) in metres, of which two corners may coincide."""
 
     id: str
     member: str
@@ -143,7 +147,7 @@ class PlacedPart:
 
 
 def bar_body(bar: LatticeBar, stock: BarStock) -> tuple[Floats, Ints]:
-    """Vertices (8, 3), metres, and triangles (12, 3) of a bar, without its mitres."""
+    """Return vertices (8, 3) in metres and triangles (12, 3) of a bar without its mitres."""
     d, half = bar.direction, bar.bay.width / 2
     clear = [CLEAR * stock.bolt if end.root else 0.0 for end in bar.ends]
     middles = bar.points + np.array([clear[0], -clear[1]])[:, None] * d
@@ -154,7 +158,7 @@ def bar_body(bar: LatticeBar, stock: BarStock) -> tuple[Floats, Ints]:
 
 
 def placed_parts(plan: BarPlan) -> list[PlacedPart]:
-    """All bars, then the plates of nodes, as they are in the structure."""
+    """Return all bars, then all node plates, in the structure."""
     found, stock = plan.found, plan.stock
     bars = [PlacedPart(bar.bay.id, bar.bay.member, bar_body(bar, stock)[0][BOX]) for bar in found.bars]
     joints = [joint for joint in found.joints if joint.node.joined]
@@ -162,7 +166,7 @@ def placed_parts(plan: BarPlan) -> list[PlacedPart]:
 
 
 def _plate_quads(joint: Joint, found: BarLattice, stock: BarStock) -> Floats:
-    """(q, 4, 3) the middle of a folded plate: a quad for each arm, and two triangles between the middle and each."""
+    """Return quads (q, 4, 3) of a folded plate's middle: one for each arm, and two triangles beside each."""
     n, quads = joint.node.normal, list[Floats]()
     middle = joint.node.point - stock.lever * n
     corners = list[tuple[Floats, Floats]]()
@@ -184,7 +188,7 @@ def _plate_quads(joint: Joint, found: BarLattice, stock: BarStock) -> Floats:
 
 
 def _leg_quads(joint: Joint, middle: Floats) -> list[Floats]:
-    """(4, 3) each: the leg of a plate, and a triangle between it and the middle."""
+    """Return the quad (4, 3) of a plate's leg, and the triangle between it and the middle."""
     leg, n = joint.leg, joint.node.normal
     assert leg is not None
     aside = joint.half * np.cross(n, leg.way)

@@ -1,13 +1,10 @@
-"""Parts on stock sheets: strips of like bend lie in each other, piled up on the skyline of what is there already; what
-is short goes into the gaps between them.
+"""Nesting of parts on stock sheets: parts lie on the skyline of earlier parts; short parts fill the gaps below it.
 
-A part is known by its lower and its upper edge in narrow columns, both widened by half of the gap all around: wherever
-two such shapes do not overlap, the parts are a gap apart. The columns take the extreme values within them, so that they
-never take less room than there is. The same parts by their boxes are tried too, and each size of stock first: the
-fewest square metres win, so boxes never need fewer.
+A part is stored by its lower and upper edges in narrow columns, each half of the gap larger. Parts whose columns do not
+overlap are a gap apart, because columns keep the extreme values within them. Boxes of parts and each stock size as the
+first are tried too; the least area or cost wins.
 
-columns   a part in columns      filling   a sheet with its skyline and its gaps      sheets   all parts: `nested`
-emptying, spyrrow_program   fewer sheets by a solver, if one likes      clearance   what it says is measured by this
+skyline   parts in columns, and sheets with skyline and gaps    sheets   all parts, and fewer sheets by spyrrow
 """
 
 from dsfab.workshop.nesting.sheets import NestedSheet, emptied, nested, require_spyrrow, stacked

@@ -1,4 +1,8 @@
-"""All parts nested on sheets for the least cost, and sheets emptied into others by spyrrow."""
+"""Parts nested on sheets for the least cost, and sheets emptied into others by spyrrow.
+
+Spyrrow packs a strip as short as possible, in a process of its own. The least used sheet is emptied into others part by
+part; `least_clearance` checks each result, and without one the old nest stays.
+"""
 
 import importlib.util
 import json
@@ -18,12 +22,12 @@ from dsfab.workshop.nesting.skyline import NEAR, NestedPart, OpenSheet, Raster, 
 from dsfab.workshop.parts import TOLERANCE, FlatPart
 
 Size = tuple[float, float]
-"""Length and width of a sheet, metres."""
+"""Length and width of a sheet (m)."""
 
 
 @dataclass(frozen=True, eq=False)
 class NestedSheet:
-    """A sheet of the stock, its length and width, metres, and what is cut from it; its price, 0 where there is none."""
+    """Sheet of the stock with its size (m), its parts, and its price; 0 without a price."""
 
     size: Size
     parts: tuple[NestedPart, ...]
@@ -38,12 +42,11 @@ class NestedSheet:
 def nested(
     parts: Sequence[FlatPart], stock: Sequence[Size], gap: float, grain: bool = False, prices: Sequence[float] = ()
 ) -> list[NestedSheet]:
-    """All parts on sheets of the stock, lengths and widths in metres, `gap` metres apart and from the edges.
+    """Nest all parts on sheets of the stock, `gap` metres apart and from the edges.
 
-    grain  : whether it runs along the sheets: parts of members lie along it then.
-    prices : of a sheet of each size. The cheapest nest of those that are tried is taken, without prices the one of the
-             least area: each size is taken first once; with several, sheet by sheet the one of which most is used for
-             its price, and then for each sheet a cheaper one that has room for the same parts.
+    stock  : lengths and widths (m).    grain : whether parts of members lie along the sheets only.
+    prices : of a sheet of each size. The cheapest trial wins, or without prices the least area. Trials take each size
+             first, or for each sheet the size with most used area for its price; then cheaper sizes replace sheets.
 
     Raises PatternError for a part that fits on no sheet.
     """
@@ -62,12 +65,11 @@ def nested(
 
 
 def _orders(stock: Sequence[Size]) -> list[list[Size]]:
-    """The stock with each of its sizes first."""
     return [[first, *(size for size in stock if size != first)] for first in dict.fromkeys(stock)]
 
 
 def _costs(stock: Sequence[Size], prices: Sequence[float]) -> dict[Size, float]:
-    """What a sheet of each size costs: its price, of several the least; without prices its square metres."""
+    """Return the cost of a sheet of each size: its least price, or without prices its area."""
     priced = zip(stock, prices or [a * b for a, b in stock], strict=True)
     return dict(sorted(priced, key=lambda one: -one[1]))
 
@@ -79,7 +81,7 @@ def _cheaper(
     costs: Mapping[Size, float],
     ask: Raster,
 ) -> list[NestedSheet] | None:
-    """What was tried, each sheet on the cheapest size that it has room on, if it costs less than the best so far."""
+    """Return the trial, with sheets of the cheapest possible sizes, if it costs less than the cheapest nest so far."""
     if tried is None:
         return best
     tried = [_on_cheapest(sheet, boxes, costs, ask) for sheet in tried]
@@ -91,7 +93,7 @@ def _cost(sheets: list[NestedSheet], costs: Mapping[Size, float]) -> float:
 
 
 def _on_cheapest(sheet: NestedSheet, boxes: bool, costs: Mapping[Size, float], ask: Raster) -> NestedSheet:
-    """The parts of a sheet on one of another size that costs less, if there is one with room for all of them."""
+    """Return a sheet's parts on a cheaper size, if all of them fit there."""
     for size in sorted(costs, key=lambda one: costs[one]):
         if costs[size] >= costs[sheet.size]:
             break
@@ -104,8 +106,7 @@ def _on_cheapest(sheet: NestedSheet, boxes: bool, costs: Mapping[Size, float], a
 def _by_value(
     parts: Sequence[FlatPart], boxes: bool, costs: Mapping[Size, float], ask: Raster
 ) -> list[NestedSheet] | None:
-    """Sheets filled one after another, each of the size that takes most area of what is left for its cost. None where
-    a part fits on none."""
+    """Fill sheets in turn, each of the size with most part area for its cost; None if a part fits on none."""
     left, found = _in_order(parts), list[NestedSheet]()
     while left:
         best: OpenSheet | None = None
@@ -130,19 +131,21 @@ def _by_value(
 def stacked(
     parts: Sequence[FlatPart], stock: Sequence[Size], gap: float, most: int, grain: bool = False
 ) -> list[NestedSheet] | None:
-    """As `nested`, by piling them up alone, the first stock first: sooner, and on more sheets at times. None where they
-    are more than `most`."""
+    """Nest parts by piling alone, the first stock size first; None for more than `limit` sheets.
+
+    This is faster than `nested`, and may need more sheets.
+    """
     ask = raster(stock, gap, grain)
     return _filled(parts, False, stock, ask, most)
 
 
 def _boxes(parts: Sequence[FlatPart], gap: float) -> float:
-    """Square metres of the boxes around parts, half of the gap larger on each side."""
+    """Return the area of the boxes around parts, half of the gap larger on each side (m2)."""
     return float(sum((part.size[0] + gap) * (part.size[1] + gap) for part in parts))
 
 
 def _by_box(part: FlatPart) -> tuple[float, ...]:
-    """Long and bowed ones first: what is short and straight finds room between them."""
+    """Return the sort key that puts long and bowed parts first, because short parts fit between them."""
     return (-round(float(part.size[0] * part.size[1]), 4), -float(part.size[0]))
 
 
@@ -157,8 +160,10 @@ def _filled(
     ask: Raster,
     most: int,
 ) -> list[NestedSheet] | None:
-    """Sheets filled in an order: each part on the first sheet that has room, where its upper edge is lowest. None where
-    these are more than `most`, as soon as what is left has more area than there is room."""
+    """Fill sheets: each part goes on the first sheet with room, where its upper edge is lowest.
+
+    None for more than `limit` sheets, as soon as the remaining area exceeds the free area.
+    """
     opened = list[OpenSheet]()
     left, largest = sum(part.area for part in parts), max(a * b for a, b in stock) + NEAR
     for part in _in_order(parts):
@@ -181,10 +186,10 @@ def _filled(
 
 
 def least_clearance(outlines: Sequence[Floats], size: tuple[float, float], enough: float) -> float:
-    """The least distance, metres, between closed polygons (k, 2) each, and from them to the edges of their sheet.
+    """Return the least distance between closed polygons (k, 2), and from them to the edges of their sheet (m).
 
-    It is 0 where two overlap, and less where one is beyond an edge.
-    size : of the sheet, whose edges count too.    enough : pairs whose boxes are farther apart are not measured.
+    It is 0 for overlaps, and negative beyond an edge.
+    size : of the sheet (m).    enough : pairs whose boxes are farther apart are not measured (m).
     """
     boxes = [(P.min(axis=0), P.max(axis=0)) for P in outlines]
     found = [float(min(low.min(), (np.array(size) - high).min())) for low, high in boxes]
@@ -195,14 +200,14 @@ def least_clearance(outlines: Sequence[Floats], size: tuple[float, float], enoug
 
 
 def polygon_distance(P: Floats, Q: Floats) -> float:
-    """Metres between two closed polygons (p, 2) and (q, 2), as areas; 0 where they overlap or touch."""
+    """Return the distance of two closed polygons (p, 2) and (q, 2) as areas (m); 0 if they overlap or touch."""
     if _inside(P[:1], Q)[0] or _inside(Q[:1], P)[0] or _cross(P, Q):
         return 0.0
     return min(_from_sides(P, Q), _from_sides(Q, P))
 
 
 def _from_sides(points: Floats, polygon: Floats) -> float:
-    """Metres from points (p, 2) to the sides of a polygon (q, 2), of the nearest pair."""
+    """Return the least distance from points (p, 2) to the sides of a polygon (q, 2) (m)."""
     a, side = polygon, np.roll(polygon, -1, axis=0) - polygon
     way = points[:, None] - a
     t = np.clip((way * side).sum(axis=2) / np.maximum((side**2).sum(axis=1), 1e-30), 0, 1)
@@ -210,7 +215,7 @@ def _from_sides(points: Floats, polygon: Floats) -> float:
 
 
 def _inside(points: Floats, polygon: Floats) -> Bools:
-    """(p,) whether points (p, 2) are inside of a polygon: a ray crosses its sides an odd number of times."""
+    """Return (p,) whether points (p, 2) are inside a polygon: a ray crosses its sides an odd number of times."""
     a, b = polygon, np.roll(polygon, -1, axis=0)
     x, y = points[:, :1], points[:, 1:]
     spans = (a[:, 1] > y) != (b[:, 1] > y)
@@ -220,19 +225,19 @@ def _inside(points: Floats, polygon: Floats) -> Bools:
 
 
 def _cross(P: Floats, Q: Floats) -> bool:
-    """Whether a side of one polygon crosses one of the other: each has its ends on both sides of the other."""
+    """Return whether a side of one polygon crosses a side of the other."""
     a, b, c, d = P[:, None], np.roll(P, -1, axis=0)[:, None], Q[None], np.roll(Q, -1, axis=0)[None]
     return bool(((_turn(a, b, c) * _turn(a, b, d) < 0) & (_turn(c, d, a) * _turn(c, d, b) < 0)).any())
 
 
 def _turn(a: Floats, b: Floats, c: Floats) -> Floats:
-    """Twice the area of the triangles a, b, c, positive where they turn to the left."""
+    """Return twice the area of the triangles a, b, c, positive if they turn to the left."""
     u, v = b - a, c - a
     return np.asarray(u[..., 0] * v[..., 1] - u[..., 1] * v[..., 0])
 
 
 def require_spyrrow() -> None:
-    """Raise PatternError where spyrrow is not installed."""
+    """Raise PatternError if spyrrow is not installed."""
     if importlib.util.find_spec("spyrrow") is None:
         raise PatternError(
             "workshop.nesting = 'spyrrow' needs the library spyrrow; install it with: pip install \"dsfab[nesting]\""
@@ -240,7 +245,7 @@ def require_spyrrow() -> None:
 
 
 def emptied(sheets: Sequence[NestedSheet], gap: float, grain: bool = False) -> list[NestedSheet]:
-    """The same parts on as many sheets or fewer, `gap` metres apart and from the edges.
+    """Return the same parts on as many sheets or fewer, `gap` metres apart and from the edges.
 
     grain : whether parts of members lie along the sheets only.
     """
@@ -257,8 +262,7 @@ def emptied(sheets: Sequence[NestedSheet], gap: float, grain: bool = False) -> l
 def _without_least(
     sheets: Sequence[NestedSheet], gap: float, grain: bool, tries: Iterator[int]
 ) -> list[NestedSheet] | None:
-    """The parts of all sheets without the least used one; None where one of its parts found no room, or tries ran
-    out."""
+    """Return all parts without the least used sheet; None if a part finds no room or trials run out."""
     least = min(sheets, key=_area)
     others = [sheet for sheet in sheets if sheet is not least]
     for part in sorted((one.part for one in least.parts), key=lambda part: -part.area):
@@ -275,12 +279,11 @@ def _without_least(
 
 
 def _area(sheet: NestedSheet) -> float:
-    """Square metres of its parts."""
     return sum(one.part.area for one in sheet.parts)
 
 
 def _with_part(sheet: NestedSheet, part: FlatPart, gap: float, grain: bool) -> NestedSheet | None:
-    """A sheet with one part more, all of its parts nested anew; None where that was not found, or does not hold."""
+    """Nest a sheet anew with another part; None if spyrrow finds no nest, or its nest does not keep the gap."""
     parts = [*(one.part for one in sheet.parts), part]
     placed = _by_spyrrow(parts, sheet.size, gap, grain)
     if sorted(one.part.id for one in placed) != sorted(one.id for one in parts):
@@ -292,13 +295,13 @@ def _with_part(sheet: NestedSheet, part: FlatPart, gap: float, grain: bool) -> N
 
 
 def _by_spyrrow(parts: Sequence[FlatPart], size: tuple[float, float], gap: float, grain: bool) -> list[NestedPart]:
-    """All parts on a sheet; none where it did not find a way, or came to a bad end."""
+    """Return all parts on a sheet; empty if spyrrow finds no nest or fails."""
     # spyrrow computes in single precision, and `contours` leave out corners within `TOLERANCE` of a line
     apart = gap + 1e-5 + 2 * TOLERANCE
     job = {
         "items": [[part.contours[0].tolist(), _turns(part, size[1] - 2 * gap, grain)] for part in parts],
         "height": size[1],
-        "length": size[0],  # it stays away from the edges by itself
+        "length": size[0],  # spyrrow keeps the gap to the edges
         "gap": apart,
         "seed": 1,
     }
@@ -313,6 +316,6 @@ def _by_spyrrow(parts: Sequence[FlatPart], size: tuple[float, float], gap: float
 
 
 def _turns(part: FlatPart, tallest: float, grain: bool) -> list[float]:
-    """Degrees by which a part may be turned: across the sheet where it is short enough."""
+    """Return the turns of a part (degrees): across the sheet only if it is short enough."""
     across = part.size[0] <= tallest and not (grain and part.member)
     return [0.0, 90.0, 180.0, 270.0] if across else [0.0, 180.0]

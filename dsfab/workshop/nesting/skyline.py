@@ -1,4 +1,4 @@
-"""A sheet that is filled with parts: their shapes in narrow columns, its skyline and its gaps."""
+"""A sheet while it is filled: shapes of parts in narrow columns, the skyline and the gaps."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -11,15 +11,15 @@ from dsfab.core.arrays import Floats
 from dsfab.workshop.parts import FlatPart, polygon_area, turning
 
 NEAR = 1e-9
-"""Metres that rounding may take."""
+"""Rounding tolerance (m)."""
 
 
 @dataclass(frozen=True, eq=False)
 class PartShape:
-    """A part turned so: lower and upper edges (k,) in columns of `step`, half of the gap beyond its own; metres.
+    """Turned part: lower and upper edges (k,) in columns, half of the gap beyond its own (m).
 
-    low : its own lowest (2,) corner.    size : (2,) of its own box.
-    top, total : the highest of its upper edge, and the sum of its lower one.    thick : the most between both.
+    low : (2,) lowest corner.    size : (2,) of its box.    top : highest value of the upper edge.
+    total : sum of the lower edge.    thick : largest height between both edges.
     """
 
     part: FlatPart
@@ -35,7 +35,7 @@ class PartShape:
 
 @dataclass(frozen=True)
 class Raster:
-    """The gap, the width of a column, and how tall a part may be, metres; whether members only lie along the sheets."""
+    """Gap, column width and largest height of a part (m), and whether parts of members lie along the sheets only."""
 
     gap: float
     step: float
@@ -44,13 +44,13 @@ class Raster:
 
 
 def raster(stock: Sequence[tuple[float, float]], gap: float, grain: bool = False) -> Raster:
-    """Columns for stock of some lengths and widths, metres."""
+    """Return the columns for stock lengths and widths (m)."""
     step = min(0.01, max(max(size) for size in stock) / 250)  # at least 250 columns on the longest sheet
     return Raster(gap, step, max(min(size) for size in stock) - 2 * gap + NEAR, grain)
 
 
 def part_shapes(part: FlatPart, ask: Raster, boxes: bool) -> list[PartShape]:
-    """A part along the sheet and turned round, and across it where it is short enough; of a box two turns are two."""
+    """Return a part along the sheet in both directions, and across it if it is short enough; a box needs two turns."""
     turns = (0.0, np.pi / 2) if boxes else (0.0, np.pi, np.pi / 2, -np.pi / 2)
     found = [_shape(part, turn, boxes, ask.gap, ask.step) for turn in turns[:1]]
     tall = part.size[0] > ask.tallest or (ask.grain and bool(part.member))  # across the sheet
@@ -63,7 +63,7 @@ def _across(turn: float) -> bool:
 
 @lru_cache(maxsize=4096)
 def _shape(part: FlatPart, turn: float, boxes: bool, gap: float, step: float) -> PartShape:
-    """A part turned so. Parts are nested several times: on other stock, and to see what would save sheets."""
+    """Return a turned part; the cache serves repeated nests on other stock and for hints."""
     outline = part.outline @ turning(turn)
     low, size, ask = outline.min(axis=0), np.ptp(outline, axis=0), Raster(gap, step, np.inf)
     lower, upper = _box_columns(size, ask) if boxes else _columns(outline - low, size, ask)
@@ -77,16 +77,17 @@ def _count(size: Floats, ask: Raster) -> int:
 
 
 def _box_columns(size: Floats, ask: Raster) -> tuple[Floats, Floats]:
-    """(k,) each: the lower and the upper edge of a box (2,), half of the gap beyond it."""
+    """Return the lower and upper edge (k,) of a box (2,), half of the gap beyond it."""
     k = _count(size, ask)
     return np.full(k, -ask.gap / 2), np.full(k, size[1] + ask.gap / 2)
 
 
 def _columns(outline: Floats, size: Floats, ask: Raster) -> tuple[Floats, Floats]:
-    """(k,) each: the lowest and the highest that a polygon (q, 2) comes in columns, half of the gap beyond it.
+    """Return the lowest and highest value (k,) of a polygon (q, 2) in each column, half of the gap beyond it.
 
-    Its sides are moved by `AROUND` vectors around a circle, so much larger that its chords are outside of the true one.
-    For the lower edge these are the sides above which the polygon is, moved downwards: others are higher, there too.
+    Sides move by vectors to a regular polygon around the circle of half the gap. For the lower edge only sides below
+    the
+    polygon move, downwards, because all other sides stay above them.
     """
     reach = ask.gap / 2
     count = 16
@@ -103,12 +104,14 @@ def _columns(outline: Floats, size: Floats, ask: Raster) -> tuple[Floats, Floats
 
 
 def _moved(points: Floats, ways: Floats) -> Floats:
-    """(k q, 2) points (q, 2) moved by each of some vectors (k, 2)."""
+    """Return points (q, 2) moved by each of the vectors (k, 2): (k q, 2)."""
     return np.asarray((points[None] + ways[:, None]).reshape(-1, 2))
 
 
 def _extreme(f: np.ufunc, corner: Floats, p: Floats, q: Floats) -> Floats:
-    """(k,) the minimum or the maximum in columns between corners (k + 1,) of segments from p to q (s, 2), p left."""
+    """Return the minimum or maximum (k,) of segments p to q (s, 2) in columns between corners (k + 1,); p is left
+    of q.
+    """
     found = np.full(len(corner) - 1, np.inf if f is np.minimum else -np.inf)
     wide = np.maximum(q[:, 0] - p[:, 0], 1e-15)
     i = np.clip(np.searchsorted(corner, p[:, 0], side="right") - 1, 0, len(found) - 1)
@@ -124,7 +127,7 @@ def _extreme(f: np.ufunc, corner: Floats, p: Floats, q: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class NestedPart:
-    """A part, turned by 0 or half a turn, or a quarter more, and shifted to its place on a sheet, metres."""
+    """Part turned by a multiple of 90 degrees (radians), and shifted to its place on a sheet (m)."""
 
     part: FlatPart
     turn: float
@@ -132,16 +135,13 @@ class NestedPart:
 
     @property
     def placed(self) -> FlatPart:
-        """The part where it is on its sheet."""
+        """Part at its place on the sheet."""
         return self.part.moved(self.turn, np.array(self.shift))
 
 
 @dataclass(eq=False)
 class SheetGap:
-    """Room that is left below a part: from a column on, between a floor (k,) and a ceiling (k,); metres.
-
-    high : the most between both.
-    """
+    """Free room below a part, from a column on, between floor (k,) and ceiling (k,) (m); high : largest height."""
 
     begin: int
     floor: Floats
@@ -150,7 +150,7 @@ class SheetGap:
 
     @classmethod
     def of(cls, begin: int, floor: Floats, ceiling: Floats, ask: Raster) -> "list[SheetGap]":
-        """Those stretches of columns in which there is room for anything worth while."""
+        """Return the runs of columns that have useful room."""
         high, least = ceiling - floor, ask.gap + 0.02  # metres: smaller gaps are forgotten
         there = np.flatnonzero(np.diff(np.concatenate([[0], high > least, [0]])))
         return [
@@ -162,10 +162,10 @@ class SheetGap:
 
 @dataclass(eq=False)
 class OpenSheet:
-    """A sheet that is being filled: the height (k,) up to which each column is taken, and the area that is left.
+    """Sheet while it is filled: the used height (k,) of each column (m), and the free area (m2).
 
     lowest  : of the skyline.    gaps : below it.
-    refused : length, width and area of parts that found no room: larger ones are not tried again.
+    refused : length, width and area of parts without room; larger parts are not tried again.
     """
 
     size: tuple[float, float]
@@ -178,14 +178,13 @@ class OpenSheet:
 
 
 def empty_sheet(size: tuple[float, float], ask: Raster) -> OpenSheet:
-    """A sheet of a length and a width, metres, with nothing on it."""
-    columns = int(np.ceil((size[0] - ask.gap) / ask.step))  # the last one may be beyond the edge, where no part is put
+    """Return an empty sheet of a length and a width (m)."""
+    columns = int(np.ceil((size[0] - ask.gap) / ask.step))  # the last column may pass the edge
     return OpenSheet(size, np.full(columns, ask.gap / 2), size[0] * size[1], ask.gap / 2)
 
 
 class _Place(NamedTuple):
-    """Where a part in one of its turns has room: the better the lower its score; its rise over the sheet's edge,
-    metres, and its first column."""
+    """Place of a turned part: its score, lower is better; rise over the sheet's edge (m); first column."""
 
     score: float
     rise: float
@@ -194,7 +193,7 @@ class _Place(NamedTuple):
 
 
 def placed(sheet: OpenSheet, turns: list[PartShape], ask: Raster) -> bool:
-    """Whether a part found room on a sheet, in one of its turns; there it is then."""
+    """Put a part on a sheet in one of its turns, and return whether it has room."""
     a, b, area = float(turns[0].size[0]), float(turns[0].size[1]), turns[0].part.area
     if sheet.left < area or any(a >= x and b >= y and area >= z for x, y, z in sheet.refused):
         return False
@@ -219,7 +218,7 @@ def placed(sheet: OpenSheet, turns: list[PartShape], ask: Raster) -> bool:
 
 
 def _on_skyline(sheet: OpenSheet, turns: list[PartShape], ask: Raster) -> _Place | None:
-    """Where the upper edge of a part is lowest, and least is lost below it; None where it has no room."""
+    """Return the place with the lowest upper edge and least lost area below; None without room."""
     best: _Place | None = None
     gap, step, top = ask.gap, ask.step, sheet.size[1] - ask.gap / 2
     known: dict[int, tuple[Floats, Floats]] = {}
@@ -227,7 +226,7 @@ def _on_skyline(sheet: OpenSheet, turns: list[PartShape], ask: Raster) -> _Place
         k = len(shape.lower)
         if k > len(sheet.skyline) or sheet.lowest + shape.size[1] + gap > top + step:
             continue
-        if k not in known:  # turned by half a turn it is as long
+        if k not in known:  # half a turn keeps the length
             found = _windows(sheet.skyline, k)
             known[k] = found, found.sum(axis=1)
         windows, sums = known[k]
@@ -246,7 +245,7 @@ def _on_skyline(sheet: OpenSheet, turns: list[PartShape], ask: Raster) -> _Place
 
 
 def _in_gap(sheet: OpenSheet, number: int, turns: list[PartShape], ask: Raster) -> bool:
-    """Whether a part found room in a gap, in one of its turns; there it is then, as low as can be."""
+    """Put a part into a gap, as low as possible, and return whether it has room."""
     gap, best = sheet.gaps[number], None
     for shape in turns:
         k = len(shape.lower)
@@ -278,11 +277,11 @@ def _nested(shape: PartShape, column: int, rise: float, ask: Raster) -> NestedPa
 
 
 def _room(sheet: OpenSheet, ask: Raster) -> float:
-    """Square metres of the gaps."""
+    """Return the area of the gaps (m2)."""
     return ask.step * float(sum((gap.ceiling - gap.floor).sum() for gap in sheet.gaps))
 
 
 def _windows(skyline: Floats, k: int) -> Floats:
-    """(q, k) each run of k columns, a view: numpy's own function for that takes longer than what is done with it."""
+    """Return each run (q, k) of k columns as a view; numpy's function for this takes longer than its use."""
     (step,) = skyline.strides
     return np.ndarray((len(skyline) - k + 1, k), skyline.dtype, skyline, strides=(step, step))

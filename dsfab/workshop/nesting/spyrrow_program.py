@@ -1,9 +1,9 @@
-"""Whether parts fit on a sheet, by spyrrow: a program of its own, because bad input can end it without a word.
+"""Program that nests parts on a sheet by spyrrow, in a process of its own because bad input can crash it.
 
     python -P spyrrow_program.py JOB.json
 
 JOB.json has `items`: [[outline [[x, y], ..], turns in degrees], ..], `height` and `length` of the sheet, `gap`, all in
-metres, and `seed`. It prints one line: [[number of the item, degrees, x, y], ..], or null where it found no way.
+metres, and `seed`. It prints one line: [[item number, degrees, x, y], ..], or null without a solution.
 """
 
 import json
@@ -15,7 +15,7 @@ from typing import Any
 
 
 def main(path: str) -> None:
-    """Say the first way in which all items lie within the length of the sheet: it hangs on the seed alone."""
+    """Print the first solution within the sheet's length, which depends on the seed alone."""
     import spyrrow
 
     job = json.loads(Path(path).read_text(encoding="utf-8"))
@@ -41,11 +41,11 @@ def main(path: str) -> None:
             _say(way)
     if ended and ended[0].width <= job["length"]:
         _say(ended[0])
-    print("null")  # noqa: T201  what whoever started it reads
+    print("null")  # noqa: T201  the calling process reads it
 
 
 def _say(way: Any) -> None:
-    """The way, and then nothing more: the search would go on."""
+    """Print a solution and end the process, because the search would go on."""
     placed = [[int(one.id), one.rotation, *one.translation] for one in way.placed_items]
     print(json.dumps(placed), flush=True)  # noqa: T201
     os._exit(0)

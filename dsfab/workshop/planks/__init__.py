@@ -1,9 +1,7 @@
-"""Structures of upright planks: they stand on the surface, along its normals, and are halved where they cross.
+"""Structures of planks that stand upright on the surface, and are halved where they cross.
 
-slots     where planks cross, and what is cut out of both      outline   of a plank, with its slots and ends
-ways      on which way a piece is put on                       plank     one of them, divided, with ends and covers
-sawing    all of them as flat parts                            found     what is known of these parts
-plan      all of it: `plank_plan`
+slots   crossings of planks, and their slots    plank   a plank with its divisions, ends and covers
+plan    the whole plan: `plank_plan`
 """
 
 from dsfab.workshop.planks.plan import PlankPlan, plank_courses, plank_parts, plank_plan, upright

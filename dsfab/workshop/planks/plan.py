@@ -1,4 +1,9 @@
-"""The parts of a structure of planks, rolled out along the normals of the surface."""
+"""The parts of a structure of planks, rolled out along the normals of the surface.
+
+A plank is P(s) + y N(s), a ruled surface with normal -B on the axis. Rolled out it bends by kn in its plane; built it
+is
+bent by kg across it and twisted by tg, which makes its edges longer than drawn by tg^2 h^2 / 8.
+"""
 
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
@@ -31,15 +36,14 @@ from dsfab.workshop.strips import is_strip
 
 
 def upright(course: StripCourse, depth: float) -> StripCourse:
-    """A course along the surface as that of a plank on it: its normal is -B, its left the surface's normal."""
+    """Return a course along the surface as that of a plank: its normal is -B, and its left the surface normal."""
     B = np.cross(course.N, course.T)
     half = np.full(len(course.s), depth / 2)
     return replace(course, N=-B, kg=course.kn, kn=-course.kg, left=half, right=half)
 
 
 def plank_courses(graph: MemberGraph, stock: PlankStock) -> tuple[dict[str, StripCourse], dict[str, StripCourse]]:
-    """Courses along the surface of all members that are planks, and those of them that stop before others, or where
-    they curl up."""
+    """Return courses of all planks along the surface, and those that stop before others or before a curl."""
     members = [member for member in graph.members if is_strip(member)]
     more = 2 * (stock.reach + stock.depth + stock.past)
     courses = {one.id: member_course(graph, one, stock.past, more) for one in members}
@@ -67,13 +71,13 @@ def plank_parts(
     ground: Ground | None = None,
     order: Sequence[str] = ORDER,
 ) -> PlankParts:
-    """The parts of all members that are planks.
+    """Return the parts of all members that are planks.
 
-    room   : lengths and widths, metres, that parts may have on the stock.
-    ground : supports, along which ends are cut; None where nothing is held.
-    order  : of families, from those that stand first.
+    room   : lengths and widths (m) that parts may have on the stock.
+    ground : base plane whose supports level the ends; None without supports.
+    order  : families, from the lowest planks to the uppermost.
 
-    Raises PatternError where no piece fits on the stock.
+    Raises PatternError if no piece fits on the stock.
     """
     courses, stopped = plank_courses(graph, stock)
     gone = courses_without_rest(stopped, dict.fromkeys(stopped, stock.depth))
@@ -102,7 +106,7 @@ def plank_parts(
 
 
 def _reached(crossings: list[Crossing], courses: Mapping[str, StripCourse]) -> tuple[list[Crossing], list[str]]:
-    """Crossings that both planks reach, and the names of the others."""
+    """Return crossings within both courses, and the node names of other crossings."""
     there = [
         all(
             courses[name].begin <= s <= courses[name].end or courses[name].closed
@@ -116,9 +120,9 @@ def _reached(crossings: list[Crossing], courses: Mapping[str, StripCourse]) -> t
 
 @dataclass(frozen=True, eq=False)
 class PlankPlan:
-    """Planks, what they are cut from, and all parts: planks, cover plates, and plates that lie on them.
+    """Planks, their stock, and all parts: planks, cover plates, and plates on the planks.
 
-    limit : the strain at which the material's strength is reached; 0 where the preset gives none.
+    limit : strain at the material's strength; 0 if the preset has none.
     """
 
     found: PlankParts
@@ -128,12 +132,12 @@ class PlankPlan:
 
     @property
     def lines(self) -> tuple[str, ...]:
-        """Sentences: what is possible, and what is not."""
+        """Sentences on what can be built and what cannot."""
         return (*_bent(self), *_halved(self), *_put_on(self), *_left_out(self))
 
     @property
     def hindrance(self) -> str:
-        """Why it cannot be built so, in numbers; "" where it can: what planks "would" be."""
+        """Obstacle to building, in numbers, as planks "would ..."; "" for none."""
         found, worst = self.found, max(self.found.bends.values(), default=0.0)
         if worst > self.limit:
             return f"would be bent across themselves to {worst:.2%}, of {self.limit:.2%} allowed"
@@ -151,7 +155,7 @@ class PlankPlan:
 
     @property
     def merit(self) -> str:
-        """How they are bent, cross and are put on, in numbers, where nothing hinders them."""
+        """Bending, crossings and slots of a possible plan, in numbers."""
         found, stock = self.found, self.stock
         bend, lean = (max(some.values(), default=0.0) for some in (found.bends, found.steep))
         said = (
@@ -176,11 +180,12 @@ def plank_plan(
     ground: Ground | None = None,
     order: Sequence[str] = ORDER,
 ) -> PlankPlan:
-    """The planks of a graph, and its plates on them without holes; normals (n, 3) at the vertices of its sheet.
+    """Return the planks of a graph, and its plates on them without holes.
 
-    limit : strain.    order : of families, from those that stand first.
+    normals : (n, 3) at the vertices of the graph's sheet.    limit : strain.
+    order   : families, from the lowest planks to the uppermost.
 
-    Raises PatternError where no piece fits on the stock.
+    Raises PatternError if no piece fits on the stock.
     """
     found = plank_parts(graph, stock, room, ground, order)
     discs = [member for member in graph.members if is_plate(member)]
@@ -277,6 +282,6 @@ def _left_out(plan: PlankPlan) -> Iterator[str]:
 
 
 def _rounded_down(metres: float) -> str:
-    """Two digits, never more than it is."""
+    """Return two digits, rounded down."""
     power = 10.0 ** (np.floor(np.log10(metres)) - 1)
     return f"{np.floor(metres / power) * power:.2g}"

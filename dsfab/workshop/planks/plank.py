@@ -1,4 +1,4 @@
-"""One plank as flat parts: its divisions, outline, slots, ends and cover plates."""
+"""A plank as flat parts: its divisions, outline, slots, ends and cover plates."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass, field
@@ -22,7 +22,7 @@ Ends = tuple[tuple[float, float], tuple[float, float]]
 
 @dataclass(frozen=True)
 class PlankStock:
-    """Thickness and depth of planks, and diameter of the bolts of splices, metres; the height of letters, at most.
+    """Thickness and depth of planks, bolt diameter of splices, and largest heights of letters (m).
 
     splice : "cover", "scarf" or "none".
     """
@@ -35,28 +35,30 @@ class PlankStock:
 
     @property
     def layering(self) -> Layering:
-        """How far cover plates and their bolts reach."""
+        """Layering that fixes the lengths of cover plates and the places of their bolts."""
         return Layering(self.thickness, 2, self.bolt)
 
     @property
     def past(self) -> float:
-        """Metres beyond the last node."""
+        """Length beyond the last node (m)."""
         return max(3 * self.thickness, END * self.bolt)
 
     @property
     def lap(self) -> float:
-        """Metres that two pieces overlap by."""
+        """Overlap of two pieces (m)."""
         return SCARF * self.thickness if self.splice == "scarf" else 0.0
 
     @property
     def reach(self) -> float:
-        """Metres from a splice to the end of what belongs to it."""
+        """Distance from a splice to the end of its cover or lap (m)."""
         return self.layering.half_cover if self.splice == "cover" else max(self.lap / 2, self.past)
 
 
 def level_cut(layer: Development, ground: Ground, at: float, last: bool, depth: float) -> tuple[float, float] | None:
-    """Arc lengths at the right and at the left edge where a plank that ends near a support is cut along the ground
-    there; None for others, and where it comes down less steeply than 25 degrees."""
+    """Return arc lengths at the right and left edge where a plank's end near a support is cut along the ground.
+
+    None without a support nearby, or if the plank comes down at less than 25 degrees.
+    """
     point = layer.course.at(np.array([at]))[0][0]
     height = ground.height_near(point, depth)
     way = layer.frame(np.array([at]))[1][0] * (1 if last else -1)
@@ -67,7 +69,7 @@ def level_cut(layer: Development, ground: Ground, at: float, last: bool, depth: 
 
 
 def plank_outline(layer: Development, ends: Ends, slots: Sequence[Slot], depth: float) -> Floats:
-    """(k, 2) counter-clockwise, from the right edge at the beginning."""
+    """Return the outline (k, 2), counter-clockwise from the right edge at the beginning."""
     (a, b), (c, d) = ends
     right = _notched(layer, (a, c), -depth / 2, [slot for slot in slots if not slot.above])
     left = _notched(layer, (b, d), depth / 2, [slot for slot in slots if slot.above])
@@ -75,7 +77,7 @@ def plank_outline(layer: Development, ends: Ends, slots: Sequence[Slot], depth: 
 
 
 def _notched(layer: Development, span: tuple[float, float], edge: float, slots: Sequence[Slot]) -> Floats:
-    """(k, 2) an edge of a plank, metres over its axis, over a span, with its slots."""
+    """Return an edge (k, 2) of a plank, at a height over its axis (m), with its slots."""
     s = layer.stations(*span)
     found, first = list[Floats](), 0
     for slot in slots:
@@ -92,7 +94,7 @@ def _notched(layer: Development, span: tuple[float, float], edge: float, slots: 
 def plank_marks(
     layer: Development, name: str, span: tuple[float, float], slots: Sequence[Slot], stock: PlankStock
 ) -> tuple[Floats, ...]:
-    """The name of a piece in the middle of its longest bay, and at each slot that of its node, on the other half."""
+    """Return strokes of a piece's name in its longest bay, and of node names opposite to slots."""
     stops = np.array([span[0], *(slot.s for slot in slots), span[1]])
     longest = int(np.diff(stops).argmax())
     middle = (stops[longest] + stops[longest + 1]) / 2
@@ -113,15 +115,14 @@ def plank_marks(
 
 
 def letters_within(name: str, stock: PlankStock, room: float) -> float:
-    """Of letters that fit into metres on both sides of their middle."""
+    """Return the height of letters that fit into `room` metres on both sides of their middle."""
     high = letter_height(stock.depth, stock.letters[0])
     return high * min(1.0, 2 * room / text_length(name, high))
 
 
 @dataclass
 class Plank:
-    """A member on its way to become parts: arc lengths of its beginning and its end at the right and left edges, where
-    it is divided, and on which way (3,) each piece is put on."""
+    """Member that becomes parts: stations of its ends and cuts, and the assembly direction (3,) of each piece."""
 
     member: Member
     course: StripCourse
@@ -134,7 +135,7 @@ class Plank:
     def divide(
         self, crossings: Sequence[Crossing], room: list[tuple[float, float]], ground: Ground | None, found: PlankParts
     ) -> None:
-        """Into pieces that fit on the stock and can be put on, at crossings where this is the upper plank."""
+        """Divide the plank into pieces that fit on the stock and slide onto the lower planks."""
         course, stock = self.course, self.stock
         upper = [one for one in crossings if self._is(one, 1)]
         at, normals = np.array([one.at[1] for one in upper]), np.array([one.normal for one in upper]).reshape(-1, 3)
@@ -163,25 +164,26 @@ class Plank:
             self.ways.append(middle(some) if len(some) and angle <= SLIDE * (1 + 1e-9) else None)
 
     def _is(self, one: Crossing, k: int) -> bool:
+        """Return whether this is the lower (0) or upper (1) plank of a crossing."""
         return one.members[k] == self.member.id
 
     @property
     def spans(self) -> list[tuple[float, float]]:
-        """Of the pieces, without what they overlap by."""
+        """Spans of the pieces without their laps."""
         return list(zip(self.cuts, self.cuts[1:], strict=False))
 
     @property
     def names(self) -> list[str]:
-        """'A07', or 'A07.1', 'A07.2'."""
+        """"A07", or "A07.1" and "A07.2"."""
         count = len(self.spans)
         return [self.member.id] if count == 1 else [f"{self.member.id}.{k}" for k in range(1, count + 1)]
 
     def way_at(self, s: float) -> Floats | None:
-        """The way on which the piece at an arc length is put on; None where slots stay as narrow as they can be."""
+        """Return the assembly direction of the piece at an arc length; None where slots stay as narrow as possible."""
         return next((way for way, (a, b) in zip(self.ways, self.spans, strict=True) if a <= s <= b), None)
 
     def _fits(self, begin: float, end: float, room: list[tuple[float, float]]) -> bool:
-        """Whether the piece of a span lies on the stock, along its own middle line."""
+        """Return whether the piece of a span lies on the stock, along its middle line."""
         layer, (a, b) = Development(self.course, 0.0), self._lapped((begin, end))
         x, angle = layer.at(np.linspace(a, b, 9))
         outline = plank_outline(layer, self._piece_ends((a, b)), (), self.stock.depth)
@@ -195,7 +197,7 @@ class Plank:
         return lapped(span, (course.begin, course.end), self.stock.lap / 2, course.closed)
 
     def _piece_ends(self, long: tuple[float, float]) -> Ends:
-        """Of a piece with its laps: square, but for those of the member."""
+        """Return the ends of a piece with laps: square, except at ends of the member."""
         course, (begin, end) = self.course, self.ends
         return (
             begin if long[0] == course.begin and not course.closed else (long[0], long[0]),
@@ -203,7 +205,7 @@ class Plank:
         )
 
     def into(self, found: PlankParts) -> None:
-        """Pieces and cover plates into what was found."""
+        """Add pieces and cover plates to `parts`."""
         course, stock, layer = self.course, self.stock, Development(self.course, 0.0)
         joints = list(self.cuts[:-1] if course.closed else self.cuts[1:-1])
         holes = [self._splice_holes(joint, k) for k, joint in enumerate(joints, 1)] if stock.splice == "cover" else []
@@ -228,17 +230,17 @@ class Plank:
             found.covers.append(self._cover(f"{self.member.id}.c{k}", joint, some))
 
     def _note(self, found: PlankParts) -> None:
-        """How far the member is bent, and how much longer its edges are than drawn."""
+        """Record the bending strain, and the elongation of the edges."""
         course, y = self.course, self.stock.depth / 2
         past = 0.0 if course.closed else min(CALM * self.member.mean_width, (course.end - course.begin) / 3)
         inside = (course.s >= course.begin + past) & (course.s <= course.end - past)
-        kn, tg = course.kg[inside], course.tg[inside]  # of the surface: those of a plank on it are turned
+        kn, tg = course.kg[inside], course.tg[inside]  # of the surface; a plank swaps them
         found.bends[self.member.id] = self.stock.thickness / 2 * float(np.abs(course.kn[inside]).max(initial=0.0))
         more = [np.hypot(1 - side * kn, side * tg) - (1 - side * kn) for side in (y, -y)]
         found.longer[self.member.id] = max(float(np.trapezoid(x, course.s[inside])) for x in more)
 
     def _slots(self, name: str, span: tuple[float, float], found: PlankParts) -> list[Slot]:
-        """Those of a piece, without any that run into the one before on the same edge, or out at an end."""
+        """Return slots of a piece, without those that run into the previous slot on the same edge."""
         kept = list[Slot]()
         for slot in sorted(self.slots, key=lambda one: one.s):
             if not span[0] <= slot.s <= span[1]:
@@ -253,7 +255,7 @@ class Plank:
         return kept
 
     def _level_ends(self, ground: Ground | None, stations: Floats, found: PlankParts) -> Ends:
-        """Arc lengths at the right and left edge: of ends at supports along the ground, if no slot is in the way."""
+        """Return the ends at the right and left edge, level at supports unless a slot is in the way."""
         course, layer = self.course, Development(self.course, 0.0)
         made = [(course.begin, course.begin), (course.end, course.end)]
         for k in (0, 1):
@@ -270,7 +272,7 @@ class Plank:
         return [(joint + x, y, name) for x, y in self.stock.layering.splice_bolts(self.stock.depth)]
 
     def _cover(self, name: str, joint: float, holes: Sequence[tuple[float, float, str]]) -> FlatPart:
-        """The plate beside a splice, on the right of the plank."""
+        """Return the plate beside a splice, on the right of the plank."""
         stock, reach = self.stock, self.stock.layering.half_cover
         layer, drilled = Development(self.course, stock.thickness), list[Hole]()
         for s, y, bolt in holes:

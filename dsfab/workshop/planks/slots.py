@@ -1,4 +1,14 @@
-"""Crossings of planks, and the slots that let them pass each other."""
+"""Crossings of planks, and the slots that let them pass each other.
+
+         d  assembly direction of the upper plank
+    n   /
+    |  /          ┌──────┐    ┌──────┐    lower plank: a slot from above
+    | /           │      │    │      │
+    |/            │      └────┘      │    its bottom in the middle of both
+                  └──────────────────┘
+
+Slots are cut square to the face. Planks of thickness t that cross at an angle a need t / sin a + t / tan a.
+"""
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
@@ -11,39 +21,41 @@ from dsfab.workshop.development import StripCourse
 from dsfab.workshop.parts import FlatPart
 
 SLIDE = float(np.radians(10.0))
-"""Slots of a piece open so that it can be put on along one direction, if the normals at its nodes are no farther from
-that; it is spliced where they would be."""
+"""Largest angle (radians) between the assembly direction of a piece and the normals at its nodes.
+
+Slots open by this angle; planks are spliced where they would need more.
+"""
 
 
 def spread(normals: Floats) -> float:
-    """The largest angle between unit vectors (q, 3) and the way in their middle, radians; 0 for none."""
+    """Return the largest angle between unit vectors (q, 3) and their middle direction (radians); 0 for none."""
     if len(normals) < 2:
         return 0.0
     return float(np.arccos(np.clip(normals @ middle(normals), -1.0, 1.0)).max())
 
 
 def middle(normals: Floats) -> Floats:
-    """(3,) the unit vector between those of some (q, 3) that are farthest from each other."""
+    """Return the unit vector (3,) between the two of unit vectors (q, 3) that differ most."""
     i, j = np.unravel_index(int((normals @ normals.T).argmin()), (len(normals),) * 2)
     way = normals[i] + normals[j]
     return np.asarray(way / np.linalg.norm(way))
 
 
 ORDER = ("major", "minor", "rim", "keep")
-"""Families from the lowest to the uppermost, where nothing else decides: later ones are put on those before."""
+"""Families from the lowest to the uppermost for equal heights; later families are put on earlier families."""
 FIT = 2e-4
-"""Metres of air between a plank and each side of a slot, and its bottom."""
+"""Clearance between a plank and each side and the bottom of a slot (m)."""
 SHARPEST = 30.0
-"""Degrees: planks that meet at less have no slot, which would take most of them away."""
+"""Least crossing angle of planks with slots (degrees), because a slot at less would cut most of the plank."""
 
 
 @dataclass(frozen=True, eq=False)
 class Crossing:
     """Two planks at a node.
 
-    members : the lower one, then the one that is put on it.    at : (2,) arc lengths of their courses, metres.
-    rise    : of the upper one's axis over the other, metres.   normal : (3,) unit vector.
-    ways    : (2, 3) unit tangents of both, square to the normal.    angle : between them, radians, at most a right one.
+    members : lower plank, then upper plank.    at : (2,) arc lengths of their courses (m).
+    rise    : height of the upper axis over the lower axis (m).    normal : (3,) unit vector.
+    ways    : (2, 3) unit tangents, square to the normal.    angle : between them, at most a right angle (radians).
     """
 
     node: str
@@ -59,16 +71,21 @@ class Crossing:
         lock(self, "ways", np.float64, (2, 3))
 
     def leans(self, way: Floats) -> tuple[float, float]:
-        """By how much the slots of the lower and of the upper plank open, along each for a metre of height, so that the
-        upper one comes along a unit vector (3,)."""
+        """Return the openings of the lower and of the upper slot, along each plank for a metre of height.
+
+        With these the upper plank can be put on along a unit vector (3,).
+        """
         one, two, up = np.linalg.solve(np.stack([*self.ways, self.normal], axis=1), way)
         return float(one / up), float(-two / up)
 
 
 @dataclass(frozen=True)
 class Slot:
-    """A slot of a plank: at an arc length, half as wide as `half`, its bottom `y` metres over the axis, open above or
-    below. lean : how far its mouth reaches along the plank for a metre of depth, to one side."""
+    """Slot of a plank at an arc length: half its width, the height `y` of its bottom over the axis (m), and its open
+    side.
+
+    lean : length along the plank by which the mouth opens to a side, for a metre of depth.
+    """
 
     node: str
     s: float
@@ -78,27 +95,29 @@ class Slot:
     above: bool
 
     def mouth(self, edge: float) -> tuple[float, float]:
-        """Where it begins and ends at an edge that is metres over the axis; metres from its middle."""
+        """Return the begin and end of the mouth at an edge over the axis, from the slot's middle (m)."""
         more = self.lean * abs(edge - self.y)
         return -self.half + min(more, 0.0), self.half + max(more, 0.0)
 
 
 @dataclass
 class PlankCrossings:
-    """Those with slots, and the names of nodes without: `sharp` ones."""
+    """Crossings with slots, and names of nodes that are too sharp for slots."""
 
     found: list[Crossing] = field(default_factory=list)
     sharp: list[str] = field(default_factory=list)
 
 
 def slot_width(thickness: float, angle: float) -> float:
-    """Metres, of a slot for a plank of a thickness that crosses another of the same at an angle, radians."""
+    """Return the width of a slot (m) for planks of a thickness that cross at an angle (radians)."""
     return float(thickness / np.sin(angle) + thickness / np.tan(angle))
 
 
 def standing_order(graph: MemberGraph, up: Floats) -> tuple[str, ...]:
-    """All families, those first that begin lowest, as arches and meridians do: they stand on the ground, and carry
-    those that are put on them.    up : (3,) unit vector."""
+    """Return the families, those that begin lowest first, as arches and meridians do.
+
+    They stand on the ground and carry the others.    up : (3,) unit vector.
+    """
     z = graph.sheet.surface.V @ up
     begins: dict[str, list[float]] = {family: [] for family in ORDER}
     for member in graph.members:
@@ -113,8 +132,10 @@ def standing_order(graph: MemberGraph, up: Floats) -> tuple[str, ...]:
 def plank_crossings(
     graph: MemberGraph, courses: Mapping[str, StripCourse], order: Sequence[str] = ORDER
 ) -> PlankCrossings:
-    """All nodes between two members that are planks, by their courses along the surface; families in the order in which
-    they stand on each other."""
+    """Return all nodes between two planks, by their courses along the surface.
+
+    order : families, from the lowest planks to the uppermost.
+    """
     found = PlankCrossings()
     for node in graph.nodes:
         if node.kind == "grazing" or not all(name in courses for name in node.members):
@@ -131,7 +152,7 @@ def plank_crossings(
 def _crossing(
     node: str, names: tuple[str, str], courses: tuple[StripCourse, StripCourse], at: tuple[float, float]
 ) -> Crossing:
-    """By the plane through both tangents there, again and again: P + u T + w n = Q + v U."""
+    """Iterate with the plane through both tangents: P + u T + w n = Q + v U."""
     s, t = (course.wrapped(x) for course, x in zip(courses, at, strict=True))
     for _ in range(5):  # Newton steps
         (P, T, N), (Q, U, M) = ([x[0] for x in c.at(np.array([x]))] for c, x in zip(courses, (s, t), strict=True))
@@ -146,16 +167,16 @@ def _crossing(
 
 @dataclass
 class PlankParts:
-    """Flat parts of all planks, and what is to be known of them.
+    """Flat parts of all planks, with notes on them.
 
-    order     : of families, from those that stand first.
-    crossings : with slots, and nodes without.    crowded : nodes whose slots would run into others, "N007 in A02".
-    steep     : the angle, radians, of pieces, by name, between the way on which they come and their slots, at most.
-    stuck     : pieces that do not slide on, by name, with that angle.
-    stopped   : members that stop before others of their family, or where they curl up.    left : nodes that they miss.
-    gone      : those of which nothing is left then.
-    level     : ends cut along the ground.    near, splices : splices near to a node, and all.
-    longer    : metres that twisted edges are longer than drawn, by member.    bends : strain of bending, by member.
+    order     : families, from the lowest planks to the uppermost.
+    crossings : nodes with and without slots.    crowded : slots that would run into others, "N007 in A02".
+    slide_angles : largest angle between the assembly direction and the slots, by piece (radians).
+    stuck     : those of pieces that do not slide on.    level_ends : number of ends cut along the ground.
+    shortened : members that stop before others of their family or before a curl.    missed_nodes : nodes that they
+                miss.
+    vanished  : members that would be too short.    splices_near_nodes, splice_count : numbers of splices.
+    longer    : elongation of edges by twist, by member (m).    bends : bending strain, by member.
     """
 
     order: tuple[str, ...]
