@@ -1,5 +1,5 @@
-"""Holds the name: in a wheel the presets of the top level's `presets/` lie here, in place of this file.
+"""The name of a package without code: a wheel has the presets of the top level's `presets/` beside this file.
 
-setuptools looks for packages by their folders, and finds this one; `package-dir` in pyproject.toml says whose files it
-takes.
+setuptools finds packages by their folders, and this folder by this file; `package-dir` in pyproject.toml gives it the
+files of the top level.
 """
