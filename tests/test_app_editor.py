@@ -7,6 +7,7 @@ import http.client
 import json
 import os
 import pickle
+import queue
 import re
 import signal
 import socket

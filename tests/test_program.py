@@ -1,7 +1,6 @@
 """Programs of ours in processes of their own, started before they are asked."""
 
 import subprocess
-import time
 
 import pytest
 
@@ -68,8 +67,8 @@ def test_other_work_is_done_while_a_program_is_waited_for(tmp_path):
 
 
 def test_a_program_gets_its_answer_in_when_other_work_took_longer_than_it_may(tmp_path):
-    with meanwhile(lambda: time.sleep(1.5)), program(tmp_path, ECHO) as ahead:
-        assert ahead.last_line("a", seconds=0.5) == "a"
+    with program(tmp_path, ECHO) as ahead, meanwhile(ahead._run.wait):
+        assert ahead.last_line("a", seconds=0.001) == "a"
 
 
 def test_other_work_is_done_at_the_end_if_nothing_was_waited_for():

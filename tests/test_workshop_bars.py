@@ -351,9 +351,9 @@ def test_auto_takes_bars_where_strips_cannot_be_bent_and_says_by_how_much(vault)
     long = chosen_route(small, graph, Layering(0.04, 2, 0.012))
     assert long.name == "strips"
     assert "but bars are longer than the stock (B" in long.reason
-    assert "but bars are no way either" in near.reason
+    assert "but bars are impossible too" in near.reason
     assert "take workshop.route" not in near.reason  # strips are the route that was taken
-    assert "upright planks are no way: planks 100 mm deep of boards 80 mm thick" in near.reason
+    assert "upright planks are impossible: planks 100 mm deep of boards 80 mm thick" in near.reason
 
 
 def test_auto_takes_planks_where_bars_would_leave_the_surface_and_planks_can_be_bent_and_put_on(vault):

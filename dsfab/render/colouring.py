@@ -39,33 +39,33 @@ Show = Literal[
 ]
 
 ANSWERS = ("vonmises", "utilisation", "energy", "displacement", "buckling", "frequency")
-"""Shown on the whole uncut sheet, that they were computed for."""
+"""Results of the statics, shown on the whole uncut sheet for which they were computed."""
 
 DEFORMED = ("displacement", "buckling", "frequency")
-"""Of these, the ones that are drawn as a shape."""
+"""Results that are drawn as a deformed shape."""
 
 MODES = ("major_mode", "minor_mode")
-"""The fields whose values the stripes are drawn along."""
+"""Fields along whose values stripes run."""
 
 WHOLE_SHEET = ("loads", "directions", *MODES, *ANSWERS)
-"""Shown on the sheet before stripes are drawn on it."""
+"""Pictures of the sheet before stripes."""
 
 STEEPEST = 98.0
-"""Colours end at this percentile of the stress: single points under loads and supports would hide the rest."""
+"""Percentile of stress at which colours end, because peaks under loads and supports would hide the rest."""
 
-# compression, none, tension: blue and red, as engineers are used to, of equal darkness and safe for colour-blind eyes
+# compression, zero, tension: blue and red of equal darkness, usual for engineers and safe for colour-blind eyes
 _DIVERGING = np.array(
     [(33, 80, 140), (84, 140, 190), (166, 200, 222), (240, 236, 228), (238, 190, 160), (210, 110, 80), (150, 38, 40)],
     dtype=np.float64,
 )
 
-# below and above zero, of what is no stress: teal and ochre
+# values below and above zero other than stress: teal and ochre
 _SIGNED = np.array(
     [(0, 84, 82), (53, 151, 143), (160, 209, 200), (244, 241, 234), (223, 194, 125), (184, 122, 44), (112, 62, 8)],
     dtype=np.float64,
 )
 
-# nothing to much: pale to dark, so that it can be read without colours too
+# small to large values: pale to dark, so that a grey print is readable
 _RISING = np.array(
     [(240, 236, 228), (246, 208, 148), (232, 148, 84), (196, 80, 56), (128, 28, 52), (64, 10, 44)], dtype=np.float64
 )
@@ -73,11 +73,11 @@ _RISING = np.array(
 
 @dataclass(frozen=True, eq=False)
 class Bar:
-    """A scale of colours.
+    """Colour scale.
 
-    limit   : where its colours end; both ways if there is a middle.
+    limit   : value at its end, at both ends with a middle.
     labels  : below its left end, middle and right end.        names : above its left and right end.
-    colours : (k, 3) from left to right.                       bands: how many steps they make; 0 for none.
+    colours : (k, 3) from left to right.                       bands: number of steps; 0 for a smooth scale.
     """
 
     limit: float
@@ -89,10 +89,9 @@ class Bar:
 
 @dataclass(frozen=True, eq=False)
 class Colouring:
-    """face (m, 3) bytes; bar: what explains them, if they need it.
+    """Face colours (m, 3) bytes, with their bar if they need it.
 
-    V     : (n, 3) where the vertices are drawn, metres; None leaves them where they are.
-    words : for the caption.
+    V     : (n, 3) vertices to draw in place of the surface's (m); None for these.    words : for the caption.
     """
 
     face: Bytes
@@ -102,7 +101,7 @@ class Colouring:
 
 
 def check_show(show: str) -> None:
-    """Raises DsfabError for what cannot be shown."""
+    """Raise DsfabError for an unknown picture."""
     if show == "fabrication":
         raise DsfabError("show 'fabrication' is measured on the finished solid: ask dsfab preview for it alone")
     if show == "members":
@@ -112,10 +111,11 @@ def check_show(show: str) -> None:
 
 
 def coloured(design: "Design", show: str, palette: Palette) -> Colouring:
-    """The colours of the uncut surface's faces.
+    """Return the colours of the uncut surface's faces.
 
-    stress is the principal stress of larger size on each face, tension positive; see `dsfab.render.colouring` for the
-    answers of the statics. Raises DsfabError for what the preset does not ask for.
+    stress is the larger principal stress on each face, tension positive; for results of the statics see
+    `answer_colouring`.
+    Raises DsfabError for a result that the preset does not request.
     """
     if show in ANSWERS:
         return answer_colouring(design, show)
@@ -145,9 +145,9 @@ def coloured(design: "Design", show: str, palette: Palette) -> Colouring:
 
 
 def _mode(design: "Design", show: str) -> Colouring:
-    """A mode that stripes are drawn along: each change of 1 / frequency is another stripe.
+    """Return the colours of a stripe mode, on which each change of 1 / frequency is a stripe.
 
-    Raises DsfabError for stripes that are drawn along none.
+    Raises DsfabError for stripes without modes.
     """
     if design.pattern.even:
         raise DsfabError("evenly spaced stripes run along no mode; show structure, families or directions instead")
@@ -163,15 +163,16 @@ def _mode(design: "Design", show: str) -> Colouring:
 
 
 def mode_gradient(design: "Design", show: str) -> Floats:
-    """(m, 3) per metre, the gradient of a mode on each face: stripes lie across it."""
+    """Return the gradient (m, 3) of a mode on each face (1/m); stripes lie across it."""
     surface, name = design.surface, show.removesuffix("_mode")
     value = getattr(design.diffusion, name).mode(getattr(design.preset.pattern, name).mode)
     return np.asarray(np.einsum("mia,mi->ma", hat_gradients(surface), value[surface.F]))
 
 
 def banded(limit: float) -> tuple[float, int]:
-    """Where colours end so that 4 to 10 bands of a round width (1, 2, 5 times a power of ten) reach `limit`, and how
-    many they are."""
+    """Return the end of the colours and the number of bands, 4 to 10 of a round width (1, 2, 5 times a power of
+    ten).
+    """
     if not limit > 0:
         return 1.0, 4
     step = round_length(limit / 4)
@@ -180,22 +181,22 @@ def banded(limit: float) -> tuple[float, int]:
 
 
 def diverging(share: Floats, bands: int = 0) -> Bytes:
-    """(k, 3) colours for shares from -1 (compression) to 1 (tension)."""
+    """Return colours (k, 3) for shares from -1 (compression) to 1 (tension)."""
     return ramp((np.clip(share, -1, 1) + 1) / 2, _DIVERGING, bands)
 
 
 def rising(share: Floats, bands: int = 0) -> Bytes:
-    """(k, 3) colours for shares from 0 to 1."""
+    """Return colours (k, 3) for shares from 0 to 1."""
     return ramp(np.clip(share, 0, 1), _RISING, bands)
 
 
 def signed(share: Floats) -> Bytes:
-    """(k, 3) colours for shares from -1 to 1 of what is no stress."""
+    """Return colours (k, 3) for shares from -1 to 1 of values other than stress."""
     return ramp((np.clip(share, -1, 1) + 1) / 2, _SIGNED)
 
 
 def ramp(share: Floats, colours: Floats, bands: int = 0) -> Bytes:
-    """(k, 3) colours for shares from 0 to 1 of the way along `colours`, in steps of equal width if there are bands."""
+    """Return colours (k, 3) for shares from 0 to 1 along `colours`, in steps of equal width for bands."""
     if bands:
         share = np.clip(np.floor(share * bands), 0, bands - 1) / (bands - 1)
     place, known = share * (len(colours) - 1), np.arange(len(colours))
@@ -203,21 +204,21 @@ def ramp(share: Floats, colours: Floats, bands: int = 0) -> Bytes:
 
 
 def stress_label(pascals: float) -> str:
-    """'12 MPa', '350 kPa', '0 Pa', with three digits."""
+    """Return "12 MPa", "350 kPa", "0 Pa", with three digits."""
     size = abs(pascals)
     factor, unit = next(((f, u) for f, u in ((1e9, "GPa"), (1e6, "MPa"), (1e3, "kPa")) if size >= f), (1.0, "Pa"))
     return f"{pascals / factor:.3g} {unit}"
 
 
 def force_label(newtons: float) -> str:
-    """'1.2 kN', '350 N', with three digits; 999.9 N are 1 kN."""
+    """Return "1.2 kN", "350 N", with three digits; 999.9 N are 1 kN."""
     newtons = float(f"{newtons:.3g}")
     factor, unit = next(((f, u) for f, u in ((1e6, "MN"), (1e3, "kN"), (1.0, "N")) if newtons >= f), (1e-3, "mN"))
     return f"{newtons / factor:.3g} {unit}"
 
 
 def with_bar(image: "Image", bar: Bar, palette: Palette) -> "Image":
-    """The picture with the scale of colours above its caption, on the left."""
+    """Return the picture with the colour bar above its caption, on the left."""
     from PIL import Image, ImageDraw, ImageFont
 
     width, height = image.size
@@ -237,14 +238,14 @@ def with_bar(image: "Image", bar: Bar, palette: Palette) -> "Image":
 
 
 MOVES = 0.08
-"""Shapes are exaggerated until the farthest vertex moves by this share of the surface's size, or a little less."""
+"""Largest drawn movement of a vertex, over the size of the surface."""
 
 YIELDS = (96, 40, 150)
-"""Faces stressed beyond the strength: violet, which the scale of colours does not have."""
+"""Colour of faces beyond the strength: violet, which the colour scale does not have."""
 
 
 def asking(preset: "Preset", show: str) -> "Preset":
-    """The preset, asking for the one mode that is to be shown if it asks for none."""
+    """Return the preset with a request for the mode of a picture, if it has none."""
     from dsfab.preset.file import overridden
 
     key = {"buckling": "buckling", "frequency": "frequencies"}.get(show)
@@ -253,9 +254,9 @@ def asking(preset: "Preset", show: str) -> "Preset":
 
 
 def answer_colouring(design: "Design", show: str) -> Colouring:
-    """Colours of one of `dsfab.render.colouring.ANSWERS`.
+    """Return the colours of a result of the statics.
 
-    Raises DsfabError for an answer that the preset does not ask for, or that was not found.
+    Raises DsfabError for a result that the preset does not request, or that the statics do not have.
     """
     if show == "displacement":
         return _displaced(design)
@@ -278,7 +279,7 @@ def answer_colouring(design: "Design", show: str) -> Colouring:
 
 
 def energy_label(joules: float) -> str:
-    """'12 J/m2', '3.1 kJ/m2', '40 mJ/m2'."""
+    """Return "12 J/m2", "3.1 kJ/m2", "40 mJ/m2"."""
     factor, unit = next(
         ((f, u) for f, u in ((1e6, "MJ"), (1e3, "kJ"), (1.0, "J"), (1e-3, "mJ")) if abs(joules) >= f), (1e-6, "uJ")
     )
@@ -286,7 +287,7 @@ def energy_label(joules: float) -> str:
 
 
 def _scaled(value: Floats, label: Callable[[float], str], words: str) -> Colouring:
-    """Colours from nothing to the percentile where the colours of stress end too."""
+    """Return colours from zero to the percentile `STEEPEST`."""
     limit, bands = banded(float(np.percentile(value, STEEPEST)))
     bar = Bar(limit, ("0", "", label(limit)), ("", "and more" if value.max() > 1.01 * limit else ""), bands=bands)
     return Colouring(rising(value / limit, bands), bar, None, words)
@@ -305,13 +306,13 @@ def _displaced(design: "Design") -> Colouring:
 
 
 def _by(design: "Design") -> str:
-    """Whose answer it is: elements differ by more than a picture shows."""
+    """Return the elements of a result, because elements differ by more than a picture shows."""
     elements = design.statics.answers.elements
     return f"by {elements}" if elements.bending else f"by {elements.membrane} strain in its plane"
 
 
 def _times(factor: float) -> str:
-    """'5,000', '0.2'."""
+    """Return "5,000", "0.2"."""
     return f"{factor:,.0f}" if factor >= 1 else f"{factor:g}"
 
 

@@ -27,7 +27,7 @@ from dsfab.render.view import named_side, up_axis
 
 
 def caption(design: Design) -> str:
-    """One line under the picture."""
+    """Return the line below a design's picture."""
     pieces = design.solid.pieces
     share = design.sheet.surface.area / design.surface.area
     return (
@@ -37,11 +37,11 @@ def caption(design: Design) -> str:
 
 
 SECONDS = 600.0
-"""After which the other process is given up, counted from when somebody waits for it."""
+"""Time limit for the other process, from the beginning of the wait."""
 
 
 def write_picture(design: Design, path: Path, look: Look = PLAIN) -> None:
-    """Draw the finished structure into a PNG file; raises DsfabError where nothing can be drawn."""
+    """Draw the finished structure into a PNG file; raises DsfabError if this machine cannot draw."""
     write_png(picture(**_asked(design, look)), path)
 
 
@@ -53,10 +53,11 @@ def structure_picture(
     ground: Ground = "paper",
     size: tuple[int, int] = NOMINAL,
 ) -> Bytes:
-    """The finished structure as `Previewer` shows one that is not cut, (height, width, 3) bytes, on transparent ground
-    (height, width, 4): with loose ends taken off, corners rounded and openings filled.
+    """Return the finished structure in the style of `Previewer`, (height, width, 3) bytes; 4 channels on transparent
+    ground.
 
-    view, marks, ground, size : see there. Raises DsfabError for what cannot be made, and where nothing can be drawn.
+    Unlike a preview it has loose ends removed, corners rounded and openings filled.
+    view, marks, ground, size : as for `Previewer`. Raises DsfabError if the design or its picture is impossible.
     """
     asked = structure_drawing(design, view=view, marks=marks, ground=ground, size=size)
     require_rendering()
@@ -71,7 +72,9 @@ def structure_drawing(
     ground: Ground = "paper",
     size: tuple[int, int] = NOMINAL,
 ) -> StructurePicture:
-    """What `structure_picture` draws; the same are given, and raises DsfabError for what cannot be made."""
+    """Return the data of `structure_picture`, with the same parameters; raises DsfabError if the design is
+    impossible.
+    """
     check_ground(ground)
     solid, surface, load = design.solid, design.surface, design.load
     up = up_axis(surface.V, surface, load)
@@ -84,7 +87,7 @@ def structure_drawing(
 
 
 def _asked(design: Design, look: Look) -> dict[str, Any]:
-    """The arguments of `picture`."""
+    """Return the arguments of `picture`."""
     solid, words = design.solid, caption(design)
     return {"V": solid.V, "F": solid.F, "surface": design.surface, "load": design.load, "caption": words, "look": look}
 
@@ -94,9 +97,10 @@ _AHEAD: ContextVar[Ahead | None] = ContextVar("_AHEAD", default=None)
 
 @contextmanager
 def picture_ahead() -> Iterator[None]:
-    """Inside, another process has begun to load what draws, before there is a design, for one `picture_meanwhile`.
+    """Start a process that loads the drawing modules before the design exists, for one `picture_meanwhile` inside the
+    context.
 
-    Raises DsfabError where nothing can be drawn.
+    Raises DsfabError if this machine cannot draw.
     """
     if (os.cpu_count() or 1) == 1:
         yield
@@ -112,17 +116,17 @@ def picture_ahead() -> Iterator[None]:
 
 @contextmanager
 def picture_meanwhile(design: Design, path: Path, look: Look = PLAIN) -> Iterator[Callable[[], None]]:
-    """Inside, the picture of `write_picture` is drawn by another process; what is given waits until it is.
+    """Draw the picture of `write_picture` in another process inside the context; the yielded function waits for it.
 
-    Where there is one core, and when the other process fails, it is drawn in this one, by who waits for it.
-    Raises DsfabError where nothing can be drawn.
+    With one core, or if the other process fails, that function draws the picture itself.
+    Raises DsfabError if this machine cannot draw.
     """
     if (os.cpu_count() or 1) == 1:
         yield lambda: write_picture(design, path, look)
         return
-    require_rendering()  # the kind of window is in the environment then, for the other process too
+    require_rendering()  # sets the kind of window in the environment of both processes
     with temporary_folder("dsfab-picture") as folder, _AHEAD.get() or Ahead(picture_program.__file__) as program:
-        _AHEAD.set(None)  # it draws once
+        _AHEAD.set(None)  # the program draws a single picture
         given = Path(folder) / "picture.pickle"
         given.write_bytes(pickle.dumps(_asked(design, look), protocol=5))
         program.ask(str(given), str(path))
@@ -137,11 +141,11 @@ def picture_meanwhile(design: Design, path: Path, look: Look = PLAIN) -> Iterato
 
 
 SIZE = (800, 600)
-"""Pixels."""
+"""Size of a picture in a notebook (pixels)."""
 
 
 def inline_picture(made: Design) -> bytes | None:
-    """PNG of a design's solid, or of a draft before it is cut; None, with a warning, where nothing can be drawn."""
+    """Return PNG bytes of a design's solid, or of its draft; None, with a warning, if this machine cannot draw."""
     try:
         if made.has("thickening"):
             solid = made.solid

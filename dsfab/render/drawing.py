@@ -144,7 +144,7 @@ def _person_beside(V: Floats, side: ViewSide, foot: float) -> marks.Mesh:
     """Return a person on the ground to the right of the structure, a little in front of its middle."""
     middle, right, level = _ground_frame(V, side, foot)
     near_foot, apart = V[V @ side.up < foot + PERSON + 0.6], 0.55  # obstacles for a person
-    if not len(near_foot):  # support cones of a wide roof are taller than a person
+    if not len(near_foot):  # the edge of a wide roof on tall cones would hide a person
         near_foot, apart = V, 0.04 * float(np.ptp(V @ right))
     beside = float(((near_foot - middle) @ right).max()) + apart
     return person(middle + beside * right + 0.15 * float(np.ptp(V @ level)) * level, right, side.up)

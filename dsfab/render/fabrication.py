@@ -23,12 +23,12 @@ if TYPE_CHECKING:
     from dsfab.study.fabrication import Check, FabricationMeasures
 
 KEYS = {"member": "min_member", "gap": "min_gap", "wall": "min_wall", "edge": ""}
-"""What is marked, and the limit that it is compared with."""
+"""Marked features, and the preset's limits for them."""
 
 
 @dataclass(frozen=True, eq=False)
 class Callout:
-    """place (3,), metres; what it is in two lines; the colour of both."""
+    """Place (3,) in metres, text in two lines, and the colour of both."""
 
     place: Floats
     lines: tuple[str, str]
@@ -44,9 +44,9 @@ def workshop_picture(
     ground: Ground = "paper",
     palette: Palette = PAPER,
 ) -> Bytes:
-    """The solid of a design in one pale colour, and what was measured on it, (height, width, 3 or 4) bytes.
+    """Return the solid of a design in a pale colour with its fabrication measures, (height, width, 3 or 4) bytes.
 
-    Raises DsfabError where nothing can be drawn.
+    Raises DsfabError if this machine cannot draw.
     """
     check_ground(ground)
     require_rendering()
@@ -67,12 +67,12 @@ def workshop_picture(
 
 
 def write_workshop_picture(path: Path, design: "Design", made: "FabricationMeasures", size: tuple[int, int]) -> Path:
-    """Write `workshop_picture` as a PNG file, whole or not at all; raises ExportError where that cannot be."""
+    """Write `workshop_picture` as a PNG file, whole or not at all; raises ExportError if the file is not writable."""
     return write_png(workshop_picture(design, made, size=size), path)
 
 
 def callouts(made: "FabricationMeasures", palette: Palette) -> list[Callout]:
-    """What was found, with its limit and verdict where the preset has one; limits that are missed in red."""
+    """Return the measures with the preset's limits and verdicts; failed limits are red."""
     found = made.features
     measured: dict[str, tuple[float, Floats]] = {
         name: (feature.size, feature.place)
@@ -108,9 +108,9 @@ def _fits(made: "FabricationMeasures") -> str:
 
 
 def called_out(image: "Image", callouts: list[Callout], view: View, palette: Palette) -> "Image":
-    """The picture with the callouts, their words in such an order that the lines are short, and so do not cross.
+    """Return the picture with callouts, ordered so that lines are short and do not cross.
 
-    Rings are drawn over everything: a place on the far side has one too.
+    Rings are in front of everything, so that places on the far side have them too.
     """
     from PIL import Image, ImageDraw, ImageFont
     from scipy.optimize import linear_sum_assignment
@@ -136,7 +136,7 @@ def called_out(image: "Image", callouts: list[Callout], view: View, palette: Pal
 
 
 def _lead(draw: "ImageDraw", start: Floats, end: Floats, radius: float, colour: Colour) -> None:
-    """A line from the words to a ring."""
+    """Draw a line from the words to a ring."""
     far = max(float(np.linalg.norm(end - start)), np.finfo(float).tiny)
     edge = start + max(1 - radius / far, 0.0) * (end - start)
     stroke = max(round(radius / 9), 1)

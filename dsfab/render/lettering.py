@@ -19,11 +19,10 @@ MarkName = Literal["load", "support", "reaction", "person", "tension", "compress
 
 @dataclass(frozen=True)
 class Palette:
-    """Red green blue in 0..255.
+    """Colours, red green blue in 0..255.
 
-    families : of the members by family (major, minor, kept), for those who want them told apart.
-    tints    : of the same in a picture that is about them.
-    ink      : how much darker edges are drawn, 0..1.
+    families : of members by family (major, minor, kept).    tints : of the same in pictures of families.
+    ink      : darkness of edge lines, 0..1.
     """
 
     paper: Colour = (253, 252, 249)
@@ -43,20 +42,17 @@ class Palette:
     ink: float = 0.45
 
     def of(self, name: MarkName) -> Bytes:
-        """A colour by its name, as bytes."""
+        """Return a mark's colour as bytes."""
         return np.array(getattr(self, name), dtype=np.uint8)
 
 
 PAPER = Palette()
-"""Terracotta on white paper; blue loads and slate supports, told apart without red and green."""
+"""Terracotta on white paper; blue loads and slate supports differ without red and green."""
 
 
 @dataclass(frozen=True)
 class Legend:
-    """caption: one line.  names: of the marks, such as 'load' and 'support'.  pixels_per_metre: for the scale bar.
-
-    swatches: names and colours of what the colours tell apart.
-    """
+    """Caption, names of marks, pixels per metre for the scale bar, and swatches (name, colour) of other colours."""
 
     caption: str
     names: list[MarkName]
@@ -65,19 +61,21 @@ class Legend:
 
 
 def round_length(longest: float) -> float:
-    """The largest of 1, 2, 5 times a power of ten that is not longer than `longest` metres."""
+    """Return the largest of 1, 2, 5 times a power of ten up to `longest` metres."""
     power = 10.0 ** np.floor(np.log10(longest))
     return float(max(step * power for step in (1, 2, 5) if step * power <= longest * (1 + 1e-9)))
 
 
 def length_label(length: float) -> str:
-    """'20 m', '0.5 m', '50 mm'."""
+    """Return "20 m", "0.5 m", "50 mm"."""
     return f"{length:g} m" if length >= 0.1 else f"{length * MM_PER_M:g} mm"
 
 
 def lettered(image: "Image", legend: Legend, palette: Palette, larger: float = 1.0) -> "Image":
-    """The picture with its words, in the strip below the structure; larger : than on a build's preview, so many
-    times."""
+    """Return the picture with its words in the strip below the structure.
+
+    larger : size of letters over that of a build's preview.
+    """
     from PIL import ImageDraw, ImageFont
 
     width, height = image.size
@@ -101,7 +99,7 @@ def lettered(image: "Image", legend: Legend, palette: Palette, larger: float = 1
 def _swatch(
     draw: "ImageDraw", text: str, colour: Colour, palette: Palette, at: tuple[float, float], letter: float
 ) -> float:
-    """A small square of a colour and what it stands for; returns where it ends."""
+    """Draw a coloured square and its text, and return its right end."""
     from PIL import ImageFont
 
     x, base = at
@@ -113,7 +111,7 @@ def _swatch(
 
 
 def _shortened(words: str, room: float, draw: "ImageDraw", letter: float) -> str:
-    """A caption that fits: what does not is cut off with dots."""
+    """Return the caption, cut off with dots to fit the room."""
     from PIL import ImageFont
 
     font = ImageFont.load_default(size=letter)
@@ -127,7 +125,7 @@ def _shortened(words: str, room: float, draw: "ImageDraw", letter: float) -> str
 def _scale_bar(
     draw: "ImageDraw", legend: Legend, palette: Palette, end: tuple[float, float], letter: float, longest: float
 ) -> float:
-    """A bar of a round length that ends at `end`, its length written above; returns its pixels."""
+    """Draw a bar of a round length that ends at `end`, with its length above, and return its pixels."""
     from PIL import ImageFont
 
     length = round_length(longest / legend.pixels_per_metre)
@@ -146,7 +144,7 @@ def _scale_bar(
 
 
 def _named(draw: "ImageDraw", name: MarkName, palette: Palette, at: tuple[float, float], letter: float) -> float:
-    """A small sign and its name; returns where it ends."""
+    """Draw a mark's sign and name, and return the right end."""
     from PIL import ImageFont
 
     x, base = at
@@ -172,18 +170,18 @@ def _named(draw: "ImageDraw", name: MarkName, palette: Palette, at: tuple[float,
 
 
 GRID = 4
-"""Pixels of the grid on which what is taken is kept."""
+"""Cell size (pixels) of the grid of occupied places."""
 AWAY = np.arange(1.5, 30.0, 1.0)
-"""How far beside a member a name may stand, in heights of a letter."""
+"""Distances of a name beside its member, in letter heights."""
 TURNS = np.linspace(0, 2 * np.pi, 16, endpoint=False)
-"""In which directions."""
+"""Directions of a name beside its member (radians)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Nameplate:
-    """What is to be written, in which colour, and the places (k, 2) on the picture at which it may, best first, pixels.
+    """Name with its colour, and its possible places (k, 2) on the picture, best first (pixels).
 
-    seen : (k,) whether nothing is in front of them.
+    visible : (k,) whether nothing is in front of a place.
     """
 
     text: str
@@ -194,7 +192,7 @@ class Nameplate:
 
 @dataclass(frozen=True, eq=False)
 class PlacedName:
-    """A name, the middle (2,) of its letters and the place (2,) on its member that it stands for, pixels."""
+    """Name with the middle (2,) of its letters, and its place (2,) on the member (pixels)."""
 
     plate: Nameplate
     middle: Floats
@@ -202,7 +200,11 @@ class PlacedName:
 
 
 def placed_names(plates: list[Nameplate], size: tuple[int, int], letter: float) -> list[PlacedName]:
-    """Where all of them stand on a picture of a size, with letters so high, pixels."""
+    """Place names on a picture of a size, with a letter height (pixels).
+
+    A name stands on its member close to the middle if a place is free, else beside it on a short line. Members with few
+    places come first.
+    """
     taken = np.zeros((size[1] // GRID + 2, size[0] // GRID + 2), dtype=bool)
     found = []
     for plate in sorted(plates, key=lambda one: (int(one.seen.sum()), len(one.places))):
@@ -215,7 +217,7 @@ def placed_names(plates: list[Nameplate], size: tuple[int, int], letter: float) 
 
 
 def _free(taken: Bools, places: Floats, half: Floats, letter: float) -> tuple[Floats, Floats]:
-    """The place (2,) of (k, 2) that a name with half sizes (2,) stands for, and the free middle for its letters."""
+    """Return the place (2,) on the member and the free middle (2,) of a name with half sizes (2,)."""
     for place in places:
         if not _is_taken(taken, place, half):
             return place, place
@@ -230,7 +232,7 @@ def _free(taken: Bools, places: Floats, half: Floats, letter: float) -> tuple[Fl
 
 
 def _window(taken: Bools, middle: Floats, half: Floats) -> tuple[slice, slice] | None:
-    """The part of the grid that a name takes; None where it would leave the picture."""
+    """Return the grid cells of a name; None for a name beyond the picture."""
     low, high = np.floor((middle - half) / GRID).astype(int), np.ceil((middle + half) / GRID).astype(int)
     if (low < 0).any() or high[0] >= taken.shape[1] or high[1] >= taken.shape[0]:
         return None
@@ -248,7 +250,7 @@ def _take(taken: Bools, middle: Floats, half: Floats) -> None:
 
 
 def with_names(image: "Image", names: list[PlacedName], letter: float, paper: Colour) -> "Image":
-    """The picture with names, in letters so high, pixels, on a rim of the colour of paper."""
+    """Return the picture with names in letters of a height (pixels), on a rim in the colour of paper."""
     from PIL import ImageDraw, ImageFont
 
     draw, font = ImageDraw.Draw(image), ImageFont.load_default(size=letter)

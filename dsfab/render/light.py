@@ -1,4 +1,7 @@
-"""Light: sun, sky and floor as many lamps with shadow maps."""
+"""Light of pictures: a sun with a soft edge, an overcast sky and a faint floor, as many small lamps with shadow maps.
+
+A lamp lights the points that it sees (Williams 1978, shadow maps); the mean of many lamps gives soft shadows.
+"""
 
 from collections.abc import Iterator
 from dataclasses import dataclass, replace
@@ -11,21 +14,19 @@ from dsfab.render.scene import LAMP_AWAY, LAMP_DEPTHS, Floats32, Pixels, Scene
 from dsfab.render.view import View
 
 GRAIN = 1.2
-"""A map is sampled at random places so many of its pixels around a point: its steps become a grain that the eye
-averages."""
+"""Radius in map pixels of the random places at which a map is sampled, so that its steps become a fine grain."""
 
 LIFT = 2.5
-"""Points are asked about so many shares of a map's side above their surface, in radii: on the surface itself the map's
-pixels, which are steps, would throw shadows."""
+"""Height of lit points above their surface, over the pixels of a map's side (radii), against shadows of its steps."""
 
 BEFORE_NOTHING = np.float32(0.9999)
-"""Nothing has depth 1; whatever a map shows lies before this."""
+"""Largest depth that counts as a body; empty pixels have depth 1."""
 
 _DEEP = LAMP_DEPTHS[1] - LAMP_DEPTHS[0]
 
 
 def frame_towards(towards: Floats) -> Floats:
-    """Rows: two unit vectors across and the unit vector `towards` (3,) itself."""
+    """Return two unit vectors across and the unit vector `towards` (3,), as rows."""
     across = np.cross(np.eye(3)[np.argmin(np.abs(towards))], towards)
     across /= np.linalg.norm(across)
     return np.stack([across, np.cross(towards, across), towards])
@@ -33,11 +34,10 @@ def frame_towards(towards: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class ShadowMaps:
-    """The maps of some lamps, asked together: one by one the products of vectors would take most of the time.
+    """Maps of several lamps, which are evaluated together because single products of vectors are slow.
 
-    maps    : (b, s, s) depth that each sees, see `Scene.lamp`.
-    placing : (3 b, 6) from a point, its grain and 1 to columns and rows of the maps, and to depths as far as which
-              nothing may be seen.
+    maps    : (b, s, s) depth from each lamp, see `Scene.lamp`.
+    placing : (3 b, 6) from a point, its grain and 1 to map columns, map rows, and depths that must be free.
     towards : (b, 3) unit vectors times the strengths of the lamps.
     """
 
@@ -47,7 +47,7 @@ class ShadowMaps:
 
     @classmethod
     def drawn(cls, scene: Scene, towards: Floats, strength: Floats, side: int) -> Self:
-        """Those of lamps in directions (b, 3), with strengths (b,); inside `scene.lamps()`."""
+        """Draw the maps of lamps in directions (b, 3) with strengths (b,), inside `scene.lamps()`."""
         frames = np.stack([frame_towards(one) for one in towards])
         maps = np.empty((len(frames), side, side), dtype=np.float32)
         for into, frame in zip(maps, frames, strict=True):
@@ -62,12 +62,12 @@ class ShadowMaps:
         return cls(maps, placing.reshape(-1, 6).astype(np.float32), weighed.astype(np.float32))
 
     def light(self, points: Floats32, normals: Floats32, grain: Floats32) -> Floats32:
-        """(k,) light of these lamps on points that face along `normals`, both (3, k), radii; grain (2, k or more)."""
+        """Return the light (k,) on points with normals (3, k), in radii; grain : (2, k or more)."""
         count, side = self.maps.shape[:2]
         asked = np.ones((6, points.shape[1]), dtype=np.float32)
         np.add(points, np.float32(LIFT / side) * normals, out=asked[:3])
         asked[3:5] = grain[:, : points.shape[1]]
-        # what no map holds is lit: the ground far out, and marks that stand aside
+        # points outside all maps are lit: the ground far out, and marks beside the structure
         reach = np.einsum("ik,ik->k", asked[:3], asked[:3]).max()
         far = reach >= (1 - 2 * (GRAIN + 1) / side) ** 2
         column, row, depth = (self.placing @ asked).reshape(3, count, -1)
@@ -89,25 +89,25 @@ class ShadowMaps:
 
 
 SHARES = (0.60, 0.44, 0.14)
-"""Light on a surface that faces the sun from the sun; that faces the middle of the sky, of the floor, from those."""
+"""Light of the sun, the sky and the floor on a surface that faces each."""
 
 AMBIENT = 0.10
-"""Light that reaches every point."""
+"""Light at every point."""
 
 CHUNK = 1 << 15
-"""Points inked at a time: what fits the cache."""
+"""Points coloured together, as many as fit the cache."""
 
 TILE = 1 << 10
-"""Points lit at a time, by twenty lamps: what fits the cache."""
+"""Points lit together by twenty lamps, as many as fit the cache."""
 
 
 @dataclass(frozen=True)
 class LightQuality:
-    """Number of lamps in the sun, in the sky and below; side of the pictures that lamps see, pixels.
+    """Number of lamps in the sun, in the sky and below, and side of their maps (pixels).
 
-    sharp : that of the sun's, whose shadows are sharper; coarse : that of the others.
-    blur  : of the floor's shadows, of the sun and of the others, as shares of the picture's height.
-    finer : drawn at so many times the size and averaged: smooth edges.
+    sharp : side of the sun's maps, whose shadows are sharper; coarse : of the others.
+    blur  : of the floor's shadows, by the sun and by the others, over the picture's height.
+    finer : size of the drawing over that of the picture, for smooth edges.
     """
 
     sun: int = 10
@@ -120,39 +120,41 @@ class LightQuality:
 
     @property
     def bytes(self) -> int:
-        """What all lamps see, at four bytes a pixel."""
+        """Bytes of all maps, at four bytes a pixel."""
         return 4 * (self.sun * self.sharp**2 + (self.sky + self.below) * self.coarse**2)
 
     def fitting(self, height: int) -> "LightQuality":
-        """The same for a picture of this many rows: what lamps see need not be finer than what the eye sees."""
+        """Return the quality for a number of rows: maps need not be finer than the picture."""
         sharp, coarse = max(320, 2 * height), max(256, round(1.3 * height))
         return replace(self, sharp=min(self.sharp, sharp), coarse=min(self.coarse, coarse))
 
 
 FINE, QUICK = LightQuality(), LightQuality(5, 14, 3, 448, 256, (0.012, 0.05))
-"""For a picture that stands alone, and for one of a hundred."""
+"""Quality of a single picture, and of one of a hundred."""
 
 ROUGH = LightQuality(3, 7, 2, 320, 192, (0.012, 0.05), finer=1)
-"""For one that another one replaces in a moment."""
+"""Quality of a picture that another picture soon replaces."""
 
 
 @dataclass(frozen=True, eq=False)
 class Lamps:
-    """towards (k, 3) unit vectors, the sun first; strength (k,) on a surface that faces the lamp."""
+    """Lamps in directions (k, 3), the sun first, with strengths (k,) on a surface that faces the lamp."""
 
     towards: Floats
     strength: Floats
     quality: LightQuality
 
     def open(self, normal: Floats) -> tuple[float, float]:
-        """Light on a free surface with this unit normal (3,): of the sun, and of everything else."""
+        """Return the light of the sun and of other lamps on an unshaded surface with a unit normal (3,)."""
         each = np.maximum(self.towards @ normal, 0) * self.strength
         return float(each[: self.quality.sun].sum()), float(each[self.quality.sun :].sum()) + AMBIENT
 
 
 def lamps(view: View, floor: Floats, quality: LightQuality = FINE) -> Lamps:
-    """The lamps for a view, over a floor with this unit normal (3,): the sun stands over the eye's left shoulder, the
-    sky over what things stand or lie on."""
+    """Return the lamps for a view over a floor with a unit normal (3,).
+
+    The sun stands over the eye's left shoulder, the sky over the floor.
+    """
     back = -view.forward
     level = back - (back @ floor) * floor
     level /= max(float(np.linalg.norm(level)), 0.2)
@@ -174,7 +176,7 @@ def _unit(vector: Floats) -> Floats:
 
 
 def _cap(count: int, half_angle: float) -> Floats:
-    """(count, 3) unit vectors spread evenly over a cap around the third axis (golden spiral)."""
+    """Return unit vectors (count, 3) spread evenly over a cap around the third axis (golden spiral)."""
     index = np.arange(count) + 0.5
     z = 1 - index / count * (1 - np.cos(half_angle))
     turn = index * np.pi * (3 - np.sqrt(5))
@@ -183,10 +185,11 @@ def _cap(count: int, half_angle: float) -> Floats:
 
 
 def lit(scene: Scene, all_lamps: Lamps, points: Floats32, normals: Floats32, paired: int = 0) -> Floats32:
-    """(2, k) light of the sun and of everything else on `points`, which face along `normals`, both (3, k), radii.
+    """Return the light (2, k) of the sun and of all other lamps on points with normals (3, k), in radii.
 
-    paired : of so many first points every second one asks half of the lamps but the sun's, each for both of them: they
-             are neighbours within a pixel of a picture that is drawn larger and averaged.
+    paired : number of first points in neighbouring pairs. Each point of a pair evaluates half of the lamps except the
+             sun,
+             for both, because they lie within a pixel of the averaged picture.
     """
     light = np.zeros((2, points.shape[1]), dtype=np.float32)
     light[1] = AMBIENT
@@ -208,7 +211,7 @@ def _shine(
     light: Floats32,
     asking: dict[tuple[int, int, int], float],
 ) -> None:
-    """Add the light (k,) of some lamps on points with normals, both (3, k), times a number for each range of them."""
+    """Add the light (k,) of lamps on points with normals (3, k), times a factor for each range of points."""
     points, normals = on
     side = all_lamps.quality.sharp if some[0] == 0 else all_lamps.quality.coarse
     maps = ShadowMaps.drawn(scene, all_lamps.towards[some], all_lamps.strength[some], side)
@@ -220,7 +223,7 @@ def _shine(
 
 
 def rays(view: View, width: int, height: int) -> tuple[Floats32, Floats32]:
-    """(w,) and (h,) slopes of the rays through the pixels, along `view.right` and `view.up`."""
+    """Return slopes (w,) and (h,) of the rays through the pixels, along `view.right` and `view.up`."""
     x = (2 * np.arange(width) + 1 - width) / height * view.slope
     y = -(2 * np.arange(height) + 1 - height) / height * view.slope
     return x.astype(np.float32), y.astype(np.float32)
@@ -229,9 +232,9 @@ def rays(view: View, width: int, height: int) -> tuple[Floats32, Floats32]:
 def shaded(
     scene: Scene, view: View, pixels: Pixels, all_lamps: Lamps, floor: Floats, level: float | None
 ) -> tuple[Floats32, Floats32 | None]:
-    """The light on the drawn pixels (k,), in their order, and on the floor: coarse (h, w) share of its open light.
+    """Return the light (k,) on the drawn pixels, and the floor's coarse (h, w) share of its unshaded light.
 
-    The floor is the plane at `level` along `floor`, in the scene's units; without a level there is none.
+    The floor is the plane at `level` along `floor`, in scene units; None without a level.
     """
     height, width = pixels.depth.shape
     hit, paired = np.isfinite(pixels.depth), int(all_lamps.quality.finer > 1)
@@ -249,10 +252,9 @@ def shaded(
 
 
 def _points(scene: Scene, view: View, pixels: Pixels, hit: Bools, spare: int = 0) -> tuple[Floats32, Floats32]:
-    """(3, k + spare) points of the k drawn pixels in the scene's units, and their normals, turned towards the eye.
+    """Return points (3, k + spare) of the k drawn pixels in scene units, and their normals towards the eye.
 
-    In strips of rows, column by column in each, so that points that follow each other lie near each other on every map
-    of shadows: it takes a third of the time to look there.
+    They run column by column in strips of rows, because neighbours on a shadow map save two thirds of the time.
     """
     points, normals = (np.empty((3, int(hit.sum()) + spare), dtype=np.float32) for _ in range(2))
     for rows, here in _strips(hit):
@@ -261,14 +263,14 @@ def _points(scene: Scene, view: View, pixels: Pixels, hit: Bools, spare: int = 0
 
 
 def _strips(hit: Bools, rows: int = 64) -> Iterator[tuple[slice, slice]]:
-    """Some rows of a picture at a time, which bounds the memory, and which of its drawn pixels lie in them."""
+    """Yield slices of rows, which bound the memory, and the slice of their drawn pixels."""
     ends = np.concatenate([[0], np.cumsum(hit.sum(axis=1))])
     for top in range(0, len(hit), rows):
         yield slice(top, top + rows), slice(ends[top], ends[min(top + rows, len(hit))])
 
 
 def _in_rows(values: Floats32, hit: Bools) -> Floats32:
-    """(k,) values in the order of `_points`, row by row."""
+    """Return values (k,) in the order of `_points` row by row."""
     for rows, here in _strips(hit):
         strip = np.empty(hit[rows].shape, dtype=np.float32)
         strip.T[hit[rows].T] = values[here]
@@ -279,7 +281,7 @@ def _in_rows(values: Floats32, hit: Bools) -> Floats32:
 def _strip_points(
     scene: Scene, view: View, pixels: Pixels, hit: Bools, rows: slice, into: tuple[Floats32, Floats32]
 ) -> None:
-    """Points and normals of the drawn pixels in some rows."""
+    """Compute points and normals of the drawn pixels in a slice of rows."""
     (points, normal), (height, width) = into, hit.shape
     column, row = np.nonzero(hit[rows].T)
     x, y = rays(view, width, height)
@@ -300,7 +302,7 @@ def _strip_points(
 def _floor_points(
     scene: Scene, view: View, floor: Floats, level: float, shape: tuple[int, int]
 ) -> tuple[Floats32, Bools]:
-    """(3, k) points of the floor near the structure, and the pixels (h, w) of a coarse picture that show them."""
+    """Return floor points (3, k) near the structure, and their pixels (h, w) in a coarse picture."""
     x, y = rays(view, shape[1], shape[0])
     eye = (view.eye - scene.centre) / scene.radius
     ray = x[None, :, None] * view.right + y[:, None, None] * view.up + view.forward
@@ -314,8 +316,8 @@ def _floor_points(
 def _floor_share(
     light: Floats32, there: Bools, open_light: tuple[float, float], blurs: tuple[float, float]
 ) -> Floats32:
-    """(h, w) share of light on the floor; the sky's shadows, few lamps' worth, are blurred to what many would give."""
-    from scipy.ndimage import gaussian_filter  # whoever only needs to know what light there is waits for it otherwise
+    """Return the share (h, w) of light on the floor; blur replaces more lamps for the sky's shadows."""
+    from scipy.ndimage import gaussian_filter  # slow to import
 
     whole = sum(open_light)
     share = np.ones(there.shape, dtype=np.float32)

@@ -17,12 +17,12 @@ if TYPE_CHECKING:
 
 
 Mesh = tuple[Floats, Ints]
-"""V (n, 3), F (m, 3)."""
+"""Vertices V (n, 3), and faces F (m, 3)."""
 
 
 @dataclass(frozen=True)
 class Spacing:
-    """How marks are thinned: at least `apart` (share of the structure's size) from each other, at most `most`."""
+    """Thinning of marks: at least `apart` from each other, over the structure's size, and at most `most`."""
 
     apart: float
     most: int
@@ -34,14 +34,14 @@ SUPPORTS = Spacing(0.05, 40)
 GRADIENTS = Spacing(0.055, 160)
 
 CONE = 0.026
-"""Height of a support cone, share of the structure's size."""
+"""Height of a support cone over the structure's size."""
 
 LONGEST_POINT, LONGEST_SPREAD, LONGEST_GRADIENT = 0.15, 0.085, 0.06
-"""Longest arrow of a concentrated load, of a spread load and of a gradient, share of the structure's size."""
+"""Longest arrow of a point load, a spread load and a gradient, over the structure's size."""
 
 
 def thinned(points: Floats, size: float, spacing: Spacing) -> Ints:
-    """Indices of a few of (k, 3) points, evenly apart, each in the middle of its neighbourhood.
+    """Return indices of a few of the points (k, 3), evenly apart, each in the middle of its neighbourhood.
 
     Farthest points first (Gonzalez 1985), then moved to the middle of their patches (Lloyd 1982).
     """
@@ -63,7 +63,7 @@ def thinned(points: Floats, size: float, spacing: Spacing) -> Ints:
 
 @dataclass(frozen=True, eq=False)
 class Pulls:
-    """Arrows to draw: at (k,) vertices, pull (k, 3) N, long (k,) metres."""
+    """Arrows at vertices (k,) for forces `pull` (k, 3) in newtons, `long` (k,) in metres."""
 
     at: Ints
     pull: Floats
@@ -71,11 +71,11 @@ class Pulls:
 
 
 def load_arrows(surface: Surface, load: LoadCase, size: float, lift: float, eye: Floats, up: Floats) -> Mesh:
-    """Slim arrows for the loads, thinned: each stands for the force on the vertices nearest to it.
+    """Return slim arrows for the loads, thinned: each stands for the force on the vertices nearest to it.
 
-    size : of the structure, metres.   lift : half its thickness, metres: arrows start or end on the solid's skin.
-    eye  : (3,) unit vector towards the eye: arrows along the surface are drawn on the side that is seen.
-    up   : (3,) unit vector: of an open sheet the outer side is the upper one, whichever way its faces turn.
+    size : of the structure (m).   lift : half its thickness (m): arrows start or end on the solid's skin.
+    eye  : (3,) unit vector towards the eye: arrows along the surface lie on its visible side.
+    up   : (3,) unit vector: the outer side of an open sheet is its upper side, for both face directions.
     """
     acts = (np.linalg.norm(load.force, axis=1) > 0) & ~load.fixed.all(axis=1)
     points = _gathered(surface.V, load.force, acts & load.loaded, POINT_LOAD, LONGEST_POINT * size, size)
@@ -85,7 +85,7 @@ def load_arrows(surface: Surface, load: LoadCase, size: float, lift: float, eye:
     along = pull / np.linalg.norm(pull, axis=1, keepdims=True)
     normal = surface.vertex_normals[at] * _outer(surface, up)
     out = np.einsum("ki,ki->k", along, normal)
-    # pressing: the tip touches the surface; pulling outwards: the tail does; along the surface: drawn just above it
+    # the tip of pressure touches the surface, and the tail of suction; arrows along the surface lie just above it
     level = np.abs(out) < 0.3
     away = np.where(level, np.where(normal @ eye < 0, -1.0, 1.0), -np.sign(out))[:, None] * normal
     away[out > 0.3] *= -1
@@ -95,12 +95,12 @@ def load_arrows(surface: Surface, load: LoadCase, size: float, lift: float, eye:
 
 
 def _outer(surface: Surface, up: Floats) -> float:
-    """1, or -1 where the faces of an open sheet look down in the mean: what acts on a roof presses on it."""
+    """Return 1, or -1 if the faces of an open sheet look down in the mean, because loads press on a roof."""
     return -1.0 if not surface.is_closed and float(surface.areas @ (surface.normals @ up)) < 0 else 1.0
 
 
 def _gathered(V: Floats, force: Floats, acts: Bools, spacing: Spacing, longest: float, size: float) -> Pulls:
-    """The forces on the marked vertices, gathered at a few of them in the middle of their patches (Lloyd 1982)."""
+    """Return the forces on the marked vertices, summed at the middles of a few patches (Lloyd 1982)."""
     at = np.flatnonzero(acts)
     if not len(at):
         return Pulls(at, np.zeros((0, 3)), np.zeros(0))
@@ -115,7 +115,7 @@ def _gathered(V: Floats, force: Floats, acts: Bools, spacing: Spacing, longest: 
 
 
 def support_cones(surface: Surface, load: LoadCase, size: float, up: Floats, lift: float) -> Mesh:
-    """Small cones whose points touch the supported vertices, thinned, on the side where the supports are; up: (3,)."""
+    """Return small cones that touch the supported vertices, thinned, on the side of the supports; up : (3,)."""
     at = np.flatnonzero(load.held)
     if not len(at):
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
@@ -127,9 +127,9 @@ def support_cones(surface: Surface, load: LoadCase, size: float, up: Floats, lif
 
 
 def reaction_arrows(surface: Surface, load: LoadCase, reaction: Floats, size: float) -> Mesh:
-    """Arrows for the forces (n, 3), N, of the supports on the structure, gathered as the cones are.
+    """Return arrows for the forces (n, 3) of supports on the structure (N), thinned as the cones.
 
-    They end at the support, or begin there where it pulls the structure down.
+    They end at the support, or begin there for tension.
     """
     acts = load.held & (np.linalg.norm(reaction, axis=1) > 0)
     if not acts.any():
@@ -144,8 +144,11 @@ def reaction_arrows(surface: Surface, load: LoadCase, reaction: Floats, size: fl
 
 
 def gradient_arrows(surface: Surface, gradient: Floats, size: float, lift: float, eye: Floats) -> Mesh:
-    """Slim arrows along a gradient (m, 3), at faces that are evenly apart, longer where it is steeper; none where it
-    vanishes everywhere. lift, eye : as for `load_arrows`."""
+    """Return slim arrows along a gradient (m, 3) at evenly spaced faces, longer where it is steeper; none for a zero
+    gradient.
+
+    lift, eye : as for `load_arrows`.
+    """
     steep = np.linalg.norm(gradient, axis=1)
     if not steep.any():
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
@@ -159,9 +162,9 @@ def gradient_arrows(surface: Surface, gradient: Floats, size: float, lift: float
 
 
 def support_side(surface: Surface, load: LoadCase, size: float, up: Floats) -> Floats:
-    """(3,) unit vector along an axis, from the structure to its supports; down when they lie all around it."""
+    """Return the unit vector (3,) along an axis from the structure to its supports; down if they are on all sides."""
     held = surface.V[load.held] - centroid(surface)
-    offset = held[thinned(held, size, SUPPORTS)].mean(axis=0)  # not of more vertices where the mesh is finer
+    offset = held[thinned(held, size, SUPPORTS)].mean(axis=0)  # independent of mesh density
     axis = int(np.argmax(np.abs(offset)))
     side = np.sign(offset[axis])
     if np.linalg.norm(offset) < 0.08 * size or (side * held[:, axis]).min() < 0:
@@ -170,12 +173,11 @@ def support_side(surface: Surface, load: LoadCase, size: float, up: Floats) -> F
 
 
 def _nearest(points: Floats, centres: Floats) -> Ints:
-    """(k,) the centre nearest to each point."""
     return np.asarray(cKDTree(centres).query(points)[1], dtype=np.int64)
 
 
 def _turned(profile: list[tuple[float, float]], sides: int = 16) -> Mesh:
-    """A body of revolution about x from (x, radius) pairs; radius 0 at both ends closes it."""
+    """Return a body of revolution about x from (x, radius) pairs; radius 0 at both ends closes it."""
     turn = np.linspace(0, 2 * np.pi, sides, endpoint=False)
     rings = [np.stack([np.full(sides, x), r * np.cos(turn), r * np.sin(turn)], axis=1) for x, r in profile]
     low = np.arange(sides)
@@ -198,18 +200,20 @@ def _cone() -> Mesh:
 
 
 def _ball() -> Mesh:
-    """Of diameter 1, its lowest point at the origin."""
+    """Return a ball of diameter 1 with its lowest point at the origin."""
     around = np.linspace(0, np.pi, 9)
     return _turned([((1 - np.cos(a)) / 2, np.sin(a) / 2 if 0 < i < 8 else 0.0) for i, a in enumerate(around)])
 
 
 _CROWN = ((0.0, 0.0, 0.3, 0.5), (0.15, 0.05, 0.42, 0.36), (-0.13, 0.11, 0.46, 0.34), (-0.02, -0.12, 0.55, 0.34),
     (0.03, 0.04, 0.64, 0.36))  # fmt: skip
-"""Balls of foliage: right, back and height of their lowest points, and their diameters, of a tree 1 high."""
+"""Balls of foliage of a tree of height 1: right, back and height of their lowest points, and diameters."""
 
 
 def tree(foot: Floats, up: Floats, height: float) -> Mesh:
-    """A model maker's tree, a trunk and balls of foliage, at `foot` (3,), `height` metres tall along `up` (3,)."""
+    """Return a model maker's tree, a trunk and balls of foliage, at `foot` (3,), `height` metres tall along `up`
+    (3,).
+    """
     right = np.cross(up, np.eye(3)[np.argmin(np.abs(up))])
     right /= np.linalg.norm(right)
     balls = np.array(_CROWN)
@@ -222,7 +226,7 @@ def tree(foot: Floats, up: Floats, height: float) -> Mesh:
 
 
 def _placed(template: Mesh, start: Floats, along: Floats, long: Floats) -> Mesh:
-    """Copies of a template of length 1 along x, from `start` (k, 3) along unit vectors `along`, `long` (k,) metres."""
+    """Return copies of a template of length 1 along x, from `start` (k, 3) along unit vectors, `long` (k,) metres."""
     vertices, faces = template
     helper = np.eye(3)[np.argmin(np.abs(along), axis=1)]
     second = np.cross(along, helper)
@@ -234,29 +238,31 @@ def _placed(template: Mesh, start: Floats, along: Floats, long: Floats) -> Mesh:
 
 
 CROSSES = Spacing(0.034, 500)
-"""How crosses are thinned; their number bounds the time."""
+"""Thinning of crosses, whose number limits the time."""
 
 LONG, WIDE = 0.8, 0.09
-"""Length and width of a bar, as shares of the distance between neighbouring crosses."""
+"""Length and width of a bar over the distance of neighbouring crosses."""
 
 
 def crosses(design: "Design", palette: Palette) -> Body:
-    """Bars along the two directions that diffusion follows, at places evenly apart; none where neither is preferred.
+    """Return bars along the two directions of diffusion at evenly spaced places, except in isotropic faces.
 
-    Raises DsfabError where no direction is preferred anywhere: at r = 1, or without a stress.
+    Blue and red are compression and tension. For combined cases, whose stress has no sign, red is the first direction.
+
+    Raises DsfabError if no face has a direction: at r = 1, or without a stress.
     """
     surface, tensors, r = design.surface, design.diffusion.tensors, design.preset.diffusion.r
     if r <= 1 or tensors.isotropic.all():
         why = f"r = {r:g}" if r <= 1 else "the stress is the same in all directions"
         raise DsfabError(f"there are no directions to show: {why}, so that diffusion prefers none")
     at = thinned(surface.centroids, surface.size, CROSSES)
-    apart = float(np.sqrt(1.3 * surface.area / len(at)))  # of places that are evenly spread
+    apart = float(np.sqrt(1.3 * surface.area / len(at)))  # of evenly spread places
     at = at[~tensors.isotropic[at]]
     along = np.linalg.eigh(tensors.major[at])[1][:, :, 2]  # r along the first direction, 1 and 0 across
     normal = surface.normals[at]
     both = np.concatenate([along, np.cross(normal, along)])
     vertices, faces = _bars(np.tile(surface.centroids[at], (2, 1)), both, np.tile(normal, (2, 1)), apart)
-    if design.preset.combines:  # sizes of the stress in several cases: they pull in one and push in another
+    if design.preset.combines:  # the stress may be tension in one case and compression in another
         red = (np.arange(2 * len(at)) < len(at))[:, None]
         colour = np.where(red, *(np.array(tint, dtype=np.uint8) for tint in palette.tints[:2]))
     else:
@@ -266,7 +272,7 @@ def crosses(design: "Design", palette: Palette) -> Body:
 
 
 def _bars(middle: Floats, along: Floats, normal: Floats, apart: float) -> Mesh:
-    """Boxes around `middle` (k, 3), seen from both sides of the surface."""
+    """Return boxes around `middle` (k, 3), visible from both sides of the surface."""
     across = np.cross(normal, along)
     half = apart / 2 * np.array([LONG, WIDE, WIDE])
     frame = np.stack([along, across, normal], axis=1) * half[:, None]

@@ -24,11 +24,10 @@ if TYPE_CHECKING:
 def member_places(draft: Design, judged: bool = False) -> dict[str, Any]:
     """Return names, lengths, widths (m), largest curvatures (1/m) and places of all members, ready for JSON.
 
-    `members` have `places` [x, y, z, ...], in metres from the middle of the structure's box as on the page, and
-    `reach`,
-    their extent around the places. `nearest` is the number of the nearest member at each vertex of the page's mesh.
+    `members` have `places` [x, y, z, ...] (m) from the middle of the structure's box, as on the page. `reach` is their
+    extent around these. `nearest` is the number of the nearest member at each vertex of the page's mesh.
 
-    judged : adds `utilisation`, None for members without a check. Raises DsfabError if no strength is known, nothing
+    judged : adds `utilisation`, None for members without a check. Raises DsfabError if the strength is missing, nothing
     carries the loads, or the pattern leaves no material.
     """
     graph, V = draft.members, draft.surface.V

@@ -1,4 +1,4 @@
-"""Whether this machine can draw off screen: asked in a process of its own, because VTK crashes where it cannot."""
+"""Test whether this machine can draw off screen, in a process of its own because VTK crashes if it cannot."""
 
 import os
 import subprocess
@@ -9,12 +9,12 @@ from functools import cache
 from dsfab.core.errors import DsfabError
 
 WINDOW = "VTK_DEFAULT_OPENGL_WINDOW"
-"""The environment variable by which VTK chooses its kind of window."""
+"""Environment variable by which VTK chooses its kind of window."""
 
 SECONDS = 120
-"""A probe that has not answered by then has failed (it takes half a second on an idle machine)."""
+"""Time limit of the test, which takes half a second on an idle machine."""
 
-# Importing VTK proves nothing: libraries are opened at the first frame. So a red frame is drawn and read back.
+# Importing VTK proves nothing, because it opens libraries at the first frame. So the test draws and reads a red frame.
 PROBE = """
 from vtkmodules.vtkRenderingCore import vtkRenderer, vtkRenderWindow
 from vtkmodules.vtkCommonCore import vtkUnsignedCharArray
@@ -31,15 +31,15 @@ raise SystemExit(0 if pixels.GetTuple3(0) == (255.0, 0.0, 0.0) else 3)
 
 
 _KNOWN: set[str] = set()
-"""Kinds of window that need not be asked about."""
+"""Kinds of window that need no test."""
 
 
 _ASKING: list[threading.Thread] = []
-"""Whoever asks already."""
+"""Thread of a test that has begun."""
 
 
 def ask_ahead() -> None:
-    """Begin to ask, while this process loads what it needs: `require_rendering` waits for the answer."""
+    """Begin the test while this process loads modules; `require_rendering` waits for it."""
     name = _candidates(_chosen())[0]
     if not _ASKING and name not in _KNOWN:
         _ASKING.append(threading.Thread(target=lambda: _draws(name), daemon=True))
@@ -47,9 +47,9 @@ def ask_ahead() -> None:
 
 
 def take_for_granted(window: str | None = None) -> str:
-    """Draw from now on without asking, with this kind of window or the first that would be asked about; which it is.
+    """Use a kind of window without a test, the first candidate by default, and return it.
 
-    For a process that may crash, and for one that was told by such a process what it has drawn with.
+    This is for a process that may crash, and for a process that learned the kind of window from such a process.
     """
     name = _candidates(os.environ.get(WINDOW, ""))[0] if window is None else window
     _KNOWN.add(name)
@@ -61,10 +61,10 @@ def take_for_granted(window: str | None = None) -> str:
 
 
 def require_rendering() -> None:
-    """Make sure that pictures can be drawn, choosing VTK's window for a machine without a screen.
+    """Ensure that this machine can draw, choosing VTK's window for a machine without a screen.
 
-    Sets VTK_DEFAULT_OPENGL_WINDOW when it is not set and a choice was needed. The answer is kept for this process.
-    Raises DsfabError, naming the packages to install, where nothing can be drawn.
+    Sets VTK_DEFAULT_OPENGL_WINDOW if it is not set and a choice is necessary. The result holds for this process.
+    Raises DsfabError with the packages to install if this machine cannot draw.
     """
     chosen = _chosen()
     while _ASKING:
@@ -77,7 +77,7 @@ def require_rendering() -> None:
 
 
 def _chosen() -> str:
-    """What a user has chosen, or ''."""
+    """Return the user's kind of window, or ""."""
     chosen = os.environ.get(WINDOW, "")
     if not chosen:
         os.environ.pop(WINDOW, None)  # VTK takes an empty name for the name of a window, and crashes
@@ -85,7 +85,7 @@ def _chosen() -> str:
 
 
 def why_no_pictures() -> str:
-    """Why nothing can be drawn here, or '': for whoever goes on without."""
+    """Return the reason why this machine cannot draw, or ""."""
     try:
         require_rendering()
     except DsfabError as error:
@@ -94,7 +94,7 @@ def why_no_pictures() -> str:
 
 
 def _candidates(chosen: str) -> tuple[str, ...]:
-    """Kinds of window to try, best first; '' is VTK's own choice: Cocoa, Win32, or X11 where there is a screen."""
+    """Return kinds of window to try, best first; "" is VTK's choice: Cocoa, Win32, or X11 with a screen."""
     if chosen:
         return (chosen,)
     if not sys.platform.startswith("linux"):
@@ -105,7 +105,7 @@ def _candidates(chosen: str) -> tuple[str, ...]:
 
 @cache
 def _draws(name: str) -> bool:
-    """Whether a window of this kind gives a picture."""
+    """Return whether a window of this kind gives a picture."""
     environment = {**os.environ, WINDOW: name} if name else dict(os.environ)
     try:
         answer = subprocess.run(_command(), env=environment, capture_output=True, timeout=SECONDS, check=False)
@@ -124,7 +124,7 @@ _ADVICE = {
     "darwin": "on macOS run in a session with a screen, since OpenGL comes with the system",
     "win32": "on Windows install the graphics card's driver or the OpenCL, OpenGL and Vulkan Compatibility Pack",
 }
-"""What draws on each system, the name of the system as `sys.platform` gives it; the one at hand is told first."""
+"""Advice for each system, by its name in `sys.platform`; the message begins with that of this machine."""
 
 
 def _missing(chosen: str) -> str:

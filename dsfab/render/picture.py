@@ -138,7 +138,7 @@ class StructurePicture:
         palette, size = self.look.palette, self.look.size
         body = Body(self.V, self.F, np.array(palette.members, dtype=np.uint8), casts=True)
         stage = set_stage(body, self.side, self.up, self.half, self.beside, palette, size)
-        if self.side.towards @ self.up < 0:  # from below one looks through the ground
+        if self.side.towards @ self.up < 0:  # no ground in views from below
             stage = replace(stage, level=None)
         with Scene(stage.bodies, stage.centre, stage.radius) as scene:
             image = rendered(scene, stage, palette, size, clear=self.clear)

@@ -1,9 +1,9 @@
-"""Draws the picture of a finished structure: a program of its own, so that files are written at the same time.
+"""Program that draws the picture of a finished structure while another process writes files.
 
     python -P picture_program.py
 
-loads what draws, and then reads its arguments from its input, a list as one line of JSON: a file of `pickle` that holds
-the arguments of `dsfab.render.picture.picture` as a dictionary, and the PNG file to write. It prints the name of that.
+It loads the drawing modules, then reads a line of JSON from its input: a `pickle` file of the arguments of
+`dsfab.render.picture.picture` as a dictionary, and the PNG file. It prints the name of the PNG file.
 """
 
 import json
@@ -13,7 +13,7 @@ from pathlib import Path
 
 
 def main() -> None:
-    """Draw what standard input asks for."""
+    """Draw the request of standard input."""
     sys.path.append(str(Path(__file__).parents[2]))  # where dsfab is, if it is not installed
     import vtkmodules.vtkRenderingOpenGL2  # noqa: F401
 

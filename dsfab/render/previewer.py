@@ -49,32 +49,33 @@ from dsfab.render.striped_mesh import StripedMesh, distances, fields, numbers, o
 from dsfab.render.view import View, named_side, up_axis
 
 NOMINAL = (1600, 1200)
-"""Pixels of a picture when nothing else is asked for."""
+"""Default size of a picture (pixels)."""
 
 
 COLOURED = ("major", "minor", "kept")
-"""Names of what the colours of families tell apart."""
+"""Names of the families that have tints."""
 
 TRIAL = (96, 72)
-"""Pixels of the pictures that try the shader."""
+"""Size of the pictures that test the shader (pixels)."""
 
 
 class Previewer:
     """Pictures of a design under changing parameters; use as `with Previewer(design) as previewer`.
 
-    design  : a Design, or a Design (see `dsfab.design.draft`): nothing needs to be cut or thickened.
+    design  : a Design, or a draft (see `dsfab.design.draft`): it needs no cut sheet and no solid.
     view    : iso, top, front, side or 'azimuth,elevation' in degrees (see `dsfab.render.view.named_side`).
-    show    : structure; stress (the structure, coloured); families (each in its colour);
-              major or minor (one family, and what is kept); or, on the
-              whole uncut sheet: loads, directions (principal, as crosses), major_mode or minor_mode, or an answer of
-              the statics: vonmises, utilisation, energy, displacement, buckling or frequency (the last three
-              exaggerated).
-    marks   : whether loads, supports and a person for scale are drawn; or which of `EVERY_LAYER`.
-    ground  : paper, white or transparent: the picture then has a fourth channel, with the shadows in it.
+    show    : structure; stress (the structure, coloured); families (each in its colour); major or minor (one family,
+              and
+              kept regions); or, on the whole uncut sheet: loads, directions (principal, as crosses), major_mode or
+              minor_mode, or a result of the statics: vonmises, utilisation, energy, displacement, buckling or frequency
+              (the last three exaggerated).
+    marks   : whether loads, supports and a person for scale are visible; or names from `EVERY_LAYER`.
+    ground  : paper, white or transparent, which adds a fourth channel with the shadows.
 
-    What is seen is the pattern itself. Slicing moves edges by hairs (see `snap`), joins point contacts and may drop
-    pieces that reach no support; the solid's thickness is not drawn.
-    It must be made, used and closed in one thread. Raises DsfabError where nothing can be drawn, or not rightly.
+    Pictures show the pattern itself. Slicing moves edges by hairs (see `snap`), joins point contacts and may drop
+    pieces
+    without a support; the solid's thickness is not visible.
+    Create, use and close it in one thread. Raises DsfabError if this machine cannot draw correctly.
     """
 
     def __init__(
@@ -113,7 +114,7 @@ class Previewer:
         reaction = design.statics.equilibrium.reaction
         self._arrows = show in MODES and "gradients" in layers
         gradient = mode_gradient(design, show) if self._arrows else None
-        blue = show in ("stress", "directions")  # is compression there
+        blue = show in ("stress", "directions")  # in these pictures blue is compression
         drawn = replace(palette, load=palette.text) if blue else palette
         self._palette = drawn
         known = ("kept", *design.preset.pattern.family_names)
@@ -123,7 +124,7 @@ class Previewer:
         self._stage = set_stage(body, self._side, up, half, beside, drawn, NOMINAL)
         if show == "directions":
             self._stage = replace(self._stage, bodies=[*self._stage.bodies, crosses(design, palette)])
-        if self._side.towards @ up < 0:  # from below one looks through the ground
+        if self._side.towards @ up < 0:  # no ground in views from below
             self._stage = replace(self._stage, level=None)
         self._scene = Scene(self._stage.bodies, self._stage.centre, self._stage.radius)
         try:
@@ -140,30 +141,30 @@ class Previewer:
         self.close()
 
     def close(self) -> None:
-        """Give the window back."""
+        """Release the window."""
         self._scene.close()
 
     @property
     def preset(self) -> Preset:
-        """What is drawn now."""
+        """Current preset."""
         return self._preset
 
     @property
     def words(self) -> str:
-        """What is shown, where it needs words."""
+        """Description of the picture, "" without one."""
         return self._words
 
     @property
     def bar(self) -> Bar | None:
-        """What explains the colours, if they need it."""
+        """Colour bar of the picture, None without one."""
         return self._bar
 
     def set(self, changes: Mapping[str, Any]) -> None:
-        """Other values at dotted keys, e.g. {"pattern.major.frequency": 9}; see `display`."""
+        """Change values at dotted keys, e.g. {"pattern.major.frequency": 9}; see `display`."""
         self.display(overridden(self._preset, changes))
 
     def can_display(self, preset: Preset) -> bool:
-        """Whether `display` draws it: the same geometry under the same loads."""
+        """Return whether `display` can draw a preset: the same geometry under the same loads."""
         old, drawn = self._preset, self._show
         same = preset.first_difference(old) != "surface" and (
             (drawn not in (*DEFORMED, "directions") and not self._arrows) or preset.statics == old.statics
@@ -175,9 +176,9 @@ class Previewer:
     def display(self, preset: Preset) -> None:
         """Draw another preset of the same surface from now on.
 
-        Frequencies, phases and thresholds of plain stripes and the reach of what is kept are a few numbers; anything
-        else in [pattern] sends values per vertex to the graphics side; r and gamma solve for modes again.
-        Raises DsfabError for another [surface] and for what cannot be made; the old preset stays then.
+        Frequencies, phases and thresholds of plain stripes and reaches around supports are a few numbers. Other keys of
+        [pattern] send values per vertex to the graphics side; r and gamma solve for modes again.
+        Raises DsfabError for another [surface] and for an invalid preset; the old preset stays then.
         """
         if preset.first_difference(self._preset) == "surface":
             raise DsfabError(
@@ -218,11 +219,11 @@ class Previewer:
         quality: light.LightQuality = light.FINE,
         words: bool = True,
     ) -> Bytes:
-        """What is set now, (height, width, 3) bytes, on transparent ground (height, width, 4).
+        """Return the current picture, (height, width, 3) bytes, or (height, width, 4) on transparent ground.
 
         size: (width, height) in pixels; words: caption and legend.
 
-        Raises PatternError when the pattern leaves no material.
+        Raises PatternError if the pattern leaves no material.
         """
         if threading.get_ident() != self._thread:
             raise DsfabError("a Previewer draws in the thread that made it only; make one in each thread")
@@ -230,7 +231,7 @@ class Previewer:
         stage = replace(self._stage, view=view)
         image = rendered(self._scene, stage, self._palette, size, quality, self._clear)
         give_back(16.0 * size[0] * size[1] * quality.finer**2)  # bytes of intermediate pictures
-        alone = len(stage.bodies) == 1  # what a lamp or the eye has seen needs no frame of its own
+        alone = len(stage.bodies) == 1  # then the eye's picture shows whether material is left
         if self._scene.empty if alone else not self._scene.casting:
             raise PatternError("the pattern leaves no material; lower pattern.major.threshold or raise pattern.keep")
         if words:
@@ -240,30 +241,29 @@ class Previewer:
         return np.asarray(image)
 
     def frame(self, size: tuple[int, int] = NOMINAL) -> None:
-        """Draw what is set now and wait for it, without the light of a `picture`: what an editor shows meanwhile."""
+        """Draw the current preset without the light of a `picture`, and wait for it; editors show such frames."""
         self._scene.frame(self._view(size, False), *size)
 
     @property
     def renderer(self) -> str:
-        """What draws, by its own words, once something was drawn."""
+        """Name of the OpenGL renderer, after the first picture."""
         return self._scene.renderer
 
     def mask(self, size: tuple[int, int] = NOMINAL, words: bool = True) -> Bools:
-        """(h, w) where material is seen in a picture of that size; what covers it is left away."""
+        """Return (h, w) where a picture of a size would show material, ignoring marks in front of it."""
         return self._scene.mask(self._view(size, words), *size)
 
     def _view(self, size: tuple[int, int], words: bool) -> View:
-        """The camera for a page: found once for each."""
+        """Return the camera for a page, computed once for each size."""
         if (size, words) not in self._views:
             self._views[size, words] = on_page(self._stage.bodies, self._side, size, words, self._bar is not None)
         return self._views[size, words]
 
     def write(self, path: str | Path, size: tuple[int, int] = NOMINAL, caption: str | None = None) -> Path:
-        """Write `picture` as a PNG file, whole or not at all; raises ExportError for a file that cannot be written."""
+        """Write `picture` as a PNG file, whole or not at all; raises ExportError if the file is not writable."""
         return write_png(self.picture(size, caption), Path(path))
 
     def _repr_png_(self) -> bytes:
-        """The picture in a notebook."""
         return png(self.picture((800, 600)))
 
     def _caption(self) -> str:
@@ -271,11 +271,11 @@ class Previewer:
         return f"{self._preset.name} - {self._words or f'{self._show}, preview {before}'}"
 
     def _body(self) -> Body:
-        """What is drawn, with a shader of its own."""
+        """Return the body of the surface with a new shader."""
         design, mesh = self._made, self._mesh
         self._shader = StripeShader(fields(design, mesh, self._distances(design)), self._tints)
         V, normals = self._V, None
-        if mesh.even:  # cut open: light must not show where
+        if mesh.even:  # shading must not show the seams of the chart
             normals = mesh.at_corners(shading(design.surface.V if V is None else V, design.surface.F))
         return Body(
             mesh.surface.V if V is None else mesh.carry(V),
@@ -288,12 +288,14 @@ class Previewer:
         )
 
     def _settle(self) -> None:
-        """Hand the numbers of the preset to the shader."""
+        """Send the numbers of the preset to the shader."""
         whole = self._show in WHOLE_SHEET
         self._shader.set(WHOLE if whole else numbers(self._preset, self._made.pattern, self._show))
 
     def _try_shader(self) -> None:
-        """A driver that ignores or refuses the shader says nothing: it draws the full mesh, or none."""
+        """Test the shader, because a driver that ignores or refuses it draws all of the mesh, or nothing, without
+        an error.
+        """
         view = self._view(TRIAL, True)
         seen = []
         for settings in (WHOLE, NOTHING):
@@ -307,14 +309,14 @@ class Previewer:
             )
 
     def _distances(self, design: Design) -> tuple[Floats, Floats]:
-        """As `distances` has them; the surface stays, and so do they, while regions do."""
+        """Return `distances`, computed once for a surface and its regions."""
         if self._distance is None:
             self._distance = distances(design)
         return self._distance
 
 
 def layers_of(marks: bool | Collection[str], view: str) -> set[str]:
-    """Names of the layers that are drawn in a view; raises DsfabError for those that there are not."""
+    """Return the names of a view's layers; raises DsfabError for unknown names."""
     layers = set(LAYERS if marks else ()) if isinstance(marks, bool) else set(marks)
     if unknown := sorted(layers - set(EVERY_LAYER)):
         raise DsfabError(f"layer {unknown[0]!r} is not known; use some of {', '.join(EVERY_LAYER)}")
@@ -322,10 +324,9 @@ def layers_of(marks: bool | Collection[str], view: str) -> set[str]:
 
 
 class Previewers:
-    """Previewers for presets that follow one another; use as `with Previewers(view=..., ...) as previewers`.
+    """Previewers for presets that follow each other; use as `with Previewers(view=..., ...) as previewers`.
 
-    sketched : called with a sketch of each design that is not there yet (see `Design.sketch`).
-    options  : those of `Previewer`, for all of them.
+    sketched : called with a sketch of each new design (see `Design.sketch`).    options : of `Previewer`, for all.
     """
 
     def __init__(self, sketched: Callable[[Design], None] | None = None, **options: Any) -> None:
@@ -340,13 +341,13 @@ class Previewers:
         self.close()
 
     def close(self) -> None:
-        """Give the window back."""
+        """Release the window."""
         if self._previewer:
             self._previewer.close()
         self._previewer = None
 
     def showing(self, preset: Preset, progress: Progress | None = None) -> "Previewer":
-        """A previewer that shows this preset; raises DsfabError for what cannot be made or drawn."""
+        """Return a previewer with this preset; raises DsfabError if the design or its picture is impossible."""
 
         if self._previewer and self._previewer.can_display(preset):
             self._previewer.display(preset)
@@ -357,7 +358,7 @@ class Previewers:
         return self._previewer
 
     def drafted(self, preset: Preset, progress: Progress | None = None) -> Design:
-        """What is drawn: with the stages of the last one before the first section that differs."""
+        """Return the design up to its pattern, with unchanged stages of the previous design."""
         design = Design.of(preset, self.made, progress)
         if self._sketched and not design.has("pattern"):
             show = self._options.get("show")
@@ -369,12 +370,12 @@ class Previewers:
 
 
 def across(count: int) -> int:
-    """Pictures in a row: 1, 2, 3 stand side by side, 4 are a square, more have rows of three."""
+    """Return the number of pictures in a row: up to 3 in one row, 4 as a square, more in rows of three."""
     return {1: 1, 2: 2, 4: 2}.get(count, 3)
 
 
 class Panels(NamedTuple):
-    """One picture of several, and what is not on it: its name and why."""
+    """Picture of several pictures, and the names of omitted ones with the reason."""
 
     pixels: Bytes
     left_out: tuple[str, ...]
@@ -388,10 +389,10 @@ def panels(
     quality: LightQuality = FINE,
     **options: Any,
 ) -> Panels:
-    """One picture with those of all `names`, each `pixels` large; `options` are those of `Previewer`.
+    """Return one picture with those of all `names`, each of a size in pixels; `options` are those of `Previewer`.
 
-    Where loads are a picture of their own, the others are drawn without their arrows, unless `marks` are given.
-    What this design has no answer for is left out and told. Raises DsfabError when nothing is left.
+    If loads have their own picture, the others have no arrows, unless the options have `marks`.
+    A picture without a result in this design is omitted and reported. Raises DsfabError if none is left.
     """
     drawn, refused = [], []
     alone = "marks" not in options and "loads" in names

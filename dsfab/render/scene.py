@@ -1,4 +1,8 @@
-"""The scene in VTK: an off-screen window with meshes, and depth, normal and colour of each pixel."""
+"""The scene in VTK: an off-screen window with meshes, and depth, normal and colour of each pixel.
+
+VTK's lighting is off, so that software rendering and graphics cards agree. VTK's own modules are used, because pyvista
+takes a quarter of a second and its plotter another 75 MB.
+"""
 
 import re
 from collections.abc import Iterator
@@ -20,13 +24,13 @@ if TYPE_CHECKING:
 
 
 NORMAL_STEPS = 1 << 10
-"""Steps from -1 to 1 by which normals are told apart: finer than a picture's bytes."""
+"""Steps from -1 to 1 in which normals count as different: finer than a picture's bytes."""
 
 
 class Window:
-    """A window that nobody sees: black, without lamps, and without a mean of samples at edges, which mixes normals.
+    """Off-screen window: black, without lamps, and without multisampling, which would mix normals at edges.
 
-    It must be made, used and closed in one thread.
+    Create, use and close it in one thread.
     """
 
     def __init__(self) -> None:
@@ -48,23 +52,23 @@ class Window:
         self._renderer.AddActor(actor)
 
     def remove(self, actor: Any) -> None:
-        """Draw an actor no longer, and give back what the graphics side holds of it."""
+        """Stop drawing an actor, and release its graphics memory."""
         self._renderer.RemoveActor(actor)
         actor.ReleaseGraphicsResources(self.window)
 
     def close(self) -> None:
-        """Give back what the window holds; a second time does nothing."""
+        """Release the window; a second call does nothing."""
         if not self.closed:
             self.window.Finalize()
             self._renderer.RemoveAllViewProps()
             self.closed = True
 
     def resize(self, width: int, height: int) -> None:
-        """Pixels of the pictures from now on."""
+        """Set the size of the pictures from now on (pixels)."""
         self.window.SetSize(width, height)
 
     def rest(self) -> None:
-        """Give the pictures back that the graphics side holds, six of the last size, until the next one is drawn."""
+        """Release the six pictures of the last size that the graphics side holds, until the next picture."""
         width, height = self.window.GetSize()
         self.window.SetSize(64, 64)
         self._renderer.DrawOff()
@@ -73,15 +77,17 @@ class Window:
         give_back(6 * 4 * width * height)
 
     def fill(self, colour: tuple[float, float, float]) -> None:
-        """Another ground than black, red green blue from 0 to 1."""
+        """Set the background colour, red green blue from 0 to 1."""
         self._renderer.SetBackground(*colour)
 
     def draw(self) -> None:
-        """Draw what there is."""
+        """Draw all actors."""
         self.window.Render()
 
     def depth(self) -> NDArray[np.float32]:
-        """(h, w) of the picture drawn, row 0 on top: 0 at the nearest depth of the camera, 1 where nothing is."""
+        """Return the depth (h, w) of the picture, row 0 on top: 0 at the camera's nearest depth, 1 where it is
+        empty.
+        """
         from vtkmodules.vtkCommonCore import vtkFloatArray
 
         width, height = self.window.GetSize()
@@ -90,12 +96,12 @@ class Window:
         return _numbers(values).reshape(height, width)[::-1]
 
     def colours(self) -> NDArray[np.uint8]:
-        """(h, w, 3) 0..255 of the picture drawn, row 0 on top."""
+        """Return the colours (h, w, 3) 0..255 of the picture, row 0 on top."""
         width, height = self.window.GetSize()
         return self._read(0, 0, width - 1, height - 1).reshape(height, width, 3)[::-1]
 
     def wait(self) -> None:
-        """Until the picture is drawn: its middle pixel is read back."""
+        """Wait until the picture is finished, by reading its middle pixel."""
         x, y = (pixels // 2 for pixels in self.window.GetSize())
         self._read(x, y, x, y)
 
@@ -108,10 +114,7 @@ class Window:
 
 
 def warm_up() -> bool:
-    """Load what draws, and draw nothing but red once: for a process that waits until it is asked for a picture.
-
-    Returns whether that was seen.
-    """
+    """Load the drawing modules and draw a red frame, in a process that waits for requests; return whether it is red."""
     import PIL.ImageDraw
     import PIL.ImageFont
     import PIL.PngImagePlugin  # noqa: F401
@@ -129,9 +132,9 @@ def warm_up() -> bool:
 
 
 def split_mesh(points: Floats, F: Ints, split: float) -> tuple[Any, NDArray[np.float32], Ints]:
-    """A mesh of points (n, 3) and faces (m, 3), its corners split at edges sharper than `split`, degrees.
+    """Return a mesh of points (n, 3) and faces (m, 3) with its corners split at edges sharper than `split` degrees.
 
-    Also the normals (k, 3) of its points, and the given point (k,) that each comes from.
+    It comes with normals (k, 3) of its points, and the input point (k,) of each.
     """
     from vtkmodules.vtkFiltersCore import vtkPolyDataNormals
 
@@ -145,19 +148,19 @@ def split_mesh(points: Floats, F: Ints, split: float) -> tuple[Any, NDArray[np.f
     mesh = asked.GetOutput()
     at = mesh.GetPointData()
     normals, source = _numbers(at.GetNormals()).copy(), _numbers(at.GetArray("vertex")).copy()
-    for name in (at.GetNormals().GetName(), "vertex"):  # or they would be sent to the graphics side
+    for name in (at.GetNormals().GetName(), "vertex"):  # so that they are not sent to the graphics side
         at.RemoveArray(name)
     return mesh, normals, source
 
 
 def corner_normals(points: Floats, F: Ints, split: float) -> NDArray[np.float32]:
-    """(m, 3, 3) the normals of `split_mesh` at the corners of its faces."""
+    """Return the normals (m, 3, 3) of `split_mesh` at the corners of its faces."""
     mesh, normals, _ = split_mesh(points, F, split)
     return np.asarray(normals[_numbers(mesh.GetPolys().GetConnectivityArray()).reshape(-1, 3)])
 
 
 def jointed_mesh(points: Floats, F: Ints, normals: NDArray[np.float32]) -> tuple[Any, NDArray[np.float32], Ints]:
-    """`split_mesh` where the normals (m, 3, 3) at the corners of faces are known: split where they differ."""
+    """Return `split_mesh` for given normals (m, 3, 3) at corners of faces: split where normals differ."""
     steps = np.rint((normals.reshape(-1, 3) + 1) * (NORMAL_STEPS / 2)).astype(np.int64)
     key = np.ravel_multi_index((F.ravel(), *steps.T), (len(points), *3 * (NORMAL_STEPS + 1,)), mode="clip")
     _, first, corner = np.unique(key, return_index=True, return_inverse=True)
@@ -167,14 +170,14 @@ def jointed_mesh(points: Floats, F: Ints, normals: NDArray[np.float32]) -> tuple
 
 
 def set_array(attributes: Any, name: str, values: NDArray[Any]) -> None:
-    """Numbers (k, ...) for the points or the cells of a mesh, `GetPointData()` or `GetCellData()`, under a name."""
-    array = _support().numpy_to_vtk(np.ascontiguousarray(values), deep=True)  # VTK does not keep what it did not copy
+    """Store numbers (k, ...) for points or cells of a mesh under a name, in `GetPointData()` or `GetCellData()`."""
+    array = _support().numpy_to_vtk(np.ascontiguousarray(values), deep=True)  # VTK frees arrays without a copy
     array.SetName(name)
     attributes.AddArray(array)
 
 
 def _polydata(points: Floats, F: Ints) -> Any:
-    """A mesh of points (n, 3) and faces (m, 3)."""
+    """Return a mesh of points (n, 3) and faces (m, 3)."""
     from vtkmodules.vtkCommonCore import vtkPoints
     from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
 
@@ -187,12 +190,12 @@ def _polydata(points: Floats, F: Ints) -> Any:
 
 
 def _numbers(array: Any) -> NDArray[Any]:
-    """VTK's memory itself, which lives as long as this does."""
+    """Return VTK's memory itself, which lives as long as the array."""
     return np.asarray(_support().vtk_to_numpy(array))
 
 
 def _support() -> Any:
-    """What changes arrays of numpy into VTK's and back; it has no types."""
+    """Return VTK's untyped converter from and to numpy."""
     from vtkmodules.util import numpy_support
 
     return numpy_support
@@ -203,20 +206,20 @@ Bytes = NDArray[np.uint8]
 Colour = tuple[int, int, int]
 
 SPLIT = 35.0
-"""Edges sharper than this, degrees, are shaded as sharp; flatter ones as curved."""
+"""Angle (degrees) from which edges are shaded as sharp."""
 
 
 LAMP_AWAY, LAMP_DEPTHS = 3.0, (1.9, 4.1)
-"""Radii from a lamp to the middle of the scene, and to the nearest and farthest of what it sees."""
+"""Distance from a lamp to the middle of the scene, and its nearest and farthest depth (radii)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Body:
-    """A mesh to draw: V (n, 3) m, F (m, 3), colour (3,) or (m, 3) in 0..255; casts: whether it throws shadows.
+    """Mesh of vertices V (n, 3) in metres and faces F (m, 3), with a colour (3,) or (m, 3) in 0..255.
 
-    shader : leaves away what a pattern does not cover.
-    half   : half the thickness of what the shader draws, metres: its walls are shown.
-    normals: (m, 3, 3) at the corners of the faces, see `shading`; None finds them out.
+    casts  : whether it throws shadows.    shader : discards material outside a pattern.
+    half   : half the thickness of the shader's walls (m).    normals: (m, 3, 3) at corners of faces; None computes
+             them.
     """
 
     V: Floats
@@ -229,7 +232,7 @@ class Body:
 
     @cached_property
     def encloses(self) -> bool:
-        """Whether it is the skin of something: closed, its faces outward. Whoever is outside sees no back of a face."""
+        """True for a closed mesh with outward faces, whose backs are invisible from outside."""
         F = np.asarray(self.F, dtype=np.int64)
         start, end = F.ravel(), np.roll(F, -1, axis=1).ravel()
         there, back = start * len(self.V) + end, end * len(self.V) + start
@@ -237,15 +240,15 @@ class Body:
 
 
 def shading(V: Floats, F: Ints) -> Floats32:
-    """(m, 3, 3) the normals by which a body is shaded; for another one that is the same but for how it is divided."""
+    """Return shading normals (m, 3, 3) of a body, for another division of the same surface."""
     return corner_normals(V, F, SPLIT)
 
 
 @dataclass(frozen=True, eq=False)
 class Pixels:
-    """What is where in a picture of (h, w) pixels, row 0 on top; lengths in units of `Scene.radius`.
+    """Depth, normal and colour in a picture of (h, w) pixels, row 0 on top; lengths in units of `Scene.radius`.
 
-    depth : (h, w) along the view, infinity where nothing is.
+    depth : (h, w) along the view, infinity where it is empty.
     normal: (h, w, 3) 0..255 for -1..1.      colour: (h, w, 3) 0..255.
     """
 
@@ -255,10 +258,10 @@ class Pixels:
 
 
 class Scene:
-    """Bodies on the graphics side, seen from one eye and from many lamps; use as `with Scene(...) as scene`.
+    """Bodies on the graphics side, seen from an eye and from many lamps; use as `with Scene(...) as scene`.
 
-    Inside, `centre` is the origin and `radius` (of a ball around all that casts shadows) is the unit of length, so that
-    millimetres and kilometres are drawn alike. It must be made, used and closed in one thread.
+    Inside, `centre` is the origin and `radius` (of a ball around all shadow-casting bodies) the unit of length, so that
+    millimetres and kilometres look alike. Create, use and close it in one thread.
     """
 
     def __init__(self, bodies: list[Body], centre: Floats, radius: float) -> None:
@@ -268,7 +271,7 @@ class Scene:
             self.actors = [self._add(body) for body in bodies]
             self.bodies = list(bodies)
             self.empty = True
-            self.casting = False  # whether a lamp saw anything, when lamps were asked last
+            self.casting = False  # whether a lamp saw a body in the last lighting
             self.casts = [body.casts for body in bodies]
         except BaseException:
             self.close()
@@ -281,17 +284,17 @@ class Scene:
         self.close()
 
     def close(self) -> None:
-        """Give the window back."""
+        """Release the window."""
         self.window.close()
 
     def put(self, index: int, body: Body) -> None:
-        """Another body in the place of one that there is, as large as that."""
+        """Replace a body by another of the same size."""
         actor = self._add(body)
         self.window.remove(self.actors[index])
         self.actors[index], self.bodies[index], self.casts[index] = actor, body, body.casts
 
     def pixels(self, view: View, width: int, height: int) -> Pixels:
-        """What the eye sees."""
+        """Return the view of the eye."""
         near, far = self._look(view)
         self.window.resize(width, height)
         with self._walls(view):
@@ -311,7 +314,7 @@ class Scene:
 
     @contextmanager
     def _walls(self, view: View) -> Iterator[None]:
-        """Inside, the walls of cut sheets are seen; for lamps and masks they are infinitely thin."""
+        """Show the walls of cut sheets inside the context; for lamps and masks they have no thickness."""
         eye = (view.eye - self.centre) / self.radius
         shaded = [(body.shader, body.half) for body in self.bodies if body.shader]
         for shader, half in shaded:
@@ -322,19 +325,19 @@ class Scene:
 
     @property
     def renderer(self) -> str:
-        """What draws, by its own words, once something was drawn."""
+        """Name of the OpenGL renderer, after the first picture."""
         said = re.search(r"OpenGL renderer string:\s*(.+)", self.window.window.ReportCapabilities())
         return said.group(1).strip() if said else "unknown"
 
     def frame(self, view: View, width: int, height: int) -> None:
-        """Draw, wait until it is drawn, and read nothing back but the middle pixel."""
+        """Draw, wait for the picture, and read only its middle pixel."""
         self._look(view)
         self.window.resize(width, height)
         self.window.draw()
         self.window.wait()
 
     def mask(self, view: View, width: int, height: int) -> Bools:
-        """(h, w) where the eye sees something that casts shadows, were it alone."""
+        """Return (h, w) where the eye would see a shadow-casting body without the other bodies."""
         with self.lamps():
             self._look(view)
             self.window.resize(width, height)
@@ -342,12 +345,12 @@ class Scene:
 
     @contextmanager
     def lamps(self) -> Iterator[None]:
-        """Inside, `lamp` may be called: only what casts shadows is there."""
+        """Hide bodies that cast no shadow inside the context, where `lamp` may be called."""
         self.casting = False
         for actor, body, casts in zip(self.actors, self.bodies, self.casts, strict=True):
             actor.SetVisibility(casts)
-            actor.GetMapper().SetScalarVisibility(body.shader is not None)  # depth has no colour: a tenth of the time
-            if casts and body.shader is None:  # what no lamp sees is not drawn: a third of the time
+            actor.GetMapper().SetScalarVisibility(body.shader is not None)  # depth needs no colour: a tenth of the time
+            if casts and body.shader is None:  # hidden backs would take three times as long
                 actor.GetProperty().SetBackfaceCulling(body.encloses)
         yield
         for actor in self.actors:
@@ -356,9 +359,9 @@ class Scene:
             actor.GetMapper().SetScalarVisibility(True)
 
     def lamp(self, frame: Floats, side: int) -> Floats32:
-        """(s, s) depth of what a lamp sees first, 0..1 from the nearest of `LAMP_DEPTHS` to the farthest, 1 where that
-        is nothing; s is `side`.
+        """Return the depth (s, s) of the first body seen by a lamp, with s = `side`.
 
+        It is 0..1 from the nearest to the farthest of `LAMP_DEPTHS`, 1 where it is empty.
         frame : rows right, up, towards the lamp. Pixel [j, i] spans -1..1 along up (j) and right (i).
         """
         self.window.resize(side, side)
@@ -374,7 +377,7 @@ class Scene:
         return seen
 
     def _look(self, view: View) -> tuple[float, float]:
-        """Point the camera; returns its nearest and farthest depth."""
+        """Aim the camera, and return its nearest and farthest depth."""
         camera = self.window.camera
         eye = (view.eye - self.centre) / self.radius
         camera.SetParallelProjection(False)
@@ -403,7 +406,7 @@ class Scene:
             mapper.SelectColorArray(name)
 
     def _add(self, body: Body) -> Any:
-        """Hand a body to VTK with two colourings, by 'normal' of its corners and by 'colour' of its faces."""
+        """Add a body to VTK, coloured by "normal" of its corners or by "colour" of its faces."""
         from vtkmodules.vtkRenderingCore import vtkActor, vtkPolyDataMapper
 
         points = (body.V - self.centre) / self.radius

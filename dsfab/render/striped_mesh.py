@@ -1,7 +1,7 @@
-"""A pattern as it is drawn: the mesh its stripes are seen on, values at its vertices, and the numbers of a shader.
+"""The mesh on which a pattern is drawn, values at its vertices, and the settings of its shader.
 
-Stripes on modes are drawn on the surface itself. Evenly spaced ones have phases that fit together on a chart only (see
-`dsfab.slicing.Chart`): they are drawn there, as if on two modes at frequency 1 and phase 0.
+Stripes on modes are drawn on the surface. Evenly spaced stripes have consistent phases on a chart only (see
+`dsfab.slicing.Chart`): they are drawn on it, as if on two modes at frequency 1 and phase 0.
 """
 
 from dataclasses import dataclass
@@ -22,20 +22,20 @@ from dsfab.results import EvenStripes, PatternResult
 from dsfab.surface import DividedField, Surface
 
 SLIDING = 1 / 8
-"""The largest reach, as a share of a surface's size, that distances are exact for whatever a preset asks."""
+"""Largest reach with exact distances for all presets, over the size of the surface."""
 
 
 DRAWN = 1e33
-"""What distances from drawn regions are multiplied with: beside these any reach is 0, even `NO_REACH`."""
+"""Factor for distances from drawn regions, which makes every reach 0 beside them, even `NO_REACH`."""
 DRAWN_ONLY = -1e6
-"""A reach that does so: the shader reads no distances where none is over `NO_REACH`."""
+"""Reach for drawn regions alone: the shader reads distances only for reaches over `NO_REACH`."""
 
 
 @dataclass(frozen=True, eq=False)
 class StripedMesh:
-    """The mesh that stripes are drawn on: the uncut surface (n, m), or the chart of evenly spaced ones (n', m').
+    """Mesh of the stripes: the uncut surface (n, m), or the chart of evenly spaced stripes (n', m').
 
-    Places on the surface, loads and supports have the numbers of the uncut one, always.
+    Places, loads and supports always have the numbers of the uncut surface.
     """
 
     uncut: Surface
@@ -43,16 +43,16 @@ class StripedMesh:
 
     @classmethod
     def of(cls, made: Design) -> Self:
-        """That of a design."""
+        """Return the mesh of a design."""
         return cls(made.surface, made.pattern.even)
 
     @property
     def surface(self) -> Surface:
-        """(n', m') what is drawn; the same sheet as the uncut surface."""
+        """(n', m') mesh to draw; the same sheet as the uncut surface."""
         return self.even.chart.surface if self.even else self.uncut
 
     def same(self, other: "StripedMesh") -> bool:
-        """Whether it is the same mesh with the same phases, unless these are those of modes."""
+        """Return whether the mesh and the phases of even stripes are equal."""
         if self.uncut is not other.uncut or (self.even is None) != (other.even is None):
             return False
         if self.even is None or other.even is None or self.even is other.even:
@@ -64,22 +64,22 @@ class StripedMesh:
         )
 
     def carry(self, x: Floats) -> Floats:
-        """Values (n, ...) at the uncut vertices, at those of this mesh (n', ...)."""
+        """Return values (n, ...) at the uncut vertices as values (n', ...) at the vertices of this mesh."""
         return self.even.chart.carry(x) if self.even else x
 
     def on_faces(self, x: Bytes) -> Bytes:
-        """Colours (m, 3) of the uncut faces, of those of this mesh (m', 3)."""
+        """Return colours (m, 3) of the uncut faces as colours (m', 3) of this mesh."""
         return x[self.even.chart.parent] if self.even else x
 
     def at_corners(self, x: Floats32) -> Floats32:
-        """Normals (m, 3, 3) at the corners of the uncut faces, at those of this mesh (m', 3, 3)."""
+        """Return normals (m, 3, 3) at corners of the uncut faces as normals (m', 3, 3) of this mesh."""
         if self.even is None:
             return x
         return np.asarray(self._corner_weights @ x[self.even.chart.parent], dtype=np.float32)
 
     @cached_property
     def _corner_weights(self) -> Floats:
-        """(m', 3, 3) barycentric weights of each corner on the three of its uncut face."""
+        """(m', 3, 3) barycentric weights of each corner in its uncut face."""
         assert self.even is not None
         chart = self.even.chart
         rows, columns = np.broadcast_arrays(chart.surface.F[:, :, None], self.uncut.F[chart.parent][:, None, :])
@@ -87,13 +87,13 @@ class StripedMesh:
 
     @cached_property
     def normals(self) -> Floats:
-        """(n', 3) unit normals of the uncut surface, so that light shows nothing of how it was divided."""
+        """(n', 3) unit normals of the uncut surface, so that light does not show its division."""
         if self.even is None:
             return self.uncut.vertex_normals
         return unit_vectors(self.carry(self.uncut.vertex_normals))
 
     def phases(self, made: Design) -> Floats:
-        """(n', 2) of both families: the modes they run on, or the phases of lines that are drawn here."""
+        """Return (n', 2) modes of both families, or the phases of even stripes."""
         if self.even:
             return self.even.chart.z
         mode, modes = made.pattern.mode, made.diffusion
@@ -101,16 +101,16 @@ class StripedMesh:
 
     @cached_property
     def shares(self) -> Floats:
-        """(n', 2) half-widths here over those of `PatternResult.half_widths`; 0 where there is no phase.
+        """(n', 2) half-widths of this mesh over `PatternResult.half_widths`; 0 without a phase.
 
-        Those are in periods of the lines that are drawn in the mean around a vertex, these in those of one side of it.
+        Periods of the result are means around a vertex; periods of this mesh belong to one side of it.
         """
         if self.even is None:
             return np.ones((self.uncut.n, 2))
         return self.carry(self.even.slope / self.even.density) * self.even.chart.scale
 
     def half_widths(self, pattern: PatternResult) -> Floats:
-        """(n', 2) of both families, in periods of `phases`."""
+        """Return half-widths (n', 2) of both families, in periods of `phases`."""
         local = [pattern.half_width(name) for name in FAMILIES]
         if self.even is None:
             return np.stack(local, axis=1)
@@ -121,14 +121,13 @@ class StripedMesh:
 
 
 _DISTANCES: WeakKeyDictionary[Design, tuple[Floats, Floats]] = WeakKeyDictionary()
+"""Distances of designs, which their pictures share."""
 
 
 def distances(made: Design) -> tuple[Floats, Floats]:
-    """(n,) each, metres: to loads and supports, and to the boundary; as far as a slider goes, and as is asked for.
+    """Return distances (n,) to loads and supports, and to the boundary (m), as far as a slider or the preset reaches.
 
-    Pictures of one design share them.
-
-    Where regions are drawn the first is how far a vertex is outside of them and of what is kept, times `DRAWN`.
+    With drawn regions the first is the distance outside of them and of kept material, times `DRAWN`.
     """
     if made not in _DISTANCES:
         _DISTANCES[made] = _distances(made)
@@ -145,8 +144,10 @@ def _distances(made: Design) -> tuple[Floats, Floats]:
 
 
 def _outside(made: Design, near: Floats) -> Floats:
-    """(n,) metres, roughly, that vertices are outside of what is kept around loads and supports, at distances `near`
-    (n,) from these, and of drawn regions: 0 along the inner edges of bands and the outlines of what is solid."""
+    """Return approximate distances (n,) of vertices outside of kept material and drawn regions (m).
+
+    They are 0 along inner edges of bands and outlines of solid regions. to_held : (n,) distances to loads and supports.
+    """
     surface, ask = made.surface, made.preset.pattern
     off = np.where(np.isfinite(near) & (ask.keep > 0), near - ask.keep, surface.size)
     for field in made.pattern.fields[: ask.drawn_regions]:
@@ -162,19 +163,21 @@ def _outside(made: Design, near: Floats) -> Floats:
 
 
 def fields(design: Design, mesh: StripedMesh, distances: tuple[Floats, Floats]) -> Floats:
-    """(n', 6) phases, half-widths and distances (see `StripeShader`); distances (n,) each."""
+    """Return phases, half-widths and distances (n', 6) (see `StripeShader`); distances : (n,) each."""
     return np.concatenate(
         [mesh.phases(design), mesh.half_widths(design.pattern), mesh.carry(finite(distances))], axis=1
     )
 
 
 def finite(distances: tuple[Floats, Floats], far: float = FAR) -> Floats:
-    """(n, 2) distances (n,) each, `far` where they are infinite: infinity times a weight of 0 is no number."""
+    """Return distances (n, 2) with a limit in place of infinity, because infinity times a weight of 0 is not a
+    number.
+    """
     return np.where(np.isfinite(distances), distances, far).T
 
 
 def only_numbers(made: Preset, preset: Preset) -> bool:
-    """Whether a preset differs from the one that was made in numbers of the shader only."""
+    """Return whether a preset differs from the drawn preset in numbers of the shader only."""
     old, new = made.pattern, preset.pattern
     first = preset.first_difference(made)
     if first is None or STAGES.index(first) > STAGES.index("pattern"):
@@ -191,7 +194,7 @@ def only_numbers(made: Preset, preset: Preset) -> bool:
         return False
     if new.method != "modes":
         return new.method == "stripes" and _but_reaches(old) == _but_reaches(new)
-    if new.width.widths(1.0).vary or new.auto:  # what fits best depends on every number
+    if new.width.widths(1.0).vary or new.auto:  # these depend on every number
         return False
     if new.major.spacing or new.minor.spacing:  # frequencies are solved for
         return False
@@ -199,12 +202,12 @@ def only_numbers(made: Preset, preset: Preset) -> bool:
 
 
 def _but_reaches(pattern: Pattern) -> dict[str, object]:
-    """All of it but what the shader takes as numbers for evenly spaced stripes: their widths differ at every vertex."""
+    """Return the pattern without the numbers of the shader for even stripes, whose widths vary at vertices."""
     return pattern.model_dump(exclude={"keep", "rim", "fillet", "tidy"})
 
 
 def numbers(preset: Preset, made: PatternResult, show: str) -> Settings:
-    """The numbers of a preset, with those that were solved for or chosen when its pattern was made."""
+    """Return the shader settings of a preset, with solved numbers of its pattern's result."""
     ask = preset.pattern
     pair, width = (ask.major, ask.minor), ask.width
     nothing = DRAWN_ONLY if ask.drawn_regions else NO_REACH

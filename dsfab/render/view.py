@@ -1,4 +1,4 @@
-"""Where a picture is taken from: which way is up, from which side a structure is seen, and how it fills the page."""
+"""The view of a picture: the direction up, the side of the structure, and the fit on the page."""
 
 from dataclasses import dataclass
 
@@ -9,15 +9,14 @@ from dsfab.core.errors import DsfabError
 from dsfab.surface import LoadCase, Surface
 
 ANGLE = 24.0
-"""Vertical view angle, degrees: a long lens, so that near members do not look larger than far ones."""
+"""Vertical view angle (degrees): a long lens, so that near members are no larger than far members."""
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """A camera: `eye` looks along `forward`; `right` and `up` span the picture; `slope` is tan(half its angle).
+    """Camera at `eye` along `forward`; `right` and `up` span the picture; `slope` is tan(half its angle).
 
-    floor : unit vector off what the structure stands on; for a plate seen face on, as on a drawing board (`front`), it
-            is the plate's normal: the floor is the board behind it.
+    floor : unit normal of the floor. A plate seen face on (`front`) has a board behind it as its floor.
     """
 
     eye: Floats
@@ -29,17 +28,18 @@ class View:
     front: bool
 
     def seen(self, points: Floats) -> Floats:
-        """(k, 3) points as (x, y, depth): x and y are 1 at the upper edge of a picture as wide as high."""
+        """Return points (k, 3) as (x, y, depth): x and y are 1 at the upper edge of a square picture."""
         local = (points - self.eye) @ np.stack([self.right, self.up, self.forward], axis=1)
         local[:, :2] /= self.slope * local[:, 2:]
         return np.asarray(local)
 
 
 def up_axis(V: Floats, surface: Surface | None, load: LoadCase | None) -> Floats:
-    """(3,) unit vector that points up, for V (n, 3): z, unless the loads say that it is y.
+    """Return the unit vector (3,) that points up for V (n, 3): z, unless the loads point along -y.
 
-    It is y when the whole load presses along -y and the structure stands on supports that are low in y (figures are
-    modelled so), or when the load lies in the plane of a plate that z stands off.
+    It is y if the whole load presses along -y and the supports are low in y, as for figures. It is also y if the load
+    lies
+    in the plane of a plate and z is normal to it.
     """
     z, y = np.array([0.0, 0.0, 1.0]), np.array([0.0, 1.0, 0.0])
     if load is None or surface is None:
@@ -54,7 +54,7 @@ def up_axis(V: Floats, surface: Surface | None, load: LoadCase | None) -> Floats
 
 
 def _spread(V: Floats) -> tuple[Floats, Floats]:
-    """Standard deviations of the points along their principal axes, largest first, and the axes as rows."""
+    """Return standard deviations of points along their principal axes, largest first, and the axes as rows."""
     values, axes = np.linalg.eigh(np.cov((V - V.mean(axis=0)).T))
     return np.sqrt(np.maximum(values[::-1], 0.0)), axes.T[::-1]
 
@@ -70,7 +70,7 @@ def _normal(V: Floats) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class ViewSide:
-    """From where a structure is seen: `towards` the eye, `up`, `floor` and `front` as in `View`."""
+    """Side of a view: `towards` the eye, and `up`, `floor` and `front` as in `View`."""
 
     towards: Floats
     up: Floats
@@ -79,12 +79,12 @@ class ViewSide:
 
 
 def best_side(V: Floats, up: Floats) -> ViewSide:
-    """Three-quarter view of V (n, 3) from a little above; standing plates face on."""
+    """Return the three-quarter view of V (n, 3) from a little above; standing plates are seen face on."""
     if _is_plate(V) and abs(_normal(V) @ up) < 0.7:
         return _face_on(_normal(V), up)
     front, right = _plan(V, up)
     depth, width, height = np.ptp(V @ np.stack([front, right, up], axis=1), axis=0)
-    # low things are seen from higher up, towers almost from eye level
+    # low structures are seen from higher up, towers almost from eye level
     lift = np.radians(np.interp(height / max(width, depth), [0.0, 0.15, 0.35, 1.0, 2.0], [40.0, 32.0, 24.0, 17.0, 9.0]))
     turn = np.radians(32.0)
     level = np.cos(turn) * front + np.sin(turn) * right
@@ -92,14 +92,14 @@ def best_side(V: Floats, up: Floats) -> ViewSide:
 
 
 NAMED = {"top": (0.0, 90.0), "front": (0.0, 4.0), "side": (90.0, 4.0)}
-"""Degrees of azimuth and elevation. The ground is seen from a little above, or it would be a line."""
+"""Azimuth and elevation (degrees); low views are a little raised, because the ground would be a line."""
 
 
 def named_side(V: Floats, up: Floats, name: str) -> ViewSide:
-    """The side of V (n, 3) that a name asks for: iso, top, front, side, or 'azimuth,elevation' in degrees.
+    """Return the side of V (n, 3) for a name: iso, top, front, side, or 'azimuth,elevation' in degrees.
 
-    iso is `best_side`. Azimuth turns from the front to the right, elevation is counted from the ground up.
-    Raises DsfabError for anything else.
+    iso is `best_side`. Azimuth turns from the front to the right, elevation starts at the ground.
+    Raises DsfabError for other names.
     """
     if name == "iso":
         return best_side(V, up)
@@ -125,7 +125,10 @@ def _angles(name: str) -> tuple[float, float]:
 
 
 def _face_on(normal: Floats, up: Floats) -> ViewSide:
-    """A little beside and above the normal, so that thickness shows. Plates in xz are seen from -y, others from +."""
+    """Return a view a little beside and above the normal, so that thickness is visible.
+
+    Plates in xz are seen from -y, other plates from the positive side.
+    """
     strongest = int(np.argmax(np.abs(normal)))
     normal = normal * np.sign(normal[strongest]) * (-1.0 if strongest == 1 else 1.0)
     level = normal - (normal @ up) * up
@@ -135,9 +138,9 @@ def _face_on(normal: Floats, up: Floats) -> ViewSide:
 
 
 def _plan(V: Floats, up: Floats) -> tuple[Floats, Floats]:
-    """The side that faces us and the long direction that runs to the right, two level unit vectors.
+    """Return the front direction and the long direction to the right, two level unit vectors.
 
-    Elongated plans are turned to their long side; the rest are seen from -y (from +z when y is up).
+    Elongated plans turn their long side to the front; other plans are seen from -y (from +z if y is up).
     """
     vertical = int(np.argmax(np.abs(up)))
     right = np.eye(3)[{0: 1, 1: 0, 2: 0}[vertical]]
@@ -152,7 +155,7 @@ def _plan(V: Floats, up: Floats) -> tuple[Floats, Floats]:
 
 
 def framed(points: Floats, side: ViewSide, box: tuple[float, float, float, float]) -> View:
-    """The view from one side in which points (n, 3) fill a box (left, right, bottom, top) in units of `View.seen`."""
+    """Return the view of a side in which points (n, 3) fill a box (left, right, bottom, top) in units of the page."""
     towards = side.towards
     right = np.cross(side.up, towards)
     right /= np.linalg.norm(right)

@@ -126,7 +126,7 @@ def _by_limits(design: Design, graph: MemberGraph, limits: StripLimits, up: Floa
     """Choose strips if they bend or the limit is unknown; else bars close to the surface; else planks; else bars."""
     worst, how = max(limits.bending, limits.shape), f"layers of {length(limits.thickness)} of strips"
     if not limits.limit:
-        return Route("strips", f"{how} would be bent to {worst:.2%}, and how far the material can be is not known")
+        return Route("strips", f"{how} would be bent to {worst:.2%}, and the limit of the material is not known")
     if worst <= limits.limit:
         return Route("strips", f"{how} can be bent: to {worst:.2%}, of {limits.limit:.2%} allowed")
     why = (
@@ -150,7 +150,7 @@ def _possible_bars(design: Design, graph: MemberGraph, up: Floats) -> tuple[BarP
         bars = planned_bars(design, graph, up)
     except PatternError as error:
         why = str(error).partition("; ")[0]  # the rest proposes other routes
-        return None, f"bars are no way either: {why}"
+        return None, f"bars are impossible too: {why}"
     if bars.loose:
         return None, f"{len(bars.loose)} bar{'s' * (len(bars.loose) > 1)} would be too short for bolts"
     long = longest_unfit(bars.parts, design.preset.workshop)
@@ -165,7 +165,7 @@ def _possible_planks(design: Design, graph: MemberGraph, up: Floats) -> tuple[Pl
     try:
         planks = planned_planks(design, graph, up)
     except PatternError as error:
-        return None, f"upright planks are no way: {error}"
+        return None, f"upright planks are impossible: {error}"
     return (None, f"upright planks {planks.hindrance}") if planks.hindrance else (planks, "")
 
 

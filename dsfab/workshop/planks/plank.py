@@ -174,7 +174,7 @@ class Plank:
 
     @property
     def names(self) -> list[str]:
-        """"A07", or "A07.1" and "A07.2"."""
+        """ "A07", or "A07.1" and "A07.2"."""
         count = len(self.spans)
         return [self.member.id] if count == 1 else [f"{self.member.id}.{k}" for k in range(1, count + 1)]
 
