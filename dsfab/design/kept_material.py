@@ -2,11 +2,12 @@
 
 from collections.abc import Callable, Sequence
 from typing import NamedTuple
-from weakref import WeakKeyDictionary, ref
+from weakref import ref
 
 import numpy as np
 
 from dsfab.core.arrays import Bools, Floats
+from dsfab.core.derived import derived_results
 from dsfab.pattern import Layer, kept_layers
 from dsfab.preset.model import FAMILIES, Preset, Width
 from dsfab.results import DiffusionResult, EvenStripes, PatternResult, StressedSurface
@@ -14,16 +15,12 @@ from dsfab.slicing import Tidy
 from dsfab.surface import LoadCase, PatternRegion, Surface, hat_gradients
 
 
-class _Kept(NamedTuple):
+class _LatestLayers(NamedTuple):
     """Layers for values of [pattern] on a surface."""
 
-    asked: tuple[float, float, Sequence[PatternRegion]]
+    options: tuple[float, float, Sequence[PatternRegion]]
     surface: ref[Surface]
     layers: list[Layer]
-
-
-_KEPT: WeakKeyDictionary[LoadCase, _Kept] = WeakKeyDictionary()
-"""The latest layers for each load: all trials of `auto` share them, which saves a tenth of their time."""
 
 
 def kept_regions(preset: Preset, surface: Surface, load: LoadCase, even: EvenStripes | None = None) -> list[Layer]:
@@ -43,11 +40,13 @@ def kept_regions(preset: Preset, surface: Surface, load: LoadCase, even: EvenStr
 
 
 def _kept_as_asked(preset: Preset, surface: Surface, load: LoadCase) -> list[Layer]:
-    asked, known = (preset.pattern.keep, preset.pattern.rim, preset.pattern.region), _KEPT.get(load)
-    if known and known.asked == asked and known.surface() is surface:
-        return known.layers
-    layers = kept_layers(surface, load.held | load.loaded, *asked)
-    _KEPT[load] = _Kept(asked, ref(surface), layers)
+    options = preset.pattern.keep, preset.pattern.rim, preset.pattern.region
+    # all trials of `auto` share the latest layers of a load, which saves a tenth of their time
+    latest: _LatestLayers | None = derived_results(load).get(_LatestLayers)
+    if latest and latest.options == options and latest.surface() is surface:
+        return latest.layers
+    layers = kept_layers(surface, load.held | load.loaded, *options)
+    derived_results(load)[_LatestLayers] = _LatestLayers(options, ref(surface), layers)
     return layers
 
 

@@ -2,13 +2,13 @@
 
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.sparse import csr_array, diags_array
 from scipy.sparse.linalg import ArpackNoConvergence, LinearOperator, eigsh
 
-from dsfab.core.arrays import Floats, Ints, lock
+from dsfab.core.arrays import Floats, lock
+from dsfab.core.derived import derived, derived_results
 from dsfab.core.errors import PatternError
 from dsfab.core.sparse import Factor, SuperLU, factorise, one_blas_thread, solver_name
 from dsfab.diffusion.symmetry import Symmetry
@@ -116,17 +116,10 @@ class Modes:
         return np.asarray(self.X[:, number - 1])
 
 
-_ORDERS: WeakKeyDictionary[Surface, Ints] = WeakKeyDictionary()
-"""Order of elimination of each surface: all its operators have the same pattern."""
-
-_PIECES: WeakKeyDictionary[Surface, int] = WeakKeyDictionary()
-
-
+@derived
 def _constants(surface: Surface) -> int:
-    """Return the number of constant modes, one for each piece of the surface; counted once."""
-    if surface not in _PIECES:
-        _PIECES[surface] = pieces(surface.F, surface.edges)[0]
-    return _PIECES[surface]
+    """Return the number of constant modes, one for each piece of the surface."""
+    return pieces(surface.F, surface.edges)[0]
 
 
 def diffusion_modes(
@@ -212,8 +205,9 @@ def _factor(surface: Surface, A: csr_array) -> Factor:
     """
     if solver_name() == "PARDISO":
         return factorise(A, surface.V)
-    solve = SuperLU(A, surface.V, np.arange(surface.n), order=_ORDERS.get(surface), definite=True)
-    _ORDERS[surface] = solve.order
+    results = derived_results(surface)  # all operators of a surface have one pattern, and so one order of elimination
+    solve = SuperLU(A, surface.V, np.arange(surface.n), order=results.get(SuperLU), definite=True)
+    results[SuperLU] = solve.order
     return solve
 
 

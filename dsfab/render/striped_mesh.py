@@ -7,11 +7,11 @@ Stripes on modes are drawn on the surface. Evenly spaced stripes have consistent
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Self
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from dsfab.core.arrays import Floats, unit_vectors
+from dsfab.core.derived import derived
 from dsfab.design.design import Design
 from dsfab.pattern import distance_to_boundary, distance_to_vertices
 from dsfab.pattern.layers import finest_half_widths
@@ -79,7 +79,6 @@ class StripedMesh:
 
     @cached_property
     def _corner_weights(self) -> Floats:
-        """(m', 3, 3) barycentric weights of each corner in its uncut face."""
         assert self.even is not None
         chart = self.even.chart
         rows, columns = np.broadcast_arrays(chart.surface.F[:, :, None], self.uncut.F[chart.parent][:, None, :])
@@ -101,10 +100,7 @@ class StripedMesh:
 
     @cached_property
     def shares(self) -> Floats:
-        """(n', 2) half-widths of this mesh over `PatternResult.half_widths`; 0 without a phase.
-
-        Periods of the result are means around a vertex; periods of this mesh belong to one side of it.
-        """
+        """(n', 2) half-widths on one side of a vertex over `PatternResult.half_widths`, its mean; 0 without a phase."""
         if self.even is None:
             return np.ones((self.uncut.n, 2))
         return self.carry(self.even.slope / self.even.density) * self.even.chart.scale
@@ -120,20 +116,15 @@ class StripedMesh:
         return self.carry(np.stack(finest, axis=1)) * even.chart.scale
 
 
-_DISTANCES: WeakKeyDictionary[Design, tuple[Floats, Floats]] = WeakKeyDictionary()
-"""Distances of designs, which their pictures share."""
-
-
 def distances(made: Design) -> tuple[Floats, Floats]:
     """Return distances (n,) to loads and supports, and to the boundary (m), as far as a slider or the preset reaches.
 
     With drawn regions the first is the distance outside of them and of kept material, times `DRAWN`.
     """
-    if made not in _DISTANCES:
-        _DISTANCES[made] = _distances(made)
-    return _DISTANCES[made]
+    return _distances(made)
 
 
+@derived
 def _distances(made: Design) -> tuple[Floats, Floats]:
     surface, load, ask = made.surface, made.load, made.preset.pattern
     reach = max(SLIDING * surface.size, ask.keep, ask.rim)
@@ -144,10 +135,7 @@ def _distances(made: Design) -> tuple[Floats, Floats]:
 
 
 def _outside(made: Design, near: Floats) -> Floats:
-    """Return approximate distances (n,) of vertices outside of kept material and drawn regions (m).
-
-    They are 0 along inner edges of bands and outlines of solid regions. to_held : (n,) distances to loads and supports.
-    """
+    """Return distances (n,) outside of kept material and drawn regions (m), roughly; 0 along their outlines."""
     surface, ask = made.surface, made.preset.pattern
     off = np.where(np.isfinite(near) & (ask.keep > 0), near - ask.keep, surface.size)
     for field in made.pattern.fields[: ask.drawn_regions]:
@@ -170,9 +158,7 @@ def fields(design: Design, mesh: StripedMesh, distances: tuple[Floats, Floats]) 
 
 
 def finite(distances: tuple[Floats, Floats], far: float = FAR) -> Floats:
-    """Return distances (n, 2) with a limit in place of infinity, because infinity times a weight of 0 is not a
-    number.
-    """
+    """Return distances (n, 2) with a limit for infinity, because infinity times a weight of 0 is not a number."""
     return np.where(np.isfinite(distances), distances, far).T
 
 

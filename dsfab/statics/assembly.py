@@ -3,13 +3,13 @@
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, Self
-from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
 from scipy.sparse import bsr_array, csr_array
 
 from dsfab.core.arrays import Bools, Floats, Ints, distinct
+from dsfab.core.derived import derived_results
 from dsfab.surface import next_half_edge
 from dsfab.surface.mesh import Surface
 
@@ -165,16 +165,13 @@ def upwards(a: Floats, b: Floats, ascending: Bools) -> tuple[Floats, Floats]:
     return np.where(ascending, a, b), np.where(ascending, b, a)
 
 
-_EDGES: WeakKeyDictionary[Surface, VertexPairs] = WeakKeyDictionary()
-_HINGES: WeakKeyDictionary[Surface, VertexPairs] = WeakKeyDictionary()
-
-
 def vertex_pairs(surface: Surface, hinge: Ints | None = None) -> VertexPairs:
     """Return the pairs of edges, and of hinges (i, 4) if given, computed once for each surface."""
-    kept = _EDGES if hinge is None else _HINGES
-    if surface not in kept:
-        kept[surface] = VertexPairs.of(surface, hinge)
-    return kept[surface]
+    results, key = derived_results(surface), (VertexPairs, hinge is None)
+    if key not in results:
+        results[key] = VertexPairs.of(surface, hinge)
+    pairs: VertexPairs = results[key]
+    return pairs
 
 
 def added(A: csr_array, B: csr_array) -> csr_array:

@@ -4,12 +4,12 @@ from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from types import MappingProxyType
 from typing import Literal, Self, get_args
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.sparse import csr_array
 
 from dsfab.core.arrays import Floats, Ints
+from dsfab.core.derived import derived
 from dsfab.core.errors import StaticsError
 from dsfab.surface.mesh import Surface
 
@@ -83,16 +83,12 @@ def half_edge_signs(surface: Surface) -> Floats:
     return np.where(np.roll(surface.F, -1, axis=1) > surface.F, 1.0, -1.0)
 
 
-_FRAMES: WeakKeyDictionary[Surface, Floats] = WeakKeyDictionary()
-
-
+@derived
 def edge_frames(surface: Surface) -> Floats:
     """Return rows t, m, n (e, 3, 3) of each edge, computed once for each surface: see `_computed_edge_frames`."""
-    found = _FRAMES.get(surface)
-    if found is None:
-        found = _FRAMES[surface] = _edge_frames(surface)
-        found.flags.writeable = False
-    return found
+    frames = _edge_frames(surface)
+    frames.flags.writeable = False
+    return frames
 
 
 def _edge_frames(surface: Surface) -> Floats:

@@ -3,13 +3,13 @@
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Literal, NamedTuple, Self
-from weakref import WeakKeyDictionary
 
 import igl
 import numpy as np
 from scipy.sparse import coo_array, csr_array, eye_array, vstack
 
 from dsfab.core.arrays import Bools, Floats, Ints, lock
+from dsfab.core.derived import derived
 from dsfab.surface.edge_changes import halved, with_longest
 from dsfab.surface.geodesic import Origins
 from dsfab.surface.mesh import Surface
@@ -34,17 +34,13 @@ def tangents(surface: Surface) -> Floats:
     return np.stack([t1, np.cross(surface.normals, t1)], axis=1)
 
 
-_MASSES: WeakKeyDictionary[Surface, Floats] = WeakKeyDictionary()
-
-
+@derived
 def voronoi_mass(surface: Surface) -> Floats:
     """Return the Voronoi areas (n,) of the vertices, square metres; their sum is the area [Meyer et al. 2003, mixed
-    areas]. The result is cached as long as the surface exists."""
-    if surface not in _MASSES:
-        diagonal: Floats = igl.massmatrix(surface.V, surface.F, igl.MASSMATRIX_TYPE_VORONOI).diagonal()
-        diagonal.flags.writeable = False
-        _MASSES[surface] = diagonal
-    return _MASSES[surface]
+    areas]. The surface holds the result."""
+    diagonal: Floats = igl.massmatrix(surface.V, surface.F, igl.MASSMATRIX_TYPE_VORONOI).diagonal()
+    diagonal.flags.writeable = False
+    return diagonal
 
 
 def assemble(surface: Surface, blocks: Floats, diagonal: Floats | None = None) -> csr_array:

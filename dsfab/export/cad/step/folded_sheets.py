@@ -4,12 +4,12 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 from typing import NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from dsfab.core.arrays import Bools, Floats, Ints, area_vectors, group_sums
+from dsfab.core.derived import derived
 from dsfab.core.errors import ExportError
 from dsfab.core.units import MM_PER_M
 from dsfab.export.cad.step.entities import DIGITS, closing, header
@@ -108,29 +108,23 @@ class FoldedSheet:
         return int((np.bincount(self.outline.chart) > 1).sum())
 
 
-_FACETS: WeakKeyDictionary[Part, FlatFacets | None] = WeakKeyDictionary()
-_FOUND: WeakKeyDictionary[Part, FoldedSheet | None] = WeakKeyDictionary()
-
-
+@derived
 def flat_facets(part: Part) -> FlatFacets | None:
-    """Return the flat facets of a solid's sheet, memoised; None unless it has two or more."""
-    if part not in _FACETS:
-        try:
-            _FACETS[part] = _facets(part)
-        except ExportError:
-            _FACETS[part] = None  # one plane, or curved
-    return _FACETS[part]
+    """Return the flat facets of a solid's sheet; None unless it has two or more."""
+    try:
+        return _facets(part)
+    except ExportError:
+        return None  # one plane, or curved
 
 
+@derived
 def folded_sheet(part: Part) -> FoldedSheet | None:
-    """Return the sheet of a solid with flat facets, mitred at its folds, memoised; None for all other solids."""
-    if part not in _FOUND:
-        flat = flat_facets(part)
-        try:
-            _FOUND[part] = _folded(flat) if flat else None
-        except ExportError:
-            _FOUND[part] = None
-    return _FOUND[part]
+    """Return the sheet of a solid with flat facets, mitred at its folds; None for all other solids."""
+    flat = flat_facets(part)
+    try:
+        return _folded(flat) if flat else None
+    except ExportError:
+        return None
 
 
 def _facets(part: Part) -> FlatFacets:

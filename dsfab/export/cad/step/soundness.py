@@ -8,11 +8,11 @@ from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Any, NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
 from dsfab.core.arrays import Bools, Floats, Ints
+from dsfab.core.derived import derived
 from dsfab.core.units import METRES_PER
 from dsfab.export.cad.step.shared.skins import Limits
 from dsfab.export.cad.step.smooth.build import smooth_file
@@ -151,18 +151,14 @@ class SampledUse:
     fault: str = ""
 
 
-_TRIED: WeakKeyDictionary[Part, SampledUse] = WeakKeyDictionary()
-
-
+@derived
 def smooth_use(part: Part) -> SampledUse:
     """Cut the smooth file of a part once on trial, if the part requests it."""
     most_faces = 500  # OCCT needs half a minute for 1400 faces, because skins hold the edges of all openings
-    if part not in _TRIED:
-        file = smooth_file(part)
-        wanted = part.cut and file.faces <= most_faces
-        text = file.text.encode("ascii")
-        _TRIED[part] = sampled_use(part, text, file.faces, file.limits) if wanted else SampledUse(False)
-    return _TRIED[part]
+    file = smooth_file(part)
+    if not part.cut or file.faces > most_faces:
+        return SampledUse(False)
+    return sampled_use(part, file.text.encode("ascii"), file.faces, file.limits)
 
 
 def sampled_use(part: Part, file: bytes, faces: int, limits: Limits, suffix: str = ".step") -> SampledUse:

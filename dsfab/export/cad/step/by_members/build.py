@@ -3,10 +3,10 @@
 import subprocess
 from dataclasses import dataclass
 from typing import Any
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
+from dsfab.core.derived import derived
 from dsfab.core.errors import ExportError
 from dsfab.core.limits import CHANGED_VOLUME, DEFLECTION
 from dsfab.core.units import MM_PER_M
@@ -67,20 +67,16 @@ class _RoughError(ExportError):
     """The file is too far off the mesh, or OCCT finds it invalid or no solid; a finer file may pass."""
 
 
-_MADE: WeakKeyDictionary[Part, MemberFile] = WeakKeyDictionary()
-
-
+@derived
 def member_file(part: Part) -> MemberFile:
-    """Return the file of a part, memoised; raises NotByMembersError with the reason, and BudgetError if it is too
+    """Return the file of a part, which holds it; raises NotByMembersError with the reason, and BudgetError if it is too
     large."""
-    if part not in _MADE:
-        try:
-            _MADE[part] = _accepted(part)
-        except BudgetError:
-            raise
-        except ExportError as error:
-            raise NotByMembersError(str(error), isinstance(error, ManyFacesError)) from error
-    return _MADE[part]
+    try:
+        return _accepted(part)
+    except BudgetError:
+        raise
+    except ExportError as error:
+        raise NotByMembersError(str(error), isinstance(error, ManyFacesError)) from error
 
 
 def _accepted(part: Part) -> MemberFile:

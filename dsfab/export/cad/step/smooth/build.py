@@ -7,12 +7,12 @@ charts, skins -> all pieces -> file -> `piece_check` -> `PieceJudge` -> refused 
 
 from contextlib import ExitStack
 from typing import NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from dsfab.core.arrays import Floats, Ints, from_segments
+from dsfab.core.derived import derived
 from dsfab.core.errors import ExportError
 from dsfab.core.limits import DEFLECTION
 from dsfab.core.sparse.cholesky import one_blas_thread
@@ -44,14 +44,10 @@ class _Taken(NamedTuple):
     verdict: Acceptance
 
 
-_MADE: WeakKeyDictionary[Part, SmoothPieceFile] = WeakKeyDictionary()
-
-
+@derived
 def smooth_file(part: Part) -> SmoothPieceFile:
-    """Return the smooth file of a part, memoised; raises ExportError with the reason if no piece can be smooth."""
-    if part not in _MADE:
-        _MADE[part] = _Ladder(part).made()
-    return _MADE[part]
+    """Return the smooth file of a part, which holds it; raises ExportError if no piece can be smooth."""
+    return _Ladder(part).made()
 
 
 def first_draft(part: Part) -> tuple[int, int]:

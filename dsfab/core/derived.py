@@ -1,0 +1,38 @@
+"""Results that follow from a frozen value alone, held by the value itself.
+
+A `cached_property` does this inside a class. A room above, such as statics for a `Surface`, uses `derived`.
+"""
+
+from collections.abc import Callable
+from functools import wraps
+from typing import Any, TypeVar
+
+V = TypeVar("V")
+R = TypeVar("R")
+
+
+class DerivedResults(dict[Any, Any]):
+    """Results by key; a pickled value leaves them out, because another process can compute them again."""
+
+    def __reduce__(self) -> tuple[type["DerivedResults"], tuple[()]]:
+        return DerivedResults, ()
+
+
+def derived_results(value: object) -> DerivedResults:
+    """Return the results that a value holds. The value must have a `__dict__` and must not change."""
+    results: DerivedResults = vars(value).setdefault("_derived_results", DerivedResults())
+    return results
+
+
+def derived(function: Callable[[V], R]) -> Callable[[V], R]:
+    """Decorate a function of one frozen value: the value holds the result, which is computed once."""
+
+    @wraps(function)
+    def held(value: V) -> R:
+        results = derived_results(value)
+        if function not in results:
+            results[function] = function(value)
+        result: R = results[function]
+        return result
+
+    return held
