@@ -23,12 +23,9 @@ Heavy libraries are imported where they are used: `import dsfab` is quick, and s
 """
 
 import os
-from functools import partial
 from importlib import import_module
 from importlib.metadata import PackageNotFoundError, version
 from typing import TYPE_CHECKING, Any
-
-from dsfab import ways_out
 
 try:
     __version__ = version("dsfab")  # of the tag that it was installed from
@@ -155,12 +152,3 @@ def __getattr__(name: str) -> Any:
 
 def __dir__() -> list[str]:
     return sorted([*globals(), *_HOME])
-
-
-def _public(name: str, /, *arguments: Any, **options: Any) -> Any:
-    """What the public function of that name returns."""
-    return __getattr__(name)(*arguments, **options)
-
-
-for _name in ("inline_picture", "save", "to_build123d", "write"):
-    ways_out.open_way(_name, partial(_public, _name))

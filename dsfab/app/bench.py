@@ -1,4 +1,4 @@
-"""`dsfab bench`: the paper's Table 2 for presets, each in a process of its own so that peak memory is its own."""
+"""The command `dsfab bench`: seconds and peak memory of presets, each run in a process of its own."""
 
 import json
 import statistics
@@ -23,24 +23,28 @@ ROWS = (
     *("membrane", "bending", "statics", "stress", "diffusion", "modes"),
     *("stripes", "slicing", "thickening", "export", "total"),
 )
-"""Columns of the table, seconds: those of the paper's Table 2, then the stages beyond it. `stripes` are evenly spaced:
-directions, densities and phases, which take the place of the modes."""
+"""Columns of the table, seconds: those of the paper's Table 2, then further stages.
+
+`stripes` are evenly spaced: directions, densities and phases, which replace the modes.
+"""
 
 SCALING = (10_000, 40_000, 100_000)
-"""Vertices of the surfaces that `--scaling` runs."""
+"""Vertices of the surfaces of `--scaling`."""
 
 SCALING_STATICS = (*SCALING, 250_000, 500_000)
-"""The same with `--stages statics`."""
+"""Vertices of `--scaling` with `--stages statics`."""
 
 STATICS_ROWS = ("assembly", "factor", "solve", "stress", "total", "cpu")
-"""Columns of `--stages statics`, seconds. `solve` is everything of the solution but the factorisation; `cpu` is the
-processor's time for `total`, the number to compare on a busy machine."""
+"""Columns of `--stages statics`, seconds.
+
+`solve` is the solution without the factorisation. `cpu` is processor time for `total`, to compare on a busy machine.
+"""
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Workload:
-    """What is timed, and on how many vertices."""
+    """Stages to time, and numbers of vertices."""
 
     scaling: Annotated[
         bool,
@@ -56,7 +60,7 @@ class Workload:
     ] = "all"
 
     def sizes(self) -> tuple[int, ...]:
-        """The numbers of vertices to run; none for the preset's own. Raises DsfabError for a text that is no list."""
+        """Return the numbers of vertices; empty for the preset's own. Raises DsfabError for a text that is no list."""
         if self.vertices is None:
             return (SCALING_STATICS if self.stages == "statics" else SCALING) if self.scaling else ()
         try:
@@ -104,7 +108,6 @@ def bench(
 
 
 def _previewed(presets: Sequence[str], as_json: bool) -> int:
-    """`--preview`: needs no preset, since only the number of triangles counts."""
     from dsfab.app.bench_preview import PIXELS, SIZES, frame_rates, rates_table
 
     if presets:
@@ -121,9 +124,9 @@ def _previewed(presets: Sequence[str], as_json: bool) -> int:
 
 
 def _edges(name: str, source: Source, wanted: tuple[int, ...]) -> list[tuple[str, ...]]:
-    """The overrides that give a shape about these numbers of vertices: they grow with 1 / edge^2.
+    """Overrides for shapes with about these numbers of vertices, which grow with 1 / edge^2.
 
-    The preset is read in any case: a mistake in the last of several is told before the first one is timed.
+    The preset is read in any case, so that a mistake in a later preset is found before the first run.
     """
     surface = source.read(name).surface
     if not wanted:
@@ -139,7 +142,7 @@ def _edges(name: str, source: Source, wanted: tuple[int, ...]) -> list[tuple[str
 
 
 def measure(name: str, source: Source, step: bool) -> dict[str, Any]:
-    """One run in this process: seconds per row, peak memory in MiB, and the sizes."""
+    """Return seconds per row, peak memory in MiB, and sizes of one run in this process."""
     from dsfab.design import run
     from dsfab.design.output.files import deliverable
     from dsfab.export import write
@@ -165,7 +168,7 @@ def measure(name: str, source: Source, step: bool) -> dict[str, Any]:
 
 
 def measure_statics(name: str, source: Source) -> dict[str, Any]:
-    """One run of the statics alone in this process: seconds per part, peak memory in MiB, and the sizes."""
+    """Return seconds per part, peak memory in MiB, and sizes of the statics alone, in this process."""
     from dsfab.design import Log, statics_step, surface_step
 
     preset, log = source.read(name), Log(None)

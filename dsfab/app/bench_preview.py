@@ -1,4 +1,4 @@
-"""`dsfab bench --preview`: pictures a second of the plain mesh and of the stripes on it, in software and hardware."""
+"""The command `dsfab bench --preview`: pictures a second of the plain mesh and of stripes, in software and hardware."""
 
 import json
 import os
@@ -27,21 +27,19 @@ SIZES = (10_000, 60_000, 300_000, 1_000_000)
 PIXELS = (1024, 768)
 
 SECONDS = 4.0
-"""What one row is measured for, at least `LEAST` pictures of each kind."""
-
-LEAST = 4
+"""Seconds of each measurement, with five pictures of each kind at least."""
 
 KINDS = ("plain", "shader", "graded", "walls")
-"""What is drawn, see `measure`."""
+"""Kinds of pictures, see `measure`."""
 
 SOFTWARE = re.compile(r"llvmpipe|softpipe|swrast|swiftshader|software|gdi generic|basic render", re.IGNORECASE)
 """Names of renderers that run on the processor."""
 
 
 def wavy_torus(triangles: int) -> tuple[Floats, Ints, Floats]:
-    """A wavy torus of about that many triangles: V (n, 3), F (m, 3), and the fields (n, 6) of a `StripeShader`.
+    """Return a wavy torus of about this many triangles: V (n, 3), F (m, 3), and the fields (n, 6) of a `StripeShader`.
 
-    What is drawn where does not matter for the time, so nothing is solved: the fields are the two angles.
+    The fields are the two angles, because the time does not depend on them.
     """
     rows = max(round((triangles / 6) ** 0.5), 3)
     columns = 3 * rows
@@ -58,11 +56,12 @@ def wavy_torus(triangles: int) -> tuple[Floats, Ints, Floats]:
 
 
 def measure(triangles: int) -> dict[str, Any]:
-    """Frames a second in this process: `plain`, `shader` (its numbers changed before each frame), `graded` (the same
-    with widths and a reach read at the vertices) and `walls` (with the walls of the sheet).
+    """Measure frames a second in this process, by kind.
 
-    Also over_clock and over_cpu, the time of a frame of the shader over that of a plain one, drawn in turn, by the
-    clock and by the processor; the milliseconds that a change of numbers takes; and the peak memory, MiB.
+    plain, shader : the mesh, and stripes with new numbers before each frame.
+    graded, walls : with widths and a reach at the vertices; with the walls of the sheet.
+    over_clock, over_cpu : time of a frame of the shader over a plain one, by the clock and by the processor.
+    change_ms, peak_mb   : milliseconds of a change of numbers; peak memory, MiB.
     """
     from dsfab.render.opengl import require_rendering
     from dsfab.render.scene import Body, Scene
@@ -79,7 +78,7 @@ def measure(triangles: int) -> dict[str, Any]:
         for kind, shader in shaders.items()
     }
     try:
-        scenes["plain"].frame(view, *PIXELS)  # only then there is a renderer to name
+        scenes["plain"].frame(view, *PIXELS)  # the renderer has a name after the first frame
         renderer = scenes["plain"].renderer
         taken = _frames(scenes, shaders, view)
     finally:
@@ -100,11 +99,11 @@ def measure(triangles: int) -> dict[str, Any]:
 def _frames(
     scenes: "dict[str, Scene]", shaders: "dict[str, StripeShader | None]", view: "View"
 ) -> dict[str, list[tuple[float, float, float]]]:
-    """Seconds of each frame by kind: by the clock, by the processor, and those of the change before it."""
+    """Seconds of each frame by kind: by the clock, by the processor, and of the change before it."""
     taken: dict[str, list[tuple[float, float, float]]] = {}
     for together in (("plain", "shader", "graded"), ("walls",)):  # in turn, so that a busy machine is fair to all
         start, number = time.perf_counter(), 0
-        while number < LEAST + 1 or time.perf_counter() - start < SECONDS:
+        while number < 5 or time.perf_counter() - start < SECONDS:
             for kind in together:
                 scene = "shader" if kind == "walls" else kind
                 begin, worked = time.perf_counter(), time.process_time()
@@ -130,7 +129,7 @@ def _changed(stripes: "StripeShader", number: int, kind: str, eye: Floats) -> No
 
 
 def frame_rates(sizes: tuple[int, ...] = SIZES) -> list[dict[str, Any]]:
-    """`measure` for each size, each in a process of its own; where hardware draws, in software as well."""
+    """Measure each size in a process of its own; after hardware also in software."""
     rows = [_in_own_process(triangles, {}) for triangles in sizes]
     if rows and sys.platform.startswith("linux") and not SOFTWARE.search(rows[0]["renderer"]):
         rows += [_in_own_process(triangles, {"LIBGL_ALWAYS_SOFTWARE": "1"}) for triangles in sizes]
@@ -147,7 +146,7 @@ def _in_own_process(triangles: int, more: dict[str, str]) -> dict[str, Any]:
 
 
 def rates_table(rows: list[dict[str, Any]]) -> str:
-    """The rows as text, with what drew them and whether that is hardware."""
+    """Return the rows as text, with the renderer and its kind."""
     frames = tuple(f"{kind} fps" for kind in KINDS)
     head = ("triangles", *frames, "shader/plain", "by CPU", "change ms", "peak MiB", "drawn by")
     return table(

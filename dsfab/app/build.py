@@ -1,4 +1,4 @@
-"""`dsfab build`: a preset to a folder of files."""
+"""The command `dsfab build`: from a preset to a folder of files."""
 
 import json
 import shlex
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Files:
-    """Where a build goes, in which formats, and whether it is written in spite of what is wrong with it."""
+    """Folder and formats of a build, and acceptance of faults."""
 
     output: Annotated[Path | None, Parameter(name=["-o", "--output"], help="Folder for the files [outputs/NAME].")] = (
         None
@@ -39,7 +39,7 @@ class Files:
     ] = False
 
     def overrides(self) -> tuple[str, ...]:
-        """The formats and what is accepted as KEY=VALUE of the preset. Raises ExportError for what is no format."""
+        """Return formats and acceptance as KEY=VALUE of the preset. Raises ExportError for an unknown format."""
         accepted = ("fabrication.accept=true",) * self.accept
         if self.format_ is None:
             return accepted
@@ -51,7 +51,7 @@ class Files:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class PictureFlags:
-    """Which pictures are drawn of a build."""
+    """Pictures of a build."""
 
     picture: Annotated[bool, Parameter(name=["--preview", "--picture"], help="Also make preview.png.")] = True
     marked: Annotated[
@@ -59,14 +59,14 @@ class PictureFlags:
     ] = False
 
     def ask_ahead(self) -> None:
-        """Begin to ask whether they can be drawn here; `possible` has the answer."""
+        """Start to check whether this machine can draw; `possible` has the answer."""
         from dsfab.render.opengl import ask_ahead
 
         if self.picture or self.marked:
             ask_ahead()
 
     def possible(self, reporter: Reporter) -> "PictureFlags":
-        """Those that can be drawn here, asked before the work begins; without them everything else is still built."""
+        """Return the flags without pictures if this machine cannot draw; the build itself goes on."""
         from dsfab.render.opengl import why_no_pictures
 
         why = why_no_pictures() if self.picture or self.marked else ""
@@ -130,7 +130,7 @@ def build(
 
 
 def _format(word: str) -> str:
-    """The format of `export.formats` that a word of --format means. Raises ExportError where there is none."""
+    """Format of `export.formats` for a word of --format. Raises ExportError for an unknown word."""
     suffix = format_suffix(word)
     if suffix == SUFFIX:
         raise ExportError(f"{word!r} is a check and no file of a build; dsfab export --to {CALCULIX} writes it")
@@ -138,7 +138,7 @@ def _format(word: str) -> str:
 
 
 def _read(name: str, source: Source, quiet: bool) -> "tuple[Proposal | None, Preset]":
-    """What is proposed for a mesh file, each decision told, and the preset."""
+    """Preset, and for a mesh file its proposal, with each decision printed."""
     proposal = source.proposal(name)
     for line in proposal.lines if proposal and not quiet else ():
         out(line)
@@ -146,12 +146,12 @@ def _read(name: str, source: Source, quiet: bool) -> "tuple[Proposal | None, Pre
 
 
 def _may_be_left_out(export: "Export") -> bool:
-    """Whether a STEP that is not soon made may be missing beside other files: `quick` is that, or none."""
+    """True if the build may do without STEP: `quick`, beside other formats."""
     return export.step == "quick" and len(export.formats) > 1
 
 
 def _refuse(why: str, preset: "Preset", folder: Path | None, reporter: Reporter) -> None:
-    """Raise ExportError for a file that could not be made; or tell it, where nobody asked for it in that folder."""
+    """Report a missing file; raise ExportError if the user asked for it (`folder` is None)."""
     if folder is None:
         raise ExportError(why)
     quick = preset.export.step == "quick"
@@ -162,7 +162,6 @@ def _refuse(why: str, preset: "Preset", folder: Path | None, reporter: Reporter)
 
 
 def _fixed(design: "Design", reporter: Reporter) -> "Design":
-    """The design as `--fix` changes it, every change told."""
     from dsfab.study.fabrication import fixed_design
 
     done = fixed_design(design, reporter)
@@ -175,7 +174,7 @@ def _fixed(design: "Design", reporter: Reporter) -> "Design":
 
 
 def _require(formats: Sequence[str]) -> None:
-    """Raise ExportError before the work begins if a format needs a library that is not there."""
+    """Raise ExportError before the work begins if a format needs a missing library."""
     from dsfab.export import FORMATS
 
     for suffix in formats:

@@ -1,4 +1,4 @@
-"""Designs and presets as bytes, for another process of ours."""
+"""Designs and presets as bytes, for another process of dsfab."""
 
 import io
 import pickle
@@ -13,7 +13,7 @@ from dsfab.preset.model import Preset
 
 class _Carrier(pickle.Pickler):
     def reducer_override(self, thing: object) -> Any:
-        if isinstance(thing, Preset):  # its parts are of classes that were made when dsfab was imported
+        if isinstance(thing, Preset):  # its parts have classes that exist only after dsfab is imported
             return carried_preset, (preset_toml(thing),)
         if isinstance(thing, MappingProxyType):
             return _proxy, (dict(thing),)
@@ -21,14 +21,14 @@ class _Carrier(pickle.Pickler):
 
 
 def carried(thing: object) -> bytes:
-    """A draft as bytes for `pickle.loads` in another process of ours, with what pickle does not know by itself."""
+    """Return a draft as bytes for `pickle.loads` in another process, with types that pickle does not support itself."""
     file = io.BytesIO()
     _Carrier(file, protocol=5).dump(thing)
     return file.getvalue()
 
 
 def carried_preset(text: str) -> Preset:
-    """The preset that TOML says."""
+    """Return the preset of a TOML text."""
     return preset_from(tomllib.loads(text))
 
 

@@ -1,4 +1,4 @@
-"""`dsfab check`: the file that goes to the workshop, read again and judged."""
+"""The command `dsfab check`: reads the workshop's file again and judges it."""
 
 import json
 from collections.abc import Iterator
@@ -42,12 +42,12 @@ class Expected:
     set_: Set = ()
 
     def name(self, file: Path) -> str | None:
-        """The preset that is named, or else the one that `dsfab build` left in the file's folder, if there is one."""
+        """Return the preset of the command line, or that beside the file, if any."""
         beside = file.parent / "preset.toml"
         return self.preset if self.preset is not None else str(beside) if beside.is_file() else None
 
     def of(self, name: str) -> "Preset":
-        """The preset, or that of the built folder, of this name."""
+        """Return the preset, or that of the built folder, of this name."""
         folder = built_folder(name)
         return Source(self.set_).read(str(folder / "preset.toml") if folder else name)
 
@@ -55,7 +55,7 @@ class Expected:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Reading:
-    """How a file is read, and of what it is."""
+    """Options for reading a file."""
 
     unit: Annotated[str | None, Parameter(help="Unit of an STL file's numbers: mm, cm, m, in, ft [mm].")] = None
     max_triangles: MaxTriangles = None
@@ -69,7 +69,7 @@ class Reading:
         return self.max_triangles or DEFAULT_TRIANGLES
 
     def contents(self, file: Path, deflection: float) -> "FileContents":
-        """What is in a file; the triangles of curved faces in STEP are off them by so many metres."""
+        """Read a file; `deflection` is the tolerance of triangles on curved faces of STEP, metres."""
         from dsfab.study.file_check import read_shipped
 
         return read_shipped(file, self.unit, self.most, deflection)
@@ -118,7 +118,7 @@ def check(
 def _read(
     file: Path, preset: "Preset | None", reading: Reading, reporter: Reporter
 ) -> "tuple[FileContents, Design | None]":
-    """What is in a file, and the design of the preset, made while OCCT reads; else once the file can be read."""
+    """Content of a file, and the design of the preset, computed while OCCT reads."""
     from dsfab.design import run
     from dsfab.export import meanwhile
     from dsfab.study.file_check import deflection_for
@@ -133,7 +133,7 @@ def _read(
 
 
 def facts(checked: "FileCheck", preset: str | None = None) -> dict[str, Any]:
-    """What was found as plain data, SI units; null where it was not or could not be measured."""
+    """Return the results as plain data, SI units; null for quantities that could not be measured."""
     sound, near = checked.soundness, checked.clearances
     return {
         "file": str(checked.path),
@@ -195,7 +195,7 @@ def _clearance(found: "Clearance | None") -> dict[str, Any] | None:
 
 
 def lines(checked: "FileCheck", preset: str | None = None) -> Iterator[str]:
-    """The same for people: the verdicts first, then the numbers."""
+    """Yield the results as text: the verdicts first, then the numbers."""
     rows = [(QUESTIONS[f.name], f.verdict, _reason(f, checked)) for f in checked.findings]
     width = max(len(question) for question, _, _ in rows)
     yield f"{checked.path}, read by {checked.found.reader}" + (f", against {preset}" if preset else "")
@@ -231,7 +231,7 @@ def _numbers(checked: "FileCheck") -> Iterator[tuple[str, str]]:
 
 
 def _small(metres: float) -> str:
-    """A distance, without the digits that are rounding."""
+    """A distance without digits of rounding."""
     return length(metres) if metres >= 1e-6 else "under 0.001 mm"
 
 
@@ -244,7 +244,7 @@ def _at(place: "tuple[float, float, float] | list[float] | Floats") -> str:
 
 
 def _reason(finding: "Finding", checked: "FileCheck") -> str:
-    """Why a verdict is what it is, a short sentence; empty where the numbers below say it."""
+    """Reason of a verdict in a short sentence; empty if the numbers below show it."""
     if finding.verdict == "unknown":
         return finding.reason + ("; not run" if finding.name == "compliance" and checked.carrying is None else "")
     if finding.name == "unit" and finding.verdict == "fail":

@@ -1,4 +1,4 @@
-"""`dsfab check DESIGN --nonlinear`: how much of its load a design bears with large displacements, by CalculiX."""
+"""The command `dsfab check DESIGN --nonlinear`: load limit with large displacements, by CalculiX."""
 
 import json
 from collections.abc import Iterator
@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Nonlinear:
-    """Whether a design is loaded until it gives way, and how."""
+    """Options of the nonlinear check."""
 
     nonlinear: Annotated[
         bool,
@@ -46,11 +46,11 @@ class Nonlinear:
 
 
 AS_A_FILE = Nonlinear()
-"""What is checked is a file."""
+"""The check of a file, which is not nonlinear."""
 
 
 def check_nonlinear(name: str, source: Source, asked: Nonlinear, as_json: bool, quiet: bool) -> int:
-    """Check a design and say it; 1 where it gives way under less than its loads, else 0."""
+    """Check a design and print the result; return 1 if it gives way under less than its loads, else 0."""
     from dsfab.design import Design
     from dsfab.study import nonlinear_check, require_ccx
 
@@ -58,7 +58,7 @@ def check_nonlinear(name: str, source: Source, asked: Nonlinear, as_json: bool, 
     given, _ = source_of(name, source)
     reporter = Reporter(quiet or as_json)
     try:
-        with signals_as_interrupts():  # CalculiX and its files end with this
+        with signals_as_interrupts():  # so that CalculiX and its files end too
             design = built_design(name, given) or Design.of(given, progress=reporter).until("slicing")
             found = nonlinear_check(design, asked.case, asked.imperfection, asked.minutes, reporter, asked.check_edge)
         reporter.done()
@@ -73,7 +73,7 @@ def check_nonlinear(name: str, source: Source, asked: Nonlinear, as_json: bool, 
 
 
 def facts(found: "NonlinearCheck") -> dict[str, Any]:
-    """What is found, in numbers with SI units."""
+    """Return the result as numbers in SI units."""
     return {
         "case": found.case,
         "linear_factor": found.linear,
@@ -89,7 +89,7 @@ def facts(found: "NonlinearCheck") -> dict[str, Any]:
 
 
 def lines(found: "NonlinearCheck") -> Iterator[str]:
-    """The same for people."""
+    """Yield the result as text."""
     yield found.told
     at = "under its load" if found.limit >= 1 or not found.given_way else "where it gives way"
     yield f"largest displacement {at}: {length(found.moved)}; the material stays elastic here, whatever its strength"

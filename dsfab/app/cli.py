@@ -1,7 +1,7 @@
-"""The command line: `dsfab build`, `preview`, `explore`, `presets` and more. The only place that prints and exits.
+"""The command line. Only this module prints and exits.
 
-Exit codes: 0 done, 1 refused input (one sentence on standard error), 2 wrong usage, 70 a mistake of ours (a sentence,
-and the details in a file that it names), 130 stopped by Ctrl-C; of `dsfab sweep` also 3: runs are missing.
+Exit codes: 0 done, 1 refused input (one sentence on standard error), 2 wrong usage, 3 missing runs of a sweep, 70 a bug
+(a sentence, and the name of a file with details), 130 stopped by Ctrl-C.
 """
 
 import gc
@@ -21,15 +21,10 @@ from cyclopts import App, CycloptsError, RepeatArgumentError
 from dsfab import __version__
 from dsfab.core.errors import DsfabError
 
-DONE, REFUSED, WRONG_USAGE, MISTAKEN, STOPPED = 0, 1, 2, 70, 130
-MISSING = 3
-
-COLLECT = 100_000
-"""Objects more than before after which Python looks for rings of those that nobody needs: with its own 700 that took a
-tenth of the second in which a command's modules are imported."""
+DONE, REFUSED, WRONG_USAGE, MISSING, MISTAKEN, STOPPED = 0, 1, 2, 3, 70, 130
 
 LISTS = ("-f", "--format", "--against")
-"""Options that take several values with commas between them."""
+"""Options with several values, separated by commas."""
 
 app = App(
     name="dsfab",
@@ -38,7 +33,7 @@ app = App(
     version=__version__,
     suppress_keyboard_interrupt=False,
 )
-# named by text: a command's module is imported when the command is used
+# commands are named by text, so that only the module of the used command is imported
 app.command(
     "dsfab.app.build:build", name="build", help="Build a preset: solid, sheet, picture and numbers, in one folder."
 )
@@ -71,11 +66,11 @@ app.command("dsfab.app.bench:bench", name="bench", help="Time presets stage by s
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit code."""
     words = sys.argv[1:] if arguments is None else list(arguments)
-    if arguments is None:  # the process is ours
-        gc.set_threshold(COLLECT, *gc.get_threshold()[1:])
+    if arguments is None:  # the usual 700 new objects between collections cost a tenth of the time of importing
+        gc.set_threshold(100_000, *gc.get_threshold()[1:])
     try:
         with warnings.catch_warnings():
-            if arguments is None and not sys.warnoptions:  # a person's terminal, and nobody asked for them with -W
+            if arguments is None and not sys.warnoptions:  # a terminal without -W
                 warnings.simplefilter("ignore")
             code = app(words, exit_on_error=False, print_error=False, result_action="return_value")
     except RepeatArgumentError as error:
@@ -86,25 +81,24 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return _fail(REFUSED, str(error))
     except KeyboardInterrupt:
         return _fail(STOPPED, "stopped; nothing was written")
-    except BrokenPipeError:  # `dsfab presets | head` has seen enough
+    except BrokenPipeError:  # `dsfab presets | head` closes the pipe
         sys.stderr.close()
         return DONE
     except MemoryError as error:
         return _fail(MISTAKEN, f"there is not enough memory for this; make the mesh coarser{_details(words, error)}")
-    except Exception as error:  # the one place where a mistake of ours ends
+    except Exception as error:  # handler of last resort for bugs
         return _fail(MISTAKEN, f"dsfab made a mistake, and nothing was written{_details(words, error)}")
     return code if isinstance(code, int) else DONE
 
 
 def _given_twice(words: Sequence[str], option: str) -> str:
-    """What is said of an option that takes one value and has several: `-f stl -f step`."""
     values = [value for word, value in pairwise(words) if word == option]
     listed = f", with commas: {option} {','.join(values)}" if option in LISTS and len(values) > 1 else ""
     return f"{option} is there more than once; give it once{listed}"
 
 
 def _details(words: Sequence[str], error: BaseException) -> str:
-    """What is said of the file with everything that helps to find the mistake; it is made in the temporary folder."""
+    """Write a report of a bug into the temporary folder; return words that name the file."""
     text = "\n".join(
         [
             f"dsfab {__version__}, Python {platform.python_version()}, {platform.system()} {platform.machine()}",

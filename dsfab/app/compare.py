@@ -45,7 +45,7 @@ HEAD = (
 
 
 def comparison_text(share: float | None, result: "Comparison") -> str:
-    """A table of those that carry the loads, then what is to be said in words."""
+    """Return a table of the structures that carry the loads, then remarks."""
     lost = losing_line(result.alternatives)
     lines = [sentence(lost)] if lost else []
     lines += [] if share is None else [f"{share:.0%} of the material"]
@@ -66,14 +66,14 @@ def comparison_text(share: float | None, result: "Comparison") -> str:
 
 
 def _theory(result: "Comparison") -> list[str]:
-    """By what solids may be softer, of those that were solved on finer and finer meshes."""
+    """Softening of solids beside thin-shell theory, for structures with a full check."""
     judged = {one.name: one.judgement.theory for one in result.competitors if one.judgement}
     known = [f"{name} by up to {percent(theory)}" for name, theory in judged.items() if theory]
     return [f"thin-shell theory: solids are softer, {', '.join(known)}"] if known else []
 
 
 def _modes(one: "Competitor") -> list[str]:
-    """The lowest factor of buckling and the lowest frequency of one that was asked for them."""
+    """Lowest buckling factor and lowest frequency of a competitor, if requested."""
     cases = list(one.judgement.cases.values()) if one.judgement else []
     pressed = [case for case in cases if case.buckling is not None]
     told = []
@@ -115,13 +115,13 @@ def _spread(one: "Competitor", result: "Comparison") -> str:
 
 
 Compared = tuple[float | None, "Comparison"]
-"""A share of the surface, None for the design as it is, and the comparison there."""
+"""A share of the surface, None for the design as it is, and its comparison."""
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Questions:
-    """What is asked of a comparison."""
+    """Options of a comparison."""
 
     against: Annotated[
         str | None,
@@ -144,7 +144,7 @@ class Questions:
 
     @property
     def names(self) -> tuple[str, ...]:
-        """Of the competitors. Raises DsfabError for one that there is not."""
+        """Names of the competitors. Raises DsfabError for an unknown one."""
         from dsfab.study.baselines import DEFAULT, chosen
 
         words = () if self.against is None else tuple(self.against.split(","))
@@ -154,7 +154,7 @@ class Questions:
 
     @property
     def shares(self) -> list[float]:
-        """Of the surface, at which all are compared too: '0.2:0.8:7' are seven. Raises DsfabError for no such text."""
+        """Shares of the surface for further comparisons: '0.2:0.8:7' are seven. Raises DsfabError for another form."""
         if self.volumes is None:
             return []
         try:
@@ -170,7 +170,7 @@ class Questions:
         return shares
 
     def words(self) -> list[str]:
-        """The words of a command line that asks the same."""
+        """Return the words of a command line with the same options."""
         options = {"against": self.against, "volumes": self.volumes, "level": self.level}
         options |= {"memory": str(self.memory) if self.memory != Questions.memory else None}
         words = [word for name, value in options.items() if value is not None for word in (f"--{name}", value)]
@@ -181,7 +181,7 @@ class Questions:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Results:
-    """Where a comparison is written, and what of it."""
+    """Folder and files of the results."""
 
     output: Annotated[
         Path | None,
@@ -198,20 +198,20 @@ class Results:
 
 @dataclass(frozen=True)
 class Task:
-    """What is compared, and how: the preset as the command line changes it, and what is asked of it."""
+    """A comparison: the preset with its changes, the options, and whether to write a report."""
 
     source: Source
     questions: Questions
     report: bool
 
     def command(self, preset: str) -> str:
-        """The command line that makes the same again, wherever it writes."""
+        """Return the command line that repeats it, without its folder."""
         more = [] if self.report else ["--no-report"]
         return shlex.join(["dsfab", "compare", *self.source.words(preset), *self.questions.words(), *more])
 
 
 def compare_one(given: "Preset", task: Task, folder: Path, command: str, quiet: bool, as_json: bool) -> int:
-    """Compare, write everything into the folder and say it; 1 where the design does not carry its loads, else 0."""
+    """Compare, write all files and print the result; return 1 if the design does not carry its loads, else 0."""
     reporter, asked = Reporter(quiet or as_json), task.questions
     files = ["results.csv", "results.json", *(("chart.svg", "chart.png") if len(asked.shares) > 1 else ())]
     try:
@@ -234,9 +234,9 @@ def compare_one(given: "Preset", task: Task, folder: Path, command: str, quiet: 
 
 
 def _compared(preset: "Preset", asked: Questions, reporter: Reporter) -> list[Compared]:
-    """The comparison of the design as it is, then those at each share of the surface.
+    """Compare the design as it is, then at each share of the surface.
 
-    A design that does not carry its loads is told as an error of it; with shares it is left out, and they are made.
+    A design without equilibrium raises DsfabError; with shares it is reported and left out.
     """
     from dsfab.design import draft
     from dsfab.statics import Ask
@@ -259,7 +259,7 @@ def _compared(preset: "Preset", asked: Questions, reporter: Reporter) -> list[Co
         if not shares:
             raise
         reporter.say(f"compare     the design as its preset draws it is left out: {error}")
-    # beside a cut sheet judged by one solve, a whole one on its own coarse mesh would look a quarter too soft, or more
+    # a whole sheet on its coarse mesh would look a quarter too soft beside a cut sheet judged by one solve
     judge = checks.judge(asked.level or "whole")
     for share in shares:
 
@@ -272,7 +272,7 @@ def _compared(preset: "Preset", asked: Questions, reporter: Reporter) -> list[Co
 
 
 def _findings(found: list[Compared], command: str) -> "Findings":
-    """What the report is about: the design as it is, or else at the largest share at which it carries its loads."""
+    """Findings on the design as it is, or else at the largest share at which it carries its loads."""
     from dsfab.report.compliance import Findings
 
     volumes = [(share, one) for share, one in found if share is not None]
@@ -283,7 +283,7 @@ def _findings(found: list[Compared], command: str) -> "Findings":
 
 
 def _reported(subject: "Findings", found: list[Compared], folder: Path, reporter: Reporter) -> list[str]:
-    """Write the report; returns the names of its files, and says what could not be done."""
+    """Write the report; print problems; return the names of its files."""
     from dsfab.report.compliance import write_report
 
     rows = [
@@ -308,23 +308,26 @@ def _say(found: list[Compared], subject: "Findings | None", files: list[Path]) -
 FILES = ("summary.html", "summary.csv")
 
 Row = dict[str, Any]
-"""`name`, `folder` and `error`; without an error `verdict`, `reason`, `mass_kg`, `area_fraction`, `compliance_J`,
-`bound`, `ratio_to_full` and `seconds` of the design, and `NAME_ratio` of each competitor: its compliance over the
-design's. None for what is not known."""
+"""A line of the summary: `name`, `folder`, `error`; without an error also the results of the design.
+
+These are `verdict`, `reason`, `mass_kg`, `area_fraction`, `compliance_J`, `bound`, `ratio_to_full` and `seconds`, and
+`NAME_ratio` of each competitor: its compliance over the design's. None for unknown values.
+"""
 
 
 @dataclass(frozen=True)
 class Batch:
-    """What is asked of each, and where a folder for each stands and the summary; None for outputs/NAME/compliance and
-    outputs/compare."""
+    """Comparisons of several presets. output : folder of the summary and of a folder for each, None for
+    outputs/compare.
+    """
 
     task: Task
     output: Path | None
 
     def run(self, presets: Sequence[str], resume: bool, quiet: bool, as_json: bool) -> int:
-        """Compare all and write the summary. 1 where one was refused or does not carry its loads, else 0.
+        """Compare all and write the summary; return 1 if a preset was refused or does not carry its loads, else 0.
 
-        What is refused is told in a sentence, and the others go on.
+        A refused preset is reported in a sentence, and the next one follows.
         """
         reporter = Reporter(quiet or as_json)
         rows: list[Row] = []
@@ -360,7 +363,7 @@ class Batch:
 
 
 def _made(folder: Path, given: "Preset", command: str, report: bool) -> bool:
-    """Whether the folder has what this command makes of this preset, with these versions."""
+    """True if the folder has the results of this command, preset and version."""
     from dsfab.preset.file import preset_toml
 
     try:
@@ -373,7 +376,6 @@ def _made(folder: Path, given: "Preset", command: str, report: bool) -> bool:
 
 
 def _found(folder: Path) -> Row:
-    """From results.json."""
     told = json.loads((folder / "results.json").read_text(encoding="utf-8"))
     rows = [row for row in told["competitors"] if row["volume"] is None] or told["competitors"]
     of = {row["name"]: row for row in rows}
@@ -396,7 +398,7 @@ def _write(rows: Sequence[Row], against: Sequence[str], folder: Path, partial_fo
 
 
 ORDINARY, FULL_RESULTS = Questions(), Results()
-"""What is asked and written when nothing else is said."""
+"""Default options and files."""
 
 
 def compare(
@@ -423,7 +425,7 @@ def compare(
     more
         Further ones.
     """
-    _ = questions.names, questions.shares  # what is wrong with them is said before anything is read
+    _ = questions.names, questions.shares  # raises for wrong options before the preset is read
     task = Task(source, questions, results.report)
     if more or results.resume:
         return Batch(task, results.output).run((preset, *more), results.resume, quiet, json_)

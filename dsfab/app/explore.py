@@ -35,7 +35,7 @@ from dsfab.study.variations import (
 )
 
 ASKS = 200
-"""More variants than this are drawn only after --yes."""
+"""Variants that are drawn without --yes."""
 
 
 class Variants:
@@ -49,7 +49,7 @@ class Variants:
         self.short = short_names(list(values))
 
     def tiles(self, reporter: Reporter, yes: bool) -> list[Tile]:
-        """All tiles, in the order of the combinations. Raises DsfabError when there is none with a picture."""
+        """Return all tiles, in the order of the combinations. Raises DsfabError if none has a picture."""
         total = count(self.values)
         if total > ASKS and not yes:
             self._refuse(total, reporter)
@@ -80,7 +80,7 @@ class Variants:
         return Tile(number, parameters, command, png(picture))
 
     def _refuse(self, total: int, reporter: Reporter) -> None:
-        """Draw the first variant that can be drawn alone, to say how long all would take."""
+        """Raise DsfabError with the expected time, measured on the first variant that can be drawn."""
         reporter("preview", f"trying one of {total:,} variants")
         with self._previewers() as previewers:
             for number, changes in enumerate(combinations(self.values), start=1):
@@ -101,7 +101,7 @@ class Variants:
 
 
 def picture_bytes(pixels: tuple[int, int]) -> float:
-    """About the size of a picture's file: half a byte per pixel (measured on the presets)."""
+    """Return about the size of a picture's file: half a byte per pixel (measured on the presets)."""
     return 0.5 * pixels[0] * pixels[1]
 
 
@@ -111,14 +111,10 @@ def _duration(seconds: float) -> str:
     return f"{seconds / 60:.0f} minutes" if seconds < 6000 else f"{seconds / 3600:.1f} hours"
 
 
-SHOWN_WIDE = 380
-"""Pixels across a tile of the contact sheet."""
-
-
 @Parameter(name="*")
 @dataclass(frozen=True)
 class TileOptions:
-    """How each variant is drawn, and where the pictures go."""
+    """Options of the pictures, and their folder."""
 
     view: View = "iso"
     show: Show = "structure"
@@ -131,7 +127,7 @@ class TileOptions:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class FilmOptions:
-    """The film over the one key that is varied."""
+    """Options of a film over the one key with several values."""
 
     animate: Annotated[
         Literal["gif", "webp"] | None, Parameter(help="Also make a film over the one key that is varied: gif or webp.")
@@ -167,7 +163,7 @@ def explore(
 
     given, pixels, values = asking(source.read(preset), tile.show), picture_size(tile.size_), parse_variations(vary)
     for key, listed in values.items():
-        for value in listed:  # each alone: what is wrong with a value is said before anything is made
+        for value in listed:  # each value alone, so that an error appears before the work begins
             overridden(given, {key: value})
     if film.animate:
         check_film(values, film.fps)
@@ -186,7 +182,7 @@ def explore(
 
 
 def _drawn(variants: "Variants", folder: Path, film: FilmOptions, yes: bool, reporter: Reporter) -> "list[Tile]":
-    """Draw all tiles and write the folder; pictures of an earlier sheet that are gone are removed."""
+    """Draw all tiles and write the folder; remove pictures of an earlier sheet that are not in the new one."""
     from dsfab.report.contact_sheet import pictures_of, write_film
 
     name = variants.preset.name
@@ -200,14 +196,13 @@ def _drawn(variants: "Variants", folder: Path, film: FilmOptions, yes: bool, rep
 
 
 def _write(tiles: "list[Tile]", variants: "Variants", folder: Path) -> None:
-    """The contact sheet, the page and the pictures of the tiles."""
     from dsfab.report.contact_sheet import PAGE_NAME, SHEET_NAME, columns, contact_sheet, page, save
 
     values, pixels = variants.values, variants.pixels
     across = columns(len(tiles), [len(listed) for listed in values.values() if len(listed) > 1])
     title = f"{variants.preset.name}, {len(tiles)} {'variant' if len(tiles) == 1 else 'variants'}"
     line = "   ·   ".join(f"{key} = {', '.join(map(spelled_value, listed))}" for key, listed in values.items())
-    contact_sheet(tiles, title, line, across, SHOWN_WIDE, pixels[0] / pixels[1], PAPER).save(folder / SHEET_NAME)
+    contact_sheet(tiles, title, line, across, 380, pixels[0] / pixels[1], PAPER).save(folder / SHEET_NAME)
     (folder / PAGE_NAME).write_text(page(tiles, title, line, across), encoding="utf-8")
     save(tiles, folder)
 

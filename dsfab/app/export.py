@@ -1,4 +1,4 @@
-"""`dsfab export`: one file of a preset, or of a folder that was built, in a format of choice."""
+"""The command `dsfab export`: one file of a preset or of a built folder."""
 
 import difflib
 from dataclasses import dataclass
@@ -23,16 +23,16 @@ if TYPE_CHECKING:
 CALCULIX = "calculix"
 SUFFIX = ".inp"
 SAME = {".stp": ".step"}
-"""Two suffixes of one format."""
+"""Suffixes with the format of another one."""
 SHORT = {"saf": ".saf.xlsx", "opensees": ".tcl"}
-"""Suffixes by the words that people know."""
+"""Suffixes of common names."""
 ELSEWHERE = {
     "pdf": "`dsfab compare` and `dsfab report` write reports as PDF",
     "html": "`dsfab compare` and `dsfab report` write reports as HTML",
     "png": "`dsfab build` and `dsfab preview` draw pictures",
     "dwg": "what reads DWG reads dxf, too",
 }
-"""What people ask for that is no format here, and where it is had."""
+"""Formats that another command writes."""
 GROUPS = {
     "mesh": "the solid",
     "both": "the solid",
@@ -45,7 +45,7 @@ GROUPS = {
     "bars": "forces of members",
     "utilisation": "forces of members",
 }
-"""What a format is for in words, by what it takes."""
+"""Groups of formats in words, by their kind of input."""
 
 TO = (
     "The solid: stl, 3mf, step, stpz (compressed), brep, obj, ply, off, glb; ifc with its material and mass; 3dm with "
@@ -63,7 +63,7 @@ Which = Literal["uncut", "cut"]
 
 @dataclass(frozen=True)
 class ExportRequest:
-    """What is wanted: the format by its suffix, the file, and which sheet (None: the solid; for calculix the uncut)."""
+    """A request for a file: suffix, path, and sheet (None: the solid; for calculix the uncut sheet)."""
 
     suffix: str
     path: Path
@@ -113,9 +113,9 @@ def export(
 
 
 def write_file(given: "Preset", built: "Design | None", ask: ExportRequest, progress: Progress) -> list[str]:
-    """Write the one file that is asked for, of a design that is there or is made now; lines about it.
+    """Write the requested file, of a built or a new design; return lines about it.
 
-    Raises DsfabError of the stage that refuses, and ExportError where the file cannot be written.
+    Raises DsfabError of the stage that refuses, and ExportError if the file cannot be written.
     """
     from dsfab.export.formats import FORMATS
 
@@ -125,7 +125,7 @@ def write_file(given: "Preset", built: "Design | None", ask: ExportRequest, prog
 
 
 def offered_formats() -> list[dict[str, str]]:
-    """What can be exported, by the groups of `dsfab export --help`: the suffix, and why it is `missing` or ''."""
+    """Return all formats by the groups of `dsfab export --help`: suffix, and the reason why it is `missing` or ''."""
     from dsfab.export import FORMATS
 
     offered = []
@@ -142,7 +142,7 @@ def offered_formats() -> list[dict[str, str]]:
 
 
 def source_of(name: str, source: Source) -> tuple["Preset", Path]:
-    """The preset, and the folder its files go to: the folder that was named, or that of `dsfab build`."""
+    """Return the preset, and the folder of its files: the built folder, or that of `dsfab build`."""
     if folder := built_folder(name):
         return source.read(str(folder / "preset.toml")), folder
     given = source.read(name)
@@ -150,7 +150,7 @@ def source_of(name: str, source: Source) -> tuple["Preset", Path]:
 
 
 def built_design(name: str, given: "Preset") -> "Design | None":
-    """What the folder that was named holds of such a design, which is then not made again."""
+    """Return the design of a built folder, if it is that of the preset; else None."""
     from dsfab.design.output.archive import read_archive
 
     folder = built_folder(name)
@@ -158,14 +158,13 @@ def built_design(name: str, given: "Preset") -> "Design | None":
 
 
 def _words() -> dict[str, str]:
-    """Suffixes by the words of --to."""
     from dsfab.export import FORMATS
 
     return {CALCULIX: SUFFIX, **{suffix[1:]: suffix for suffix in FORMATS}, **SHORT}
 
 
 def format_suffix(word: str) -> str:
-    """The suffix that a word of --to means. Raises ExportError where there is none, or its library is missing."""
+    """Return the suffix for a word of --to. Raises ExportError for an unknown word, or if a library is missing."""
     from dsfab.export import FORMATS
 
     known = _words()
@@ -182,7 +181,7 @@ def format_suffix(word: str) -> str:
 
 
 def _asked(to: str | None, output: Path | None, folder: Path, name: str, sheet: Which | None) -> ExportRequest:
-    """Check what was asked for before any work begins."""
+    """Check the request before the work begins."""
     from dsfab.export.formats import FORMATS, suffix_of
 
     if to is None and output is None:
@@ -208,7 +207,6 @@ def _make_folder(path: Path) -> None:
 
 
 def _model(given: "Preset", ask: ExportRequest, reporter: Progress) -> list[str]:
-    """Write the .inp file; returns what to tell about it."""
     from dsfab.design import run
     from dsfab.export.analysis.calculix import write_calculix
     from dsfab.study.check_model import cut_model, uncut_model
@@ -239,7 +237,6 @@ def _told(made: "CheckModel", ask: ExportRequest) -> list[str]:
 
 
 def _mesh(given: "Preset", built: "Design | None", ask: ExportRequest, reporter: Progress) -> list[str]:
-    """Write the solid or a sheet, of what was built or made now; returns what to tell about it."""
     from dsfab.design import Design, run
     from dsfab.design.output.files import deliverable
     from dsfab.export import write

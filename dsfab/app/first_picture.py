@@ -1,6 +1,6 @@
-"""Pictures drawn by another process: a sketch while this one goes on to the true widths, and the finished structure.
+"""Pictures drawn by another process: a sketch while this one computes the true widths, and the finished structure.
 
-It is started before there is anything to draw, and loads what draws meanwhile; so this module loads nothing itself.
+That process starts early and loads the drawing libraries meanwhile; so this module imports none.
 """
 
 import subprocess
@@ -18,19 +18,18 @@ PROGRAM = (
     "import gc, sys; gc.disable(); sys.path.append(sys.argv[1]); from dsfab.render.sketch_program import main; "
     "main('sketches' in sys.argv)"
 )
-"""Looking for rings of objects takes a tenth of the time of importing."""
+"""Program of the other process. Garbage collection would take a tenth of the time of importing."""
 
 SECONDS = 60.0
-"""After which a sketch is given up, counted from when the true picture could be drawn."""
-
-PATIENCE = 600.0
-"""After which a picture is given up."""
+"""Seconds after which a sketch is given up, from the moment when the true picture could be drawn."""
 
 
 class FirstPicture:
-    """Use as `with FirstPicture(told) as first`, and in it once `with first.replaced()`: in there the other methods.
+    """The process that draws; use as `with FirstPicture(told) as first`.
 
-    told : called from another thread as soon as a sketch is there; None where nobody waits for one.
+    Call the other methods inside `with first.replaced()`, once.
+
+    told : called from another thread when the sketch is ready; None for no sketch.
     """
 
     def __init__(self, told: Callable[[], None] | None) -> None:
@@ -49,7 +48,7 @@ class FirstPicture:
 
     @property
     def sketches(self) -> bool:
-        """Whether somebody waits for a sketch."""
+        """Whether the process shall draw a sketch."""
         return self._told is not None
 
     def __enter__(self) -> Self:
@@ -57,12 +56,12 @@ class FirstPicture:
 
     def __exit__(self, *_: object) -> None:
         self._end()
-        with suppress(BrokenPipeError), self._process:  # its pipes are closed, of which one may hold what nobody read
+        with suppress(BrokenPipeError), self._process:  # closes its pipes, which may hold unread bytes
             pass
 
     @contextmanager
     def replaced(self) -> Iterator[None]:
-        """Inside, the file is written a second time; after an error in here it holds what it held before the first."""
+        """Write the file a second time in the body; an error in it restores the content from before the sketch."""
         try:
             yield
         except BaseException:
@@ -72,7 +71,7 @@ class FirstPicture:
             raise
 
     def draw(self, sketch: "Design", path: Path, pixels: tuple[int, int], options: dict[str, Any]) -> None:
-        """Draw it, while this process goes on; not a second one, and not over a file that cannot be read.
+        """Start to draw the sketch, once, and never over a file that cannot be read.
 
         sketch : see `Design.sketch`.    options : of `dsfab.render.previewer.Previewer`.
         """
@@ -90,42 +89,41 @@ class FirstPicture:
         self._talk(carried((sketch, path, pixels, options)), self._told)
 
     def finish(self) -> str | None:
-        """Wait until a sketch is drawn, if one is; the kind of window that it can draw with, or None if it cannot."""
+        """Wait for the sketch, if any; return the kind of window of the process, or None if it cannot draw."""
         if not self._talking:
             self._talk(None, None)
         self._wait(SECONDS)
         return self._window
 
     def structure(self, asked: object, path: Path) -> bool:
-        """Write the picture of a `StructurePicture`; False where it could not, for whoever asks to draw it."""
+        """Write the picture of a `StructurePicture`; return False on failure, so that the caller draws it."""
         import pickle
 
         drawn: list[bool] = []
         if self.finish() is not None:
             self._talk(pickle.dumps((asked, path), protocol=5), lambda: drawn.append(True))
-            self._wait(PATIENCE)
+            self._wait(600.0)
         return bool(drawn)
 
     def _wait(self, seconds: float) -> None:
-        """Until what was asked is there; a process that takes longer, or failed, is ended."""
+        """Wait for the picture; end a process that takes longer or failed."""
         assert self._talking
         self._talking.join(seconds)
         if self._talking.is_alive() or self._process.poll() is not None:
             self._end()
 
     def _end(self) -> None:
-        """End the other process, wherever it is."""
         self._process.kill()
         if self._talking:
             self._talking.join()
 
     def _talk(self, asked: bytes | None, then: Callable[[], None] | None) -> None:
-        """Ask for a picture, and do something when it is there."""
+        """Send a request; call `then` when the picture is ready."""
         self._talking = threading.Thread(target=self._ask, args=(asked, then), daemon=True)
         self._talking.start()
 
     def _ask(self, asked: bytes | None, then: Callable[[], None] | None) -> None:
-        """A process that fails says nothing more."""
+        """Send a request and read the answers; a failed process sends none."""
         given, answer = self._process.stdin, self._process.stdout
         assert given
         assert answer
@@ -144,7 +142,7 @@ class FirstPicture:
             self._window = None
 
     def _undo(self) -> None:
-        """What was in the file before the first picture."""
+        """Restore the file from before the sketch."""
         from dsfab.export import replacing
 
         if not self._before:

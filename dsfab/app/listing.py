@@ -1,4 +1,4 @@
-"""`dsfab presets`, `materials` and `inspect`: what there is, what a mesh file is, and whether a design can be made."""
+"""The commands `dsfab presets`, `materials` and `inspect`."""
 
 import json
 from collections.abc import Iterable
@@ -80,7 +80,7 @@ def inspect(
     """
     from dsfab.core.toml_files import shipped_presets
 
-    path, named = Path(file), file in shipped_presets()  # a folder of a preset's name hides nothing
+    path, named = Path(file), file in shipped_presets()  # a shipped preset goes before a folder of its name
     if not (named or path.is_dir() or path.suffix == ".toml"):
         if output is not None or source.set_ or source.mesh is not None:
             flag = f"-o {output}" if output is not None else "--set" if source.set_ else "--mesh"
@@ -101,7 +101,7 @@ def _show(lines: Iterable[str]) -> None:
 
 
 def _built(folder: Path) -> dict[str, Any]:
-    """What `dsfab build` measured; raises PresetError for folders that it did not make."""
+    """Measures in the design.json of a built folder; raises PresetError for other folders."""
     try:
         facts = json.loads((folder / "design.json").read_text(encoding="utf-8"))
         beside = {key: facts[key] for key in ("pattern", "supports", "loads") if key in facts}
@@ -112,9 +112,9 @@ def _built(folder: Path) -> dict[str, Any]:
 
 
 def _made(preset: str, source: Source, picture: Path | None) -> dict[str, Any]:
-    """The same of a preset, which is run for it, and drawn if there is a file for that.
+    """Measures of a preset, which is run for it; draw them if `picture` is a path.
 
-    What holds it and what acts on it is shown at once: a design that is refused is refused after that.
+    Supports and loads are printed first, so that they appear also for a refused design.
     """
     from dsfab.design import Design
     from dsfab.render.fabrication import write_workshop_picture
@@ -139,7 +139,7 @@ def _made(preset: str, source: Source, picture: Path | None) -> dict[str, Any]:
 
 
 def _show_mesh(path: Path, source: Source) -> bool:
-    """Whether `dsfab build` takes the mesh."""
+    """Print the facts of a mesh; return whether `dsfab build` takes it."""
     from dsfab.surface import DEFAULT_TRIANGLES, mesh_facts, raw_mesh
 
     raw = raw_mesh(path, source.max_triangles or DEFAULT_TRIANGLES)
@@ -153,7 +153,7 @@ def _show_mesh(path: Path, source: Source) -> bool:
 
 
 def _verdict(path: Path, source: Source, raw: "RawMesh") -> tuple[bool, str]:
-    """Whether `dsfab build` takes the mesh that was read, and why not or what it does to it."""
+    """Whether `dsfab build` takes the mesh, and its repairs or the reason of a refusal."""
     from dsfab.preset.proposal import propose
 
     try:
@@ -170,7 +170,7 @@ def _verdict(path: Path, source: Source, raw: "RawMesh") -> tuple[bool, str]:
 
 
 def _unit(facts: "MeshFacts") -> str:
-    """The file's unit; or the likely one, and what the mesh would measure in others."""
+    """Unit of the file, or the likely one with sizes in other units."""
     from dsfab.preset.proposal import size_doubt, sizes_in_other_units
 
     if facts.unit_said:
@@ -180,7 +180,7 @@ def _unit(facts: "MeshFacts") -> str:
 
 
 def _lines(facts: "MeshFacts") -> list[tuple[str, str]]:
-    """Facts as labels and texts, in the order in which a person asks; empty texts are left out."""
+    """Facts as labels and texts; rows without text are left out."""
     loops = facts.boundary_lengths
     counted = f"{len(loops)} {'loop' if len(loops) == 1 else 'loops'}: {', '.join(length(x) for x in loops[:6])}"
     return [

@@ -1,4 +1,4 @@
-"""`dsfab new`: a mesh of the user's own to a commented preset."""
+"""The command `dsfab new`: from the user's mesh to a commented preset."""
 
 import os
 import shlex
@@ -13,11 +13,6 @@ from dsfab.core.errors import DsfabError, PresetError
 
 if TYPE_CHECKING:
     from dsfab.preset.proposal import Proposal
-
-FAR = 50.0
-"""Metres of span from which its own weight may be more than a sheet bears, however thick: what it bears is told."""
-MOSTLY = 0.6
-"""Share of the load from which it is mostly the weight, and a thicker sheet is stressed hardly less."""
 
 
 def new(
@@ -64,15 +59,16 @@ def new(
 
 
 def bearing(proposal: "Proposal") -> str:
-    """How much of its strength a sheet that spans far bears before it is cut, and what makes it bear; else ''.
+    """Return a warning if a sheet with a span over 50 m bears more than its strength before it is cut; else ''.
 
-    It is solved for that, some seconds. Nothing is told of what is refused: `dsfab build` says why.
+    Its own weight may be more than such a sheet bears at any thickness. The solution takes seconds.
+    An error gives no warning, because `dsfab build` reports it.
     """
     from dsfab.design import Design
     from dsfab.report.design.statics import answer_facts
 
     size = proposal.size
-    if not proposal.preset.statics.strength or max(size.span, size.bridged) < FAR:
+    if not proposal.preset.statics.strength or max(size.span, size.bridged) < 50:
         return ""
     try:
         design = Design.of(proposal.preset)
@@ -85,7 +81,7 @@ def bearing(proposal: "Proposal") -> str:
         return ""
     weight = abs((parts.weight * areas).sum(axis=0)[2] / (parts.traction * areas).sum(axis=0)[2])
     how = "make it thicker (statics.thickness)"
-    if weight > MOSTLY:
+    if weight > 0.6:  # a thicker sheet has hardly less stress
         own = f"{weight:.0%} of its load is its own weight, and a thicker one weighs more"
         how = f"{own}: give it more feet, or more rise"
     topic = f"{'bears':<{max(len(each.topic) for each in proposal.decisions)}}"
@@ -93,8 +89,8 @@ def bearing(proposal: "Proposal") -> str:
 
 
 def _from(preset: Path, mesh: Path) -> Path:
-    """The mesh's path as the preset's folder sees it."""
+    """The mesh's path relative to the preset's folder."""
     try:
         return Path(os.path.relpath(mesh.absolute(), preset.absolute().parent))
-    except ValueError:  # another drive
+    except ValueError:  # a path on another drive
         return mesh.absolute()

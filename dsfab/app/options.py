@@ -1,4 +1,4 @@
-"""Options that several commands share, each group of them one frozen value; options and estimates of STEP files."""
+"""Options that several commands share, and estimates of STEP files."""
 
 import json
 from collections.abc import Iterator
@@ -20,7 +20,7 @@ if TYPE_CHECKING:
 
 
 SMALLEST, LARGEST = 64, 8000
-"""Pixels of a side of a picture."""
+"""Limits on the sides of a picture, pixels."""
 
 Set = Annotated[tuple[str, ...], Parameter(name="--set", negative=(), help="Override a value: KEY=VALUE (repeatable).")]
 Mesh = Annotated[Path | None, Parameter(name="--mesh", help="Mesh file that takes the place of the preset's surface.")]
@@ -60,9 +60,10 @@ def picture_size(text: str) -> tuple[int, int]:
 
 
 def built_folder(name: str) -> Path | None:
-    """The folder that `dsfab build` wrote, if one is named; a shipped preset of that name goes before it (`./dome`).
+    """Return the folder that `dsfab build` wrote; None for another name. A shipped preset goes before its folder
+    (`./dome`).
 
-    Raises PresetError for a folder that it did not write.
+    Raises PresetError for other folders.
     """
     from dsfab.core.toml_files import shipped_presets
 
@@ -80,7 +81,7 @@ def built_folder(name: str) -> Path | None:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Source:
-    """What a command line changes of the preset that it names."""
+    """Changes of a command line to its preset."""
 
     set_: Set = ()
     mesh: Mesh = None
@@ -89,11 +90,11 @@ class Source:
     max_triangles: MaxTriangles = None
 
     def read(self, name: str, proposal: "Proposal | None" = None) -> "Preset":
-        """The preset of this name or file with its changes; for a mesh file, or `roof --mesh FILE`, one is proposed.
+        """Return the preset of this name or file with its changes; for a mesh file, or `roof --mesh FILE`, the
+        proposed one.
 
-        proposal : the one for it, where it is known already.
-
-        Raises PresetError for what is not or cannot be, and for one that takes a mesh where none is given.
+        proposal : the proposal for the mesh, if the caller has it.
+        Raises PresetError for unknown or invalid presets, and for a preset without its mesh.
         """
         from dsfab.preset.file import load_preset, overridden, require_mesh
 
@@ -106,11 +107,11 @@ class Source:
         return given
 
     def proposal(self, name: str) -> "Proposal | None":
-        """What is proposed for a mesh file that stands in place of a preset; None for a preset."""
+        """Return the proposal for a mesh file in place of a preset; None for a preset."""
         from dsfab.preset.proposal import OWN, propose
         from dsfab.surface import MESH_SUFFIXES
 
-        other = Path(name).is_file() and Path(name).suffix.lower() not in ("", ".toml")  # its reader says what it takes
+        other = Path(name).is_file() and Path(name).suffix.lower() not in ("", ".toml")  # its reader lists the formats
         named = name if other or Path(name).suffix.lower() in MESH_SUFFIXES else self.mesh if name == OWN else None
         if named is None:
             return None
@@ -121,22 +122,22 @@ class Source:
         return propose(Path(named), self.unit, self.up, material, self.max_triangles)
 
     def overrides(self) -> dict[str, Any]:
-        """The changes as values of dotted keys, unit and axis among them. Raises PresetError as `sets` does."""
+        """Return the changes as values of dotted keys, with unit and axis. Raises PresetError as `sets` does."""
         given = {"surface.unit": self.unit, "surface.up": self.up, "surface.max_triangles": self.max_triangles}
         return self.sets() | {key: value for key, value in given.items() if value is not None}
 
     def sets(self) -> dict[str, Any]:
-        """What --set asks for, by dotted keys. Raises PresetError for a text that is not KEY=VALUE."""
+        """Return the values of --set by dotted keys. Raises PresetError for a text that is not KEY=VALUE."""
         from dsfab.preset.file import parse_override
 
         return dict(parse_override(text) for text in self.set_)
 
     def also(self, *texts: str) -> "Source":
-        """With more changes, KEY=VALUE each, which win over those before."""
+        """Return a copy with more changes, KEY=VALUE each, which override earlier ones."""
         return replace(self, set_=(*self.set_, *texts))
 
     def words(self, name: str) -> list[str]:
-        """The words of a command line that names this preset with these changes."""
+        """Return the words of a command line that names this preset with these changes."""
         words = [name, *(word for text in self.set_ for word in ("--set", text))]
         words += ["--mesh", str(self.mesh)] if self.mesh is not None else []
         words += ["--unit", self.unit] if self.unit is not None else []
@@ -145,13 +146,13 @@ class Source:
 
 
 UNCHANGED = Source()
-"""The preset as it is."""
+"""The preset without changes."""
 
 
 @Parameter(name="*")
 @dataclass(frozen=True)
 class StepFlags:
-    """How STEP is made, how large it may get, and whether only that is asked."""
+    """Options of STEP files."""
 
     step: Annotated[
         str | None,
@@ -172,17 +173,17 @@ class StepFlags:
     ] = False
 
     def overrides(self) -> tuple[str, ...]:
-        """The options as KEY=VALUE of the preset, which checks them."""
+        """Return the options as KEY=VALUE of the preset, which checks them."""
         given = {"step": self.step, "step_faces": self.max_faces, "step_mb": self.max_mb}
         return tuple(f"export.{key}={json.dumps(value)}" for key, value in given.items() if value is not None)
 
 
 NO_FLAGS = StepFlags()
-"""STEP as the preset says."""
+"""STEP options of the preset."""
 
 
 def estimate_step(given: "Preset", reporter: Reporter, built: "Design | None" = None) -> int:
-    """Make the design, unless it was built, and say what its STEP file would cost; nothing is written."""
+    """Print the cost of a design's STEP file; write nothing."""
     from dsfab.design import run
 
     try:
@@ -198,12 +199,12 @@ def estimate_step(given: "Preset", reporter: Reporter, built: "Design | None" = 
 
 
 def estimate_lines(design: "Design") -> Iterator[str]:
-    """A row for each way, the way that would be taken, and why not otherwise."""
+    """Yield a table of the ways to write STEP, the chosen one, and reasons of refusals."""
     from dsfab.design.output.files import deliverable
     from dsfab.export import step_estimates
 
     thing, how = deliverable(design, ".step")
-    how.pop("details", None)  # what the file says beside its shape weighs nothing
+    how.pop("details", None)  # the file's data beside its shape take no space
     found = step_estimates(thing, name=design.preset.name, **how)
     head = ("STEP", "faces", "size", "write s", "open s", "memory to open", "")
     yield table(head, [_row(one) for one in found])

@@ -1,4 +1,6 @@
-"""`dsfab preview`: one design, seen before any file is written; again whenever its file is saved."""
+"""The command `dsfab preview`: a picture of a design before its files are written, again after each save of its
+preset.
+"""
 
 import os
 import sys
@@ -25,10 +27,7 @@ if TYPE_CHECKING:
     from dsfab.render.previewer import Previewers
 
 FINISHED = ("fabrication", "members")
-"""Pictures of what is made: of the finished solid, and of the finished sheet."""
-
-POLL = 0.25
-"""Seconds between looks at the file that is watched."""
+"""Pictures of the finished solid, and of the finished sheet."""
 
 
 WORDS = {
@@ -42,17 +41,17 @@ WORDS = {
 """Words of --show that stand for several names."""
 
 ASKED = {"utilisation": "strength", "buckling": "buckling", "frequency": "frequencies"}
-"""What `all` adds when this key of [statics] asks for it."""
+"""Pictures that `all` adds if this key of [statics] is set."""
 
 
 def shows(text: str, preset: "Preset") -> tuple[str, ...]:
-    """The names in 'structure', 'modes', 'all', 'structure,stress'; raises DsfabError for those that there are not."""
+    """Return the names in 'structure', 'modes', 'all', 'structure,stress'; raise DsfabError for unknown ones."""
     from dsfab.render.colouring import MODES, check_show
 
     names: list[str] = []
     for word in (part.strip() for part in text.split(",")):
         if word == "all":
-            modes = preset.pattern.method != "stripes"  # these run along none
+            modes = preset.pattern.method != "stripes"  # stripes do not run along modes
             names += [name for name in WORDS[word] if modes or name not in MODES]
             names += [name for name, key in ASKED.items() if getattr(preset.statics, key)]
         else:
@@ -64,7 +63,7 @@ def shows(text: str, preset: "Preset") -> tuple[str, ...]:
 
 @dataclass(frozen=True)
 class Page:
-    """What is drawn, and into which file. options : of `dsfab.render.previewer.Previewer`, but `show`."""
+    """Pictures of a page and its file. options : of `dsfab.render.previewer.Previewer`, but `show`."""
 
     names: tuple[str, ...]
     pixels: tuple[int, int]
@@ -75,7 +74,7 @@ class Page:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class PictureOptions:
-    """What is seen of a design, from where, and the file it goes to."""
+    """Options of the picture, and its file."""
 
     view: View = "iso"
     show: Show = "structure"
@@ -95,7 +94,9 @@ class PictureOptions:
     ] = None
 
     def page(self, preset: "Preset", folder: Path = Path()) -> Page:
-        """What is to be drawn of a preset, into `folder` unless told; raises DsfabError for what cannot be."""
+        """Return the page of a preset, in `folder` unless --output names a file; raise DsfabError for invalid
+        options.
+        """
         from dsfab.render.drawing import check_ground
 
         names = (self.show.strip(),) if self.show.strip() in FINISHED else shows(self.show, preset)
@@ -145,11 +146,12 @@ def preview(
 
 @contextmanager
 def _first_picture(picture: PictureOptions, reporter: Reporter) -> "Iterator[FirstPicture | None]":
-    """Inside, another process gets ready to draw where a core is free: first where a person waits for one picture, and
-    the finished structure, which only that one then draws."""
+    """Start a process that draws, if a core is free: for a sketch on a terminal, or for the finished structure."""
     single = "," not in picture.show and picture.show.strip() not in (*WORDS, *FINISHED)
     sketched = single and reporter.watched
-    finished = picture.show.strip() == "structure" and "vtkmodules" not in sys.modules  # or this one is as quick
+    finished = (
+        picture.show.strip() == "structure" and "vtkmodules" not in sys.modules
+    )  # otherwise this process is as quick
     if not (sketched or finished) or (os.cpu_count() or 1) == 1:
         from dsfab.render.opengl import ask_ahead
 
@@ -165,7 +167,7 @@ def _first_picture(picture: PictureOptions, reporter: Reporter) -> "Iterator[Fir
 def _drawing(
     page: Page, reporter: Reporter, folder: Path | None, first: FirstPicture | None
 ) -> "Iterator[Callable[[Preset], None]]":
-    """Inside, what is given draws the page of a preset into its file; `folder` is where that was built, if it was."""
+    """Provide a function that draws the page of a preset into its file; `folder` is the built folder, if any."""
     from dsfab.render.opengl import require_rendering, take_for_granted
     from dsfab.render.previewer import Previewers
 
@@ -200,7 +202,7 @@ def _drawing(
 
 
 def _layers(text: str) -> tuple[str, ...]:
-    """Names of layers; raises DsfabError for others."""
+    """Names of layers; raises DsfabError for unknown ones."""
     from dsfab.render.drawing import EVERY_LAYER
 
     if text in ("all", "none"):
@@ -214,13 +216,13 @@ def _layers(text: str) -> tuple[str, ...]:
 def _draw(
     previewers: "Previewers", preset: "Preset", page: Page, reporter: Reporter, first: FirstPicture | None
 ) -> None:
-    """One picture, or several on one page, into one file."""
+    """Draw one picture, or several on one page, into the file."""
     if page.names != ("structure",) or not _draw_structure(previewers, preset, page, reporter, first):
         _draw_pattern(previewers, preset, page, reporter)
 
 
 def _draw_pattern(previewers: "Previewers", preset: "Preset", page: Page, reporter: Reporter) -> None:
-    """What is there before anything is cut."""
+    """Draw the pattern before cutting."""
     from dsfab.render.colouring import asking
     from dsfab.render.picture import write_png
     from dsfab.render.previewer import panels
@@ -246,8 +248,10 @@ def _draw_pattern(previewers: "Previewers", preset: "Preset", page: Page, report
 def _draw_structure(
     previewers: "Previewers", preset: "Preset", page: Page, reporter: Reporter, first: FirstPicture | None
 ) -> bool:
-    """Evenly spaced stripes as they are built, and whether they could be: what is drawn before they are cut has loose
-    ends, holes at singular points of the stress and sharp corners that the structure has not."""
+    """Draw evenly spaced stripes as they are built; return False if that is impossible.
+
+    The drawing before cutting would show loose ends, holes at singular points of the stress, and sharp corners.
+    """
     from dsfab.render.design_picture import structure_drawing
     from dsfab.render.opengl import require_rendering
     from dsfab.render.picture import write_png
@@ -258,7 +262,7 @@ def _draw_structure(
     try:
         design = design.until("thickening")
     except DsfabError as error:
-        reporter.say(f"note (preview): drawn before it is cut, for it cannot be: {error}")
+        reporter.say(f"note (preview): drawn before it is cut, because cutting failed: {error}")
         return False
     reporter("preview", f"drawing {page.path.name}")
     asked = structure_drawing(design, size=page.pixels, **page.options)
@@ -272,7 +276,7 @@ def _draw_structure(
 
 
 def _draw_finished(preset: "Preset", page: Page, reporter: Reporter, built: Path | None) -> None:
-    """The design as it is made; not made again if `built` holds it."""
+    """Draw the finished design, from the archive in `built` if possible."""
     from dsfab.design import Design
     from dsfab.design.output.archive import read_archive
     from dsfab.render.picture import write_png
@@ -290,7 +294,7 @@ def _draw_finished(preset: "Preset", page: Page, reporter: Reporter, built: Path
 
 
 def _measured(design: "Design", page: Page, reporter: Reporter) -> "NDArray[Any]":
-    """The solid, and where it is smallest."""
+    """Picture of the solid and its smallest features."""
     from dsfab.render.fabrication import workshop_picture
     from dsfab.study.fabrication import fabrication
 
@@ -301,7 +305,7 @@ def _measured(design: "Design", page: Page, reporter: Reporter) -> "NDArray[Any]
 
 
 def _members(design: "Design", page: Page, reporter: Reporter) -> "NDArray[Any]":
-    """The sheet, with its members named."""
+    """Picture of the sheet with the names of its members."""
     from dsfab.render import members_picture
 
     reporter("members", f"naming members, and drawing {page.path.name}")
@@ -309,7 +313,7 @@ def _members(design: "Design", page: Page, reporter: Reporter) -> "NDArray[Any]"
 
 
 def _watch(file: Path, draw: Callable[[], None], reporter: Reporter) -> int:
-    """Draw now and whenever the file has changed; a mistake in it is one sentence, and the watching goes on."""
+    """Draw now and after each change of the file; print an error and go on."""
     seen: tuple[int, int] | None = None
     reporter.say(f"watch       {file}; Ctrl-C ends it")
     try:
@@ -322,13 +326,13 @@ def _watch(file: Path, draw: Callable[[], None], reporter: Reporter) -> int:
                 except DsfabError as error:
                     reporter.stop()
                     reporter.say(f"watch       {error}")
-            time.sleep(POLL)
+            time.sleep(0.25)
     except KeyboardInterrupt:
         return 0
 
 
 def _stamp(file: Path) -> tuple[int, int] | None:
-    """What changes when a file is saved; None while it is not there."""
+    """Time and size of a file, to notice a change; None while it is missing."""
     try:
         found = file.stat()
     except OSError:

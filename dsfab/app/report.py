@@ -1,4 +1,4 @@
-"""`dsfab report`: what each member of a design bears, against the code of its material, for the engineer."""
+"""The command `dsfab report`: utilisation of each member by the code of its material, for the engineer."""
 
 import shlex
 from pathlib import Path
@@ -58,7 +58,7 @@ def report(
 
 
 def write_members(design: "Design", command: str, folder: Path, progress: "Progress") -> tuple[list[str], list[str]]:
-    """Write the report and its tables, all of them or none; returns their names and lines about them."""
+    """Write the report and its tables, all of them or none; return their names and lines about them."""
     from dsfab.export import whole_or_nothing
     from dsfab.report.members import write_member_report
 

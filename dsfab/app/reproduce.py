@@ -1,4 +1,4 @@
-"""`dsfab reproduce`: the paper's figures, made again, on one page that opens offline."""
+"""The command `dsfab reproduce`: the paper's figures on one page that opens offline."""
 
 import json
 import math
@@ -23,10 +23,10 @@ if TYPE_CHECKING:
     from dsfab.reproduction.published import PaperFigure
 
 FOLDER = Path("outputs/paper")
-"""Where the page goes unless a folder is named."""
+"""Default folder of the page."""
 
 COARSEST = 8.0
-"""Meshes coarser than this have too few vertices for modes."""
+"""Limit of --coarser, because coarser meshes have too few vertices for modes."""
 
 
 def reproduce(
@@ -84,7 +84,9 @@ def reproduce(
 
 
 def choose(names: tuple[str, ...]) -> "list[PaperFigure]":
-    """The figures of these names, in the paper's order; all for none. Raises DsfabError for a name that is none."""
+    """Return the figures of these names, in the paper's order; all without names. Raises DsfabError for an unknown
+    name.
+    """
     from dsfab.reproduction.published import FIGURES
 
     known = [figure.preset for figure in FIGURES]
@@ -105,7 +107,7 @@ def _write(
     volumes: bool,
     small: bool,
 ) -> "list[FigurePictures]":
-    """Make the figures, then the page; pictures of an earlier page that are gone are removed."""
+    """Make the figures, then the page; remove pictures of an earlier page that are not in the new one."""
     from dsfab.reproduction.figures import make_figure
     from dsfab.reproduction.page import PAGE_NAME, SMALL_NAME, PageFacts, page, pictures_of, small_page
     from dsfab.study import made_in_processes
@@ -132,7 +134,7 @@ def _write(
 
 
 def _volumes(folder: Path) -> list[dict[str, Any]]:
-    """The rows of sphere_volumes.json in a folder, whose chart lies beside it; none where it is not there."""
+    """Rows of sphere_volumes.json in a folder with its chart; else none."""
     try:
         told = json.loads((folder / "sphere_volumes.json").read_text(encoding="utf-8"))
         return list(told["competitors"]) if (folder / "sphere_volumes.svg").exists() else []
@@ -141,7 +143,7 @@ def _volumes(folder: Path) -> list[dict[str, Any]]:
 
 
 def _machine() -> str:
-    """What the seconds were measured with."""
+    """Machine and versions behind the measured seconds."""
     known = versions()
     cores = os.cpu_count() or 1
     return (
@@ -151,7 +153,7 @@ def _machine() -> str:
 
 
 def _processor() -> str:
-    """The name of the processor where the system tells it, else its kind."""
+    """Name of the processor if the system has it, else its kind."""
     with suppress(OSError):
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
             if line.startswith("model name"):
@@ -160,7 +162,7 @@ def _processor() -> str:
 
 
 def _load() -> float:
-    """How many programs want a core, in the mean over the last minute; nan where the system does not tell."""
+    """Programs that want a core, mean of the last minute; nan if the system does not report it."""
     return os.getloadavg()[0] if hasattr(os, "getloadavg") else math.nan
 
 

@@ -1,4 +1,4 @@
-"""`dsfab sweep`: thousands of designs of one preset in one folder, which may be stopped and continued at any time."""
+"""The command `dsfab sweep`: thousands of designs of one preset in one folder; the user may stop and continue it."""
 
 import shlex
 from collections.abc import Collection, Mapping
@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class PlanOptions:
-    """What of a sweep file can be said on the command line as well; it wins."""
+    """Options that override keys of a sweep file."""
 
     sample: Annotated[str | None, Parameter(help="grid, sobol:N, lhs:N or csv:FILE [grid].")] = None
     seed: Annotated[int | None, Parameter(help="Of the sampling [0].")] = None
@@ -42,7 +42,7 @@ class PlanOptions:
     view: Annotated[str | None, Parameter(help="iso, top, front, side, or azimuth,elevation in degrees.")] = None
 
     def tables(self, given: Mapping[str, Any]) -> dict[str, Any]:
-        """The same as keys of a sweep file, beside what is `given` there; None for what is not said."""
+        """Return the options as keys of a sweep file, which has the keys `given`; None for unset ones."""
         from dsfab.app.sweep_options import words
 
         kept = words(self.keep)
@@ -67,7 +67,7 @@ class PlanOptions:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class Work:
-    """Where a sweep is kept, and who makes its runs."""
+    """Folder of a sweep, and its workers."""
 
     output: Annotated[
         Path | None, Parameter(name=["-o", "--output"], help="The sweep's folder [outputs/NAME-sweep].")
@@ -82,11 +82,11 @@ class Work:
 
     @property
     def tried_again(self) -> "tuple[State, ...]":
-        """Ends of runs that are tried again."""
+        """States of runs to retry."""
         return ("killed", "failed") if self.retry == "all" else (self.retry,)
 
     def folder(self, what: str, varied: bool) -> Path | None:
-        """Where the sweep is kept; None for a new one without --output. Raises DsfabError for two folders."""
+        """Return the folder of the sweep; None for a new one without --output. Raises DsfabError for two folders."""
         if _goes_on(what, varied):
             if self.output is not None and self.output.resolve() != Path(what).resolve():
                 raise DsfabError(f"{what} is a sweep's folder and goes on there; leave -o out")
@@ -97,7 +97,7 @@ class Work:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class RunChoice:
-    """What is wanted of a sweep that is there."""
+    """Selection of runs of an existing sweep."""
 
     best: Annotated[int | None, Parameter(help="List the best N runs of a sweep's folder.")] = None
     by: Annotated[str | None, Parameter(help="Metric of --best [compliance].")] = None
@@ -143,14 +143,14 @@ def sweep(
 
 
 def _goes_on(what: str, varied: bool) -> bool:
-    """Whether a sweep's folder is named; where something varies, a shipped preset of that name goes before it."""
+    """True for the folder of a sweep; with --vary a shipped preset goes before a folder of its name."""
     from dsfab.core.toml_files import shipped_presets
 
     return Path(what).is_dir() and not (varied and what in shipped_presets())
 
 
 def _given(what: str, varied: bool) -> tuple[dict[str, Any], str]:
-    """The tables that the command line starts from, and what to call them."""
+    """Tables that the command line starts from, and their title for messages."""
     from dsfab.study.sweeps.folder import SWEEP
     from dsfab.study.sweeps.plan import read_plan
 
@@ -172,11 +172,11 @@ def _given(what: str, varied: bool) -> tuple[dict[str, Any], str]:
 
 
 def _is_sweep(path: Path) -> bool:
-    """Whether a TOML file is a sweep: it names a preset, or varies something."""
+    """True if a TOML file is a sweep: it names a preset, or varies keys."""
     try:
         values = toml_table(path.read_text(encoding="utf-8"))
     except (OSError, UnicodeDecodeError, TomlError):
-        return path.suffix == ".toml"  # what is wrong with it is told by whoever reads it
+        return path.suffix == ".toml"  # its reader reports the error
     return not {"preset", "vary", "linked"}.isdisjoint(values)
 
 
@@ -214,7 +214,7 @@ def _run(values: dict[str, Any], title: str, folder: Path | None, work: Work, qu
 
 
 def _run_all(found: "SweepFolder", crew: "Workers", line: Any, retry: "Collection[State]") -> bool:
-    """Make the runs and write what people look at; returns whether it was stopped by Ctrl-C."""
+    """Make the runs and write the pages; return True if Ctrl-C stopped it."""
     from dsfab.report.sweep_pages import SweepPages
 
     shown, stopped = SweepPages(found), False
@@ -237,7 +237,7 @@ def _run_all(found: "SweepFolder", crew: "Workers", line: Any, retry: "Collectio
 
 
 def _drawer(plan: "Plan") -> "Drawer | None":
-    """Draws the runs' pictures; raises DsfabError where nothing can be drawn, before the work begins."""
+    """Drawer of the runs' pictures; raises DsfabError before the work begins if this machine cannot draw."""
     from dsfab.render.opengl import require_rendering
     from dsfab.report.sweep_pages import SheetDrawer, require_view
 

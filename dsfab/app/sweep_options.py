@@ -1,4 +1,4 @@
-"""`dsfab sweep`'s options as the tables of a sweep file: one way to say each thing, checked in one place."""
+"""Options of `dsfab sweep` as the tables of a sweep file, so that one place checks both."""
 
 from collections.abc import Sequence
 from typing import Any
@@ -12,11 +12,11 @@ Tables = dict[str, Any]
 
 
 def vary_tables(texts: Sequence[str]) -> tuple[Tables, list[Tables]]:
-    """[vary] and [[linked]] of --vary texts.
+    """Return [vary] and [[linked]] of --vary texts.
 
-    KEY=LOW:HIGH:COUNT    COUNT values evenly apart      KEY=LOW:HIGH:COUNT:log   apart by equal factors
-    KEY=LOW:HIGH          anything between, for --sample; with :log after it, by equal factors
-    KEY=ONE,TWO,...       these values                   KEY,KEY=ONE,TWO,...;ONE,TWO,...   keys that move together
+    KEY=LOW:HIGH:COUNT    COUNT evenly spaced values     KEY=LOW:HIGH:COUNT:log   spaced by equal factors
+    KEY=LOW:HIGH          a range for --sample; with :log after it, by equal factors
+    KEY=ONE,TWO,...       these values                   KEY,KEY=ONE,TWO,...;ONE,TWO,...   linked keys
 
     Raises DsfabError for texts of another kind.
     """
@@ -66,14 +66,16 @@ def _together(text: str, keys: list[str], values: str) -> Tables:
 
 
 def words(texts: Sequence[str]) -> list[str]:
-    """Options that may be repeated or hold a comma list: ('a,b', 'c') -> a, b, c."""
+    """Split options that may be repeated or hold a comma list: ('a,b', 'c') -> a, b, c."""
     return [word.strip() for text in texts for word in text.split(",") if word.strip()]
 
 
 def with_options(
     values: Tables, source: Source = UNCHANGED, vary: Sequence[str] = (), others: Tables | None = None
 ) -> Tables:
-    """The tables of a sweep file with what the command line says; it wins. `others`: keys as in the file, or None."""
+    """Return the tables of a sweep file with the command line's options over them. `others`: keys as in the file,
+    or None.
+    """
     result = dict(values)
     more, linked = vary_tables(vary)
     if more:

@@ -20,15 +20,9 @@ from dsfab.study.sweeps.runs import RunRow
 from dsfab.study.sweeps.scheduler import Progress
 from dsfab.study.variations import short_names, spelled_value
 
-EVERY = 10.0
-"""Seconds between two lines in a pipe."""
-
-LONGEST = 110
-"""Characters of a failure's reason that are shown; its log has all of it."""
-
 
 class SweepProgress:
-    """Says on standard error where a sweep stands. `metric`: of which the best so far is told."""
+    """Prints the progress of a sweep on standard error, with the best value of `metric`."""
 
     def __init__(self, quiet: bool, metric: str, limits: Sequence[Constraint] = ()) -> None:
         self._console = Console(stderr=True, highlight=False, soft_wrap=True, quiet=quiet)
@@ -38,7 +32,7 @@ class SweepProgress:
         self._told = 0.0
 
     def knows(self, number: int, metrics: Mapping[str, float]) -> None:
-        """A run that worked: of now, or of an earlier session."""
+        """Record the metrics of a run, of this or an earlier session."""
         value = metrics.get(self._metric, float("nan"))
         if not isfinite(value) or not all(limit.holds(metrics) for limit in self._limits):
             return
@@ -47,10 +41,11 @@ class SweepProgress:
             self._best = (value, number)
 
     def __call__(self, progress: Progress) -> None:
-        """A run has ended (or the first is about to begin)."""
+        """Report the end of a run, or the start of the first."""
         outcome = progress.last
         if outcome is not None and outcome.error:
-            short = outcome.error if len(outcome.error) <= LONGEST else outcome.error[:LONGEST] + "..."
+            most = 110  # characters; the log has the whole reason
+            short = outcome.error if len(outcome.error) <= most else outcome.error[:most] + "..."
             ended = "was killed" if outcome.killed else "failed"
             self._console.print(f"run {outcome.number} {ended}: {short}", markup=False)
         elif outcome is not None:
@@ -59,7 +54,7 @@ class SweepProgress:
         if self._console.is_terminal:
             self._status = self._status or self._begun(line)
             self._status.update(line)
-        elif time.monotonic() - self._told > EVERY or not progress.left:
+        elif time.monotonic() - self._told > 10 or not progress.left:
             self._console.print(line, markup=False)
             self._told = time.monotonic()
 
@@ -80,18 +75,18 @@ class SweepProgress:
         return "; ".join(parts)
 
     def say(self, text: str) -> None:
-        """A line of its own."""
+        """Print a line."""
         self._console.print(text, markup=False)
 
     def stop(self) -> None:
-        """Take the live line away."""
+        """Remove the live line."""
         if self._status:
             self._status.stop()
             self._status = None
 
 
 def ask(path: Path, best: int | None, by: str | None, number: int | None, quiet: bool) -> int:
-    """--best and --build; raises DsfabError for a folder without a sweep, and for runs that it does not have."""
+    """Run --best or --build; raise DsfabError for a folder without a sweep, and for unknown runs."""
     found = SweepFolder.at(path)
     if number is None:
         out(_best(found, best or 0, by))
@@ -108,7 +103,6 @@ def ask(path: Path, best: int | None, by: str | None, number: int | None, quiet:
 
 
 def _best(found: SweepFolder, count: int, by: str | None) -> str:
-    """A table of the best runs."""
     plan = found.plan
     metric = by or headline(plan)
     if metric not in plan.measured:

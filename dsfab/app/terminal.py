@@ -12,7 +12,7 @@ from rich.status import Status
 
 
 class Reporter:
-    """Says on standard error what is being done, and how long it took. `quiet` says nothing."""
+    """Prints stages and their seconds on standard error; nothing if `quiet`."""
 
     def __init__(self, quiet: bool = False) -> None:
         self.quiet = quiet
@@ -22,11 +22,11 @@ class Reporter:
 
     @property
     def watched(self) -> bool:
-        """Whether a person may be waiting: it speaks, and to a terminal."""
+        """Whether it prints to a terminal, where a person may be waiting."""
         return self._console.is_terminal and not self.quiet
 
     def __call__(self, stage: str, doing: str) -> None:
-        """A stage begins, and with it the one before ends."""
+        """Begin a stage, and end the one before."""
         self.done()
         self._stage = (stage, doing, time.perf_counter())
         if self._console.is_terminal:
@@ -34,7 +34,7 @@ class Reporter:
             self._status.start()
 
     def done(self) -> None:
-        """The last stage has ended."""
+        """End the last stage."""
         self.stop()
         if self._stage:
             stage, doing, start = self._stage
@@ -42,24 +42,24 @@ class Reporter:
             self._stage = None
 
     def stop(self) -> None:
-        """Take the live line away (also when something went wrong)."""
+        """Remove the live line, also after an error."""
         if self._status:
             self._status.stop()
             self._status = None
 
     def say(self, text: str) -> None:
-        """A line of its own."""
+        """Print a line."""
         self._console.print(text, markup=False)
 
 
 def out(text: str = "") -> None:
-    """A line of result, on standard output."""
+    """Print a line of results on standard output."""
     sys.stdout.write(text + "\n")
 
 
 @contextmanager
 def signals_as_interrupts() -> Iterator[None]:
-    """A closed terminal, or a word to end, ends it as Ctrl-C does, so that nothing is left behind."""
+    """Treat a closed terminal and SIGTERM as Ctrl-C in the body, so that it cleans up."""
     numbers = [getattr(signal, name) for name in ("SIGTERM", "SIGHUP") if hasattr(signal, name)]
     if threading.current_thread() is not threading.main_thread():
         numbers = []

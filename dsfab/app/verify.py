@@ -33,9 +33,9 @@ VERIFY_CALIBRATION_HEAD = (
 
 
 def calibrate(folder: Path, as_json: bool) -> int:
-    """Measure the table anew, print it, and write it into the folder as calibration.json and calibration.csv.
+    """Measure the calibration anew, print it, and write calibration.json and calibration.csv into the folder.
 
-    Exit code 1 when less than 95 % of the designs lie inside their bound.
+    Return 1 when less than 95 % of the designs lie inside their bound.
     """
     from dsfab.study.verdict.calibration import calibrate as measured
     from dsfab.study.verdict.calibration import summary, table_text
@@ -61,7 +61,7 @@ def calibrate(folder: Path, as_json: bool) -> int:
 
 
 def summary_text(rows: "Sequence[TrialRow]") -> str:
-    """One sentence about a table."""
+    """Return a sentence about a table."""
     from dsfab.study.verdict.calibration import summary
 
     told = summary(rows)
@@ -103,10 +103,10 @@ APP_HEAD = (
     *("test", "mesh", "elements", "cells", "unknowns", "value", "reference"),
     *("ratio", "of limit", "rate", "target", "verdict"),
 )
-"""`of limit`: the value over what thin sheets converge to, where the usual reference is not that."""
+"""`of limit`: the value over the limit of thin sheets, if the usual reference is another one."""
 
 PAGE = Path("outputs/verification")
-"""Where the page goes unless a folder is named."""
+"""Default folder of the page."""
 
 
 def verify(
@@ -175,7 +175,9 @@ def _cells(row: "VerificationRow") -> tuple[str, ...]:
 
 
 def _remarks(tests: Sequence["Test"], rows: Sequence["VerificationRow"]) -> list[str]:
-    """Below the table: known shortfalls, targets, the spread between patterns, and the standing against others."""
+    """Lines below the table: known shortfalls, targets, spread between patterns, and comparison with published
+    values.
+    """
     from dsfab.statics import elements_of
     from dsfab.study.verdict.calibration import shipped_table
     from dsfab.verification import failures, pattern_spread, shortfalls, standings

@@ -1,4 +1,4 @@
-"""`dsfab workshop`: the members of a design as flat parts, nested on the stock."""
+"""The command `dsfab workshop`: the members of a design as flat parts, nested on the stock."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
@@ -23,7 +23,7 @@ if TYPE_CHECKING:
 @Parameter(name="*")
 @dataclass(frozen=True)
 class WorkshopFlags:
-    """What is cut from what, and whether building models want it too."""
+    """Options of the flat parts."""
 
     model: Annotated[
         str | None, Parameter(help="A model in card at this scale, 1:50: its stock is A3, of 1 mm, unless you say so.")
@@ -38,7 +38,7 @@ class WorkshopFlags:
 
 
 AS_GIVEN = WorkshopFlags()
-"""As the preset says."""
+"""Options of the preset."""
 
 
 def workshop(
@@ -92,7 +92,7 @@ def workshop(
 
 
 def _documents(plan: "WorkshopPlan", design: "Design", ifc: bool) -> dict[str, bytes]:
-    """The files besides drawings and tables, by their names."""
+    """Files beside drawings and tables, by name."""
     from dsfab.report.assembly import assembly_page, assembly_pdf
 
     found = {"assembly.pdf": assembly_pdf(plan, design)}
@@ -102,11 +102,11 @@ def _documents(plan: "WorkshopPlan", design: "Design", ifc: bool) -> dict[str, b
 
 
 MEMBERS = "members.ifc"
-"""Of the files: the members for building models."""
+"""File of the members for building models."""
 
 
 def _check_ifc(given: "Preset") -> None:
-    """Raise before any work where such a file cannot be written."""
+    """Raise before the work begins if IFC cannot be written."""
     from dsfab.export import FORMATS
 
     FORMATS[f".{MEMBERS}"].ready()
@@ -115,8 +115,10 @@ def _check_ifc(given: "Preset") -> None:
 
 
 def members_ifc(plan: "WorkshopPlan", design: "Design") -> bytes:
-    """Each member as it is built, with references to the drawings of its parts. Raises PatternError for a flat sheet,
-    whose parts are of no member."""
+    """Return an IFC file of each member as it is built, with references to the drawings of its parts.
+
+    Raises PatternError for a flat sheet, whose parts belong to no member.
+    """
     from dsfab.design.output import body_details
     from dsfab.export import temporary_folder, write
     from dsfab.thickening import SHIFT
@@ -141,7 +143,6 @@ def members_ifc(plan: "WorkshopPlan", design: "Design") -> bytes:
 
 
 def _say_files(plan: "WorkshopPlan", where: Path, documents: Mapping[str, bytes]) -> None:
-    """What was written into a folder."""
     parts, sheets = (f"{n} {word}{'' if n == 1 else 's'}" for n, word in _counted(plan))
     thick = sorted({plan.thickness_of(part) for part in plan.parts}, reverse=True)
     shown = " and ".join(length(one) for one in thick)
@@ -158,14 +159,15 @@ def _counted(plan: "WorkshopPlan") -> tuple[tuple[int, str], tuple[int, str]]:
 
 
 MODEL = {"stock": "[0.42, 0.297]", "prices": "[]", "thickness": "0.001", "bolt": "0.0006", "gap": "0.001"}
-"""[workshop] for card: A3, 1 mm, holes for pins, and room for the laser; metres."""
+"""Values of [workshop] for card: A3, 1 mm, holes for pins, and kerf of the laser; metres."""
 PAPERS = {"A4": (0.297, 0.21), "A3": (0.42, 0.297), "A2": (0.594, 0.42), "A1": (0.841, 0.594), "A0": (1.189, 0.841)}
 """Sizes of sheets of card, metres [ISO 216]."""
 
 
 def options_source(source: Source, model: str | None, stock: str | None, thickness: str | None) -> Source:
-    """The changes of a command line, --model, --stock and --thickness among them. Raises PresetError for no scale, no
-    size and no length."""
+    """Return the changes of --model, --stock and --thickness. Raises PresetError for an invalid scale, size or
+    length.
+    """
     texts = []
     if model is not None:
         asked = source.sets()
@@ -201,7 +203,7 @@ def _stock(text: str) -> tuple[float, float]:
 
 
 def _metres(text: str, option: str) -> float:
-    """A length with its unit, metres where it has none."""
+    """A length with its unit, by default metres."""
     number = text.strip().rstrip("abcdefghijklmnopqrstuvwxyz ")
     unit = text.strip()[len(number) :].strip() or "m"
     try:

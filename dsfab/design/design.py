@@ -10,7 +10,6 @@ from typing import TYPE_CHECKING, Any, Self, TypeVar
 
 import numpy as np
 
-from dsfab import ways_out
 from dsfab.core.arrays import Floats
 from dsfab.core.errors import PatternError, PresetError
 from dsfab.core.messages import length, mass
@@ -38,6 +37,7 @@ if TYPE_CHECKING:
     from dsfab.members import MemberGraph
     from dsfab.members.eurocode import Utilisation
     from dsfab.members.frame import Frame, FrameAgreement, MemberForces
+    from dsfab.report.design.save import Saved
 
 
 T = TypeVar("T")
@@ -168,23 +168,27 @@ class Design:
 
     def write(self, path: str | Path, **options: Any) -> Path:
         """Write one file in the format of its suffix, as `dsfab build` does; see `dsfab.write`."""
-        done: Path = ways_out.through("write", self, path, **options)
-        return done
+        from dsfab.design.output import write
 
-    def save(self, folder: str | Path, **options: Any) -> Path:
+        return write(self, path, **options)
+
+    def save(self, folder: str | Path, **options: Any) -> "Saved":
         """Write into a folder all files that `dsfab build` writes; see `dsfab.save`."""
-        done: Path = ways_out.through("save", self, folder, **options)
-        return done
+        from dsfab.report.design.save import save
+
+        return save(self, folder, **options)
 
     def to_build123d(self) -> "build123d.Shape":
         """Return the CAD shape, millimetres, that `write("x.step")` writes: smooth where that is possible."""
-        shape: build123d.Shape = ways_out.through("to_build123d", self)
-        return shape
+        from dsfab.design.output import to_build123d
+
+        return to_build123d(self)
 
     def _repr_png_(self) -> bytes | None:
         """Return a PNG for a notebook, or None if no picture can be rendered."""
-        picture: bytes | None = ways_out.through("inline_picture", self)
-        return picture
+        from dsfab.render.design_picture import inline_picture
+
+        return inline_picture(self)
 
     def __repr__(self) -> str:
         return "\n".join(described(self))

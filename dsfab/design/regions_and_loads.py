@@ -3,12 +3,11 @@
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from typing import Any, NamedTuple
-from weakref import WeakKeyDictionary
 
 import numpy as np
 
-from dsfab import ways_out
 from dsfab.core.arrays import Bools, Ints
+from dsfab.core.derived import derived_results
 from dsfab.core.errors import SurfaceError
 from dsfab.design.log import Log
 from dsfab.diffusion import Symmetry
@@ -34,10 +33,6 @@ IMAGE_DIFFERENCE = 0.3
 """
 
 
-_BEFORE: WeakKeyDictionary[Surface, tuple[Surface, Ints]] = WeakKeyDictionary()
-"""Surfaces without their voids, and the number of each vertex (n,) there, so that they are not built twice."""
-
-
 def surface_with_regions(preset: Preset, surface: Surface, log: Log) -> Surface:
     """Return the surface cut along the outlines of the regions of a preset, without its voids.
 
@@ -49,7 +44,7 @@ def surface_with_regions(preset: Preset, surface: Surface, log: Log) -> Surface:
     for k in voids:
         log.note("surface", f"{region_key(regions, k)} is void: {cut.taken[k]:.3g} m2 of {surface.area:.4g} m2")
     if voids:
-        _BEFORE[cut.surface] = cut.whole, cut.vertices
+        derived_results(cut.surface)[_before_voids] = cut.whole, cut.vertices
         _check_pieces(preset, surface, cut.surface)
     return cut.surface
 
@@ -88,10 +83,15 @@ def whole_surface(preset: Preset, surface: Surface) -> Surface:
 
 
 def _before_voids(preset: Preset, surface: Surface) -> tuple[Surface, Ints]:
-    if surface not in _BEFORE:
-        cut = with_regions(ways_out.through("base_surface", preset), preset.pattern.region)
-        _BEFORE[surface] = cut.whole, cut.vertices
-    return _BEFORE[surface]
+    """Return the surface before its voids were removed, and the number (n,) there of each vertex of `surface`."""
+    results = derived_results(surface)
+    if _before_voids not in results:
+        from dsfab.design.surface_and_statics import base_surface  # it computes statics, and imports this module
+
+        cut = with_regions(base_surface(preset), preset.pattern.region)
+        results[_before_voids] = cut.whole, cut.vertices
+    whole, vertices = results[_before_voids]
+    return whole, vertices
 
 
 def _left(key: str, one: Any, whole: Surface, vertices: Ints, edges: Ints, voids: str) -> Any:

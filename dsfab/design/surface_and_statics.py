@@ -8,7 +8,6 @@ from typing import NamedTuple
 import numpy as np
 from scipy.sparse import csr_array
 
-from dsfab import ways_out
 from dsfab.core.arrays import Bools, Floats
 from dsfab.core.errors import SurfaceError
 from dsfab.core.limits import FACETS, PRECISE, USUAL_SIZE
@@ -422,6 +421,3 @@ def _stress_sizes(given: OwnSurface, surface: Surface, statics: StaticsResult) -
         for side in ("top", "bottom"):
             stress = case.answers.stress.tensor(side)
             yield SizeField(surface, change_sizes(surface, stress, given.edge, given.finest))
-
-
-ways_out.open_way("base_surface", base_surface)

@@ -30,6 +30,5 @@ def __getattr__(name: str) -> Any:
     if name not in __all__:
         raise AttributeError(f"module 'dsfab.render' has no attribute {name!r}")
     from dsfab.render import members
-    from dsfab.render import members as live_members
 
-    return getattr(live_members if name == "member_places" else members, name)
+    return getattr(members, name)

@@ -40,16 +40,12 @@ Show = Literal[
 
 ANSWERS = ("vonmises", "utilisation", "energy", "displacement", "buckling", "frequency")
 """Results of the statics, shown on the whole uncut sheet for which they were computed."""
-
 DEFORMED = ("displacement", "buckling", "frequency")
 """Results that are drawn as a deformed shape."""
-
 MODES = ("major_mode", "minor_mode")
 """Fields along whose values stripes run."""
-
 WHOLE_SHEET = ("loads", "directions", *MODES, *ANSWERS)
 """Pictures of the sheet before stripes."""
-
 STEEPEST = 98.0
 """Percentile of stress at which colours end, because peaks under loads and supports would hide the rest."""
 
@@ -145,10 +141,7 @@ def coloured(design: "Design", show: str, palette: Palette) -> Colouring:
 
 
 def _mode(design: "Design", show: str) -> Colouring:
-    """Return the colours of a stripe mode, on which each change of 1 / frequency is a stripe.
-
-    Raises DsfabError for stripes without modes.
-    """
+    """Return the colours of a stripe mode. Raises DsfabError for stripes without modes."""
     if design.pattern.even:
         raise DsfabError("evenly spaced stripes run along no mode; show structure, families or directions instead")
     name = show.removesuffix("_mode")
@@ -170,9 +163,7 @@ def mode_gradient(design: "Design", show: str) -> Floats:
 
 
 def banded(limit: float) -> tuple[float, int]:
-    """Return the end of the colours and the number of bands, 4 to 10 of a round width (1, 2, 5 times a power of
-    ten).
-    """
+    """Return the end of the colours and the number of bands, 4 to 10 of a round width, that reach `limit`."""
     if not limit > 0:
         return 1.0, 4
     step = round_length(limit / 4)
@@ -239,7 +230,6 @@ def with_bar(image: "Image", bar: Bar, palette: Palette) -> "Image":
 
 MOVES = 0.08
 """Largest drawn movement of a vertex, over the size of the surface."""
-
 YIELDS = (96, 40, 150)
 """Colour of faces beyond the strength: violet, which the colour scale does not have."""
 
@@ -254,10 +244,7 @@ def asking(preset: "Preset", show: str) -> "Preset":
 
 
 def answer_colouring(design: "Design", show: str) -> Colouring:
-    """Return the colours of a result of the statics.
-
-    Raises DsfabError for a result that the preset does not request, or that the statics do not have.
-    """
+    """Return the colours of a result of the statics. Raises DsfabError for a result that the design lacks."""
     if show == "displacement":
         return _displaced(design)
     if show in ("buckling", "frequency"):
@@ -287,7 +274,6 @@ def energy_label(joules: float) -> str:
 
 
 def _scaled(value: Floats, label: Callable[[float], str], words: str) -> Colouring:
-    """Return colours from zero to the percentile `STEEPEST`."""
     limit, bands = banded(float(np.percentile(value, STEEPEST)))
     bar = Bar(limit, ("0", "", label(limit)), ("", "and more" if value.max() > 1.01 * limit else ""), bands=bands)
     return Colouring(rising(value / limit, bands), bar, None, words)
@@ -312,7 +298,6 @@ def _by(design: "Design") -> str:
 
 
 def _times(factor: float) -> str:
-    """Return "5,000", "0.2"."""
     return f"{factor:,.0f}" if factor >= 1 else f"{factor:g}"
 
 

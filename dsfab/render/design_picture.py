@@ -72,9 +72,7 @@ def structure_drawing(
     ground: Ground = "paper",
     size: tuple[int, int] = NOMINAL,
 ) -> StructurePicture:
-    """Return the data of `structure_picture`, with the same parameters; raises DsfabError if the design is
-    impossible.
-    """
+    """Return the data of `structure_picture`, with its parameters; raises DsfabError if the design is impossible."""
     check_ground(ground)
     solid, surface, load = design.solid, design.surface, design.load
     up = up_axis(surface.V, surface, load)
@@ -87,7 +85,6 @@ def structure_drawing(
 
 
 def _asked(design: Design, look: Look) -> dict[str, Any]:
-    """Return the arguments of `picture`."""
     solid, words = design.solid, caption(design)
     return {"V": solid.V, "F": solid.F, "surface": design.surface, "load": design.load, "caption": words, "look": look}
 
@@ -97,11 +94,7 @@ _AHEAD: ContextVar[Ahead | None] = ContextVar("_AHEAD", default=None)
 
 @contextmanager
 def picture_ahead() -> Iterator[None]:
-    """Start a process that loads the drawing modules before the design exists, for one `picture_meanwhile` inside the
-    context.
-
-    Raises DsfabError if this machine cannot draw.
-    """
+    """Start a process that loads drawing modules for a later picture. Raises DsfabError if this machine cannot draw."""
     if (os.cpu_count() or 1) == 1:
         yield
         return

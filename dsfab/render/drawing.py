@@ -22,10 +22,8 @@ if TYPE_CHECKING:
 
 EVERY_LAYER = ("loads", "supports", "reactions", "person", "tree", "gradients")
 """Marks that can explain a structure."""
-
 LAYERS = ("loads", "supports", "person")
 """Marks of a picture by default."""
-
 PERSON_FITS = (2.0, 60.0)
 """Least and largest height (m) of structures with a person beside them."""
 
@@ -71,10 +69,7 @@ def set_stage(
     palette: Palette,
     size: tuple[int, int],
 ) -> Stage:
-    """Place the camera and the marks, then move the camera back until all of them are on the page.
-
-    half : half the thickness of the structure (m).    up : (3,) unit vector.
-    """
+    """Place the camera, the marks and the ground; half : half the structure's thickness (m); up : (3,) unit vector."""
     V, up = body.V, up / np.linalg.norm(up)
     low, high = V.min(axis=0), V.max(axis=0)
     centre, reach = (low + high) / 2, float(np.linalg.norm(high - low))
@@ -99,10 +94,7 @@ def set_stage(
 
 
 def on_page(bodies: list[Body], side: ViewSide, size: tuple[int, int], words: bool = True, scale: bool = False) -> View:
-    """Return the view in which the bodies fill a page, above a strip for words if requested.
-
-    scale : whether the strip has room for a colour scale.
-    """
+    """Return the view in which bodies fill a page, above a strip for words, or for words and a colour scale."""
     aspect = size[0] / size[1]
     wide, bottom, top = (0.86, -0.62 if scale else -0.70, 0.88) if words else (0.92, -0.86, 0.92)
     return framed(np.concatenate([one.V for one in bodies]), side, (-wide * aspect, wide * aspect, bottom, top))
@@ -127,7 +119,6 @@ class _Frame(NamedTuple):
 
 
 def _marks(beside: Annotations, surface: Surface, load: LoadCase, at: _Frame) -> dict[MarkName, marks.Mesh]:
-    """Return the meshes of the requested layers."""
     drawn: dict[MarkName, marks.Mesh] = {}
     if "loads" in beside.layers:
         drawn["load"] = marks.load_arrows(surface, load, at.reach, at.half, at.towards, at.up)
@@ -141,7 +132,6 @@ def _marks(beside: Annotations, surface: Surface, load: LoadCase, at: _Frame) ->
 
 
 def _person_beside(V: Floats, side: ViewSide, foot: float) -> marks.Mesh:
-    """Return a person on the ground to the right of the structure, a little in front of its middle."""
     middle, right, level = _ground_frame(V, side, foot)
     near_foot, apart = V[V @ side.up < foot + PERSON + 0.6], 0.55  # obstacles for a person
     if not len(near_foot):  # the edge of a wide roof on tall cones would hide a person
@@ -151,14 +141,12 @@ def _person_beside(V: Floats, side: ViewSide, foot: float) -> marks.Mesh:
 
 
 def _tree_beside(V: Floats, side: ViewSide, foot: float) -> marks.Mesh:
-    """Return a tree on the ground to the left of the structure, a little behind its middle."""
     middle, right, level = _ground_frame(V, side, foot)
     beside = float(((middle - V) @ right).max()) + 0.32 * TREE
     return marks.tree(middle - beside * right - 0.15 * float(np.ptp(V @ level)) * level, side.up, TREE)
 
 
 def _ground_frame(V: Floats, side: ViewSide, foot: float) -> tuple[Floats, Floats, Floats]:
-    """Return the structure's middle on the ground, and the directions to the right and to the eye on the ground."""
     right = np.cross(side.up, side.towards)
     right /= np.linalg.norm(right)
     middle = (V.min(axis=0) + V.max(axis=0)) / 2
@@ -209,7 +197,6 @@ _LEG = [
 
 Ground = Literal["paper", "white", "transparent"]
 """Ground of a picture."""
-
 FINER = light.FINE.finer
 """Size of a fine picture before averaging, over its final size."""
 
@@ -267,7 +254,6 @@ def _open(share: Floats32, width: int, height: int) -> Bytes:
 
 
 def _floor(share: Floats32 | None, palette: Palette, width: int, height: int) -> Bytes:
-    """Return the paper with its shadows, (height, width, 3)."""
     if share is None:
         return np.asarray(np.broadcast_to(np.array(palette.paper, dtype=np.uint8), (height, width, 3)).copy())
     dark, bright = np.array(palette.shadow, dtype=np.float32), np.array(palette.paper, dtype=np.float32)
@@ -302,7 +288,6 @@ def _inked(pixels: Pixels, hit: Ints, brightness: Floats32, lines: Floats32, pal
 
 
 def _codes(colours: Bytes) -> Ints:
-    """Return one number (k,) for each colour (k, 3)."""
     red, green, blue = colours.T.astype(np.int32)
     return np.asarray(red << 16 | green << 8 | blue)
 

@@ -108,10 +108,7 @@ def _fits(made: "FabricationMeasures") -> str:
 
 
 def called_out(image: "Image", callouts: list[Callout], view: View, palette: Palette) -> "Image":
-    """Return the picture with callouts, ordered so that lines are short and do not cross.
-
-    Rings are in front of everything, so that places on the far side have them too.
-    """
+    """Return the picture with callouts: short lines without crossings, and rings in front of everything."""
     from PIL import Image, ImageDraw, ImageFont
     from scipy.optimize import linear_sum_assignment
     from scipy.spatial.distance import cdist
@@ -136,7 +133,6 @@ def called_out(image: "Image", callouts: list[Callout], view: View, palette: Pal
 
 
 def _lead(draw: "ImageDraw", start: Floats, end: Floats, radius: float, colour: Colour) -> None:
-    """Draw a line from the words to a ring."""
     far = max(float(np.linalg.norm(end - start)), np.finfo(float).tiny)
     edge = start + max(1 - radius / far, 0.0) * (end - start)
     stroke = max(round(radius / 9), 1)

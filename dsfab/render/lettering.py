@@ -72,10 +72,7 @@ def length_label(length: float) -> str:
 
 
 def lettered(image: "Image", legend: Legend, palette: Palette, larger: float = 1.0) -> "Image":
-    """Return the picture with its words in the strip below the structure.
-
-    larger : size of letters over that of a build's preview.
-    """
+    """Return the picture with words below the structure; larger : letters over those of a build's preview."""
     from PIL import ImageDraw, ImageFont
 
     width, height = image.size
@@ -99,7 +96,6 @@ def lettered(image: "Image", legend: Legend, palette: Palette, larger: float = 1
 def _swatch(
     draw: "ImageDraw", text: str, colour: Colour, palette: Palette, at: tuple[float, float], letter: float
 ) -> float:
-    """Draw a coloured square and its text, and return its right end."""
     from PIL import ImageFont
 
     x, base = at
@@ -111,7 +107,6 @@ def _swatch(
 
 
 def _shortened(words: str, room: float, draw: "ImageDraw", letter: float) -> str:
-    """Return the caption, cut off with dots to fit the room."""
     from PIL import ImageFont
 
     font = ImageFont.load_default(size=letter)
@@ -144,7 +139,6 @@ def _scale_bar(
 
 
 def _named(draw: "ImageDraw", name: MarkName, palette: Palette, at: tuple[float, float], letter: float) -> float:
-    """Draw a mark's sign and name, and return the right end."""
     from PIL import ImageFont
 
     x, base = at
@@ -179,10 +173,7 @@ TURNS = np.linspace(0, 2 * np.pi, 16, endpoint=False)
 
 @dataclass(frozen=True, eq=False)
 class Nameplate:
-    """Name with its colour, and its possible places (k, 2) on the picture, best first (pixels).
-
-    visible : (k,) whether nothing is in front of a place.
-    """
+    """Name with its colour and possible places (k, 2), best first (pixels), with whether each is visible (k,)."""
 
     text: str
     colour: Colour
@@ -200,11 +191,7 @@ class PlacedName:
 
 
 def placed_names(plates: list[Nameplate], size: tuple[int, int], letter: float) -> list[PlacedName]:
-    """Place names on a picture of a size, with a letter height (pixels).
-
-    A name stands on its member close to the middle if a place is free, else beside it on a short line. Members with few
-    places come first.
-    """
+    """Place names on a picture, with a letter height (pixels): on their members if possible, else on short lines."""
     taken = np.zeros((size[1] // GRID + 2, size[0] // GRID + 2), dtype=bool)
     found = []
     for plate in sorted(plates, key=lambda one: (int(one.seen.sum()), len(one.places))):
@@ -232,7 +219,6 @@ def _free(taken: Bools, places: Floats, half: Floats, letter: float) -> tuple[Fl
 
 
 def _window(taken: Bools, middle: Floats, half: Floats) -> tuple[slice, slice] | None:
-    """Return the grid cells of a name; None for a name beyond the picture."""
     low, high = np.floor((middle - half) / GRID).astype(int), np.ceil((middle + half) / GRID).astype(int)
     if (low < 0).any() or high[0] >= taken.shape[1] or high[1] >= taken.shape[0]:
         return None

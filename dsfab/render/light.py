@@ -15,13 +15,10 @@ from dsfab.render.view import View
 
 GRAIN = 1.2
 """Radius in map pixels of the random places at which a map is sampled, so that its steps become a fine grain."""
-
 LIFT = 2.5
 """Height of lit points above their surface, over the pixels of a map's side (radii), against shadows of its steps."""
-
 BEFORE_NOTHING = np.float32(0.9999)
 """Largest depth that counts as a body; empty pixels have depth 1."""
-
 _DEEP = LAMP_DEPTHS[1] - LAMP_DEPTHS[0]
 
 
@@ -90,13 +87,10 @@ class ShadowMaps:
 
 SHARES = (0.60, 0.44, 0.14)
 """Light of the sun, the sky and the floor on a surface that faces each."""
-
 AMBIENT = 0.10
 """Light at every point."""
-
 CHUNK = 1 << 15
 """Points coloured together, as many as fit the cache."""
-
 TILE = 1 << 10
 """Points lit together by twenty lamps, as many as fit the cache."""
 
@@ -131,7 +125,6 @@ class LightQuality:
 
 FINE, QUICK = LightQuality(), LightQuality(5, 14, 3, 448, 256, (0.012, 0.05))
 """Quality of a single picture, and of one of a hundred."""
-
 ROUGH = LightQuality(3, 7, 2, 320, 192, (0.012, 0.05), finer=1)
 """Quality of a picture that another picture soon replaces."""
 
@@ -151,10 +144,7 @@ class Lamps:
 
 
 def lamps(view: View, floor: Floats, quality: LightQuality = FINE) -> Lamps:
-    """Return the lamps for a view over a floor with a unit normal (3,).
-
-    The sun stands over the eye's left shoulder, the sky over the floor.
-    """
+    """Return the lamps of a view: the sun over the eye's left shoulder, the sky over a floor with a normal (3,)."""
     back = -view.forward
     level = back - (back @ floor) * floor
     level /= max(float(np.linalg.norm(level)), 0.2)
@@ -211,7 +201,6 @@ def _shine(
     light: Floats32,
     asking: dict[tuple[int, int, int], float],
 ) -> None:
-    """Add the light (k,) of lamps on points with normals (3, k), times a factor for each range of points."""
     points, normals = on
     side = all_lamps.quality.sharp if some[0] == 0 else all_lamps.quality.coarse
     maps = ShadowMaps.drawn(scene, all_lamps.towards[some], all_lamps.strength[some], side)
@@ -252,9 +241,9 @@ def shaded(
 
 
 def _points(scene: Scene, view: View, pixels: Pixels, hit: Bools, spare: int = 0) -> tuple[Floats32, Floats32]:
-    """Return points (3, k + spare) of the k drawn pixels in scene units, and their normals towards the eye.
+    """Return points (3, k + spare) of the k drawn pixels in scene units, and normals towards the eye.
 
-    They run column by column in strips of rows, because neighbours on a shadow map save two thirds of the time.
+    Columns in strips of rows keep neighbours together, which saves two thirds of the time.
     """
     points, normals = (np.empty((3, int(hit.sum()) + spare), dtype=np.float32) for _ in range(2))
     for rows, here in _strips(hit):
@@ -281,7 +270,6 @@ def _in_rows(values: Floats32, hit: Bools) -> Floats32:
 def _strip_points(
     scene: Scene, view: View, pixels: Pixels, hit: Bools, rows: slice, into: tuple[Floats32, Floats32]
 ) -> None:
-    """Compute points and normals of the drawn pixels in a slice of rows."""
     (points, normal), (height, width) = into, hit.shape
     column, row = np.nonzero(hit[rows].T)
     x, y = rays(view, width, height)
@@ -302,7 +290,6 @@ def _strip_points(
 def _floor_points(
     scene: Scene, view: View, floor: Floats, level: float, shape: tuple[int, int]
 ) -> tuple[Floats32, Bools]:
-    """Return floor points (3, k) near the structure, and their pixels (h, w) in a coarse picture."""
     x, y = rays(view, shape[1], shape[0])
     eye = (view.eye - scene.centre) / scene.radius
     ray = x[None, :, None] * view.right + y[:, None, None] * view.up + view.forward

@@ -35,7 +35,6 @@ GRADIENTS = Spacing(0.055, 160)
 
 CONE = 0.026
 """Height of a support cone over the structure's size."""
-
 LONGEST_POINT, LONGEST_SPREAD, LONGEST_GRADIENT = 0.15, 0.085, 0.06
 """Longest arrow of a point load, a spread load and a gradient, over the structure's size."""
 
@@ -100,7 +99,6 @@ def _outer(surface: Surface, up: Floats) -> float:
 
 
 def _gathered(V: Floats, force: Floats, acts: Bools, spacing: Spacing, longest: float, size: float) -> Pulls:
-    """Return the forces on the marked vertices, summed at the middles of a few patches (Lloyd 1982)."""
     at = np.flatnonzero(acts)
     if not len(at):
         return Pulls(at, np.zeros((0, 3)), np.zeros(0))
@@ -127,10 +125,7 @@ def support_cones(surface: Surface, load: LoadCase, size: float, up: Floats, lif
 
 
 def reaction_arrows(surface: Surface, load: LoadCase, reaction: Floats, size: float) -> Mesh:
-    """Return arrows for the forces (n, 3) of supports on the structure (N), thinned as the cones.
-
-    They end at the support, or begin there for tension.
-    """
+    """Return arrows for the forces (n, 3) of supports (N), thinned as the cones, which end or begin there."""
     acts = load.held & (np.linalg.norm(reaction, axis=1) > 0)
     if not acts.any():
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
@@ -144,11 +139,7 @@ def reaction_arrows(surface: Surface, load: LoadCase, reaction: Floats, size: fl
 
 
 def gradient_arrows(surface: Surface, gradient: Floats, size: float, lift: float, eye: Floats) -> Mesh:
-    """Return slim arrows along a gradient (m, 3) at evenly spaced faces, longer where it is steeper; none for a zero
-    gradient.
-
-    lift, eye : as for `load_arrows`.
-    """
+    """Return slim arrows along a gradient (m, 3), longer where it is steeper; lift, eye : as for `load_arrows`."""
     steep = np.linalg.norm(gradient, axis=1)
     if not steep.any():
         return np.zeros((0, 3)), np.zeros((0, 3), dtype=np.int64)
@@ -211,9 +202,7 @@ _CROWN = ((0.0, 0.0, 0.3, 0.5), (0.15, 0.05, 0.42, 0.36), (-0.13, 0.11, 0.46, 0.
 
 
 def tree(foot: Floats, up: Floats, height: float) -> Mesh:
-    """Return a model maker's tree, a trunk and balls of foliage, at `foot` (3,), `height` metres tall along `up`
-    (3,).
-    """
+    """Return a trunk and balls of foliage at `foot` (3,), `height` metres tall along `up` (3,)."""
     right = np.cross(up, np.eye(3)[np.argmin(np.abs(up))])
     right /= np.linalg.norm(right)
     balls = np.array(_CROWN)
@@ -239,7 +228,6 @@ def _placed(template: Mesh, start: Floats, along: Floats, long: Floats) -> Mesh:
 
 CROSSES = Spacing(0.034, 500)
 """Thinning of crosses, whose number limits the time."""
-
 LONG, WIDE = 0.8, 0.09
 """Length and width of a bar over the distance of neighbouring crosses."""
 
@@ -272,7 +260,6 @@ def crosses(design: "Design", palette: Palette) -> Body:
 
 
 def _bars(middle: Floats, along: Floats, normal: Floats, apart: float) -> Mesh:
-    """Return boxes around `middle` (k, 3), visible from both sides of the surface."""
     across = np.cross(normal, along)
     half = apart / 2 * np.array([LONG, WIDE, WIDE])
     frame = np.stack([along, across, normal], axis=1) * half[:, None]

@@ -50,7 +50,6 @@ def member_places(draft: Design, judged: bool = False) -> dict[str, Any]:
 
 
 def _places(member: "Member", centroids: Floats) -> tuple[Floats, float]:
-    """Return places (q, 3) of a member, and its extent around them (m)."""
     if member.axis:
         count = int(np.clip(np.ceil(member.length / (0.5 * member.mean_width)), 2, 400))
         P = member.axis.at(np.linspace(0, member.length, count))[0]
@@ -120,8 +119,6 @@ def band_colours(count: int) -> list[Colour]:
 
 @dataclass(frozen=True)
 class _Drawing:
-    """Design with the size, view, ground and palette of its picture."""
-
     design: "Design"
     size: tuple[int, int]
     view: str
@@ -151,14 +148,12 @@ class _Drawing:
 
 
 def _colour(kind: str, family: str, palette: Palette) -> Colour:
-    """Return the colour of a member; members outside both families have the third colour."""
     if kind not in ("strip", "stub"):
         return palette.tints[2]
     return palette.tints[0] if family == "major" else palette.tints[1]
 
 
 def _colours(design: "Design", palette: Palette) -> Bytes:
-    """Return colours (m, 3) of the cells; at crossings those of the upper member."""
     graph, names = design.members, design.pattern.names
     family = np.array([_colour("strip" if name in ("major", "minor") else name, name, palette) for name in names])
     found = family[graph.sheet.family].astype(np.uint8)
@@ -169,7 +164,6 @@ def _colours(design: "Design", palette: Palette) -> Bytes:
 
 
 def _swatches(graph: "MemberGraph", palette: Palette) -> tuple[tuple[str, Colour], ...]:
-    """Return the legend of the colours in the picture."""
     known = (("A: major", "major"), ("B: minor", "minor"))
     there = {member.family for member in graph.members if member.kind in ("strip", "stub")}
     found = [(words, _colour("strip", name, palette)) for words, name in known if name in there]
@@ -197,10 +191,7 @@ def _plates(
 
 
 def _points(graph: "MemberGraph", member: "Member", view: View, count: int = 41) -> Floats:
-    """Return places (k, 3) on a member (m): places between nodes first, then from its middle outwards.
-
-    A closed member starts at the side near the eye.
-    """
+    """Return places (k, 3) on a member: between nodes first, then from the middle, or a ring's near side, outwards."""
     if member.axis is None or member.kind == "disc":
         places = graph.sheet.surface.centroids[member.cells]
         return np.asarray(places[np.linalg.norm(places - places.mean(axis=0), axis=1).argsort(kind="stable")[:count]])

@@ -10,7 +10,6 @@ from dsfab.core.errors import DsfabError
 
 WINDOW = "VTK_DEFAULT_OPENGL_WINDOW"
 """Environment variable by which VTK chooses its kind of window."""
-
 SECONDS = 120
 """Time limit of the test, which takes half a second on an idle machine."""
 
@@ -47,10 +46,7 @@ def ask_ahead() -> None:
 
 
 def take_for_granted(window: str | None = None) -> str:
-    """Use a kind of window without a test, the first candidate by default, and return it.
-
-    This is for a process that may crash, and for a process that learned the kind of window from such a process.
-    """
+    """Use a kind of window without a test, by default the first candidate, and return it."""
     name = _candidates(os.environ.get(WINDOW, ""))[0] if window is None else window
     _KNOWN.add(name)
     if name:
@@ -77,7 +73,6 @@ def require_rendering() -> None:
 
 
 def _chosen() -> str:
-    """Return the user's kind of window, or ""."""
     chosen = os.environ.get(WINDOW, "")
     if not chosen:
         os.environ.pop(WINDOW, None)  # VTK takes an empty name for the name of a window, and crashes
@@ -105,7 +100,6 @@ def _candidates(chosen: str) -> tuple[str, ...]:
 
 @cache
 def _draws(name: str) -> bool:
-    """Return whether a window of this kind gives a picture."""
     environment = {**os.environ, WINDOW: name} if name else dict(os.environ)
     try:
         answer = subprocess.run(_command(), env=environment, capture_output=True, timeout=SECONDS, check=False)

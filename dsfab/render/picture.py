@@ -131,10 +131,7 @@ class StructurePicture:
     clear: bool
 
     def drawn(self) -> Bytes:
-        """Return (height, width, 3) bytes, red green blue; (height, width, 4) on transparent ground.
-
-        This does not test the machine: VTK ends the process if it cannot draw.
-        """
+        """Return (height, width, 3 or 4) bytes, without a test of this machine: VTK ends the process on failure."""
         palette, size = self.look.palette, self.look.size
         body = Body(self.V, self.F, np.array(palette.members, dtype=np.uint8), casts=True)
         stage = set_stage(body, self.side, self.up, self.half, self.beside, palette, size)
@@ -146,7 +143,6 @@ class StructurePicture:
 
 
 def _member_colours(F: Ints, family: ArrayLike | None, palette: Palette) -> Bytes:
-    """Return colours (m, 3) of the faces."""
     table = np.array([*palette.families, palette.members], dtype=np.uint8)  # -1 is the last row
     index = np.full(len(F), -1) if family is None else np.asarray(family)
     if index.shape != (len(F),) or index.min() < -1 or index.max() >= len(palette.families):

@@ -54,7 +54,6 @@ NOMINAL = (1600, 1200)
 
 COLOURED = ("major", "minor", "kept")
 """Names of the families that have tints."""
-
 TRIAL = (96, 72)
 """Size of the pictures that test the shader (pixels)."""
 
@@ -254,7 +253,6 @@ class Previewer:
         return self._scene.mask(self._view(size, words), *size)
 
     def _view(self, size: tuple[int, int], words: bool) -> View:
-        """Return the camera for a page, computed once for each size."""
         if (size, words) not in self._views:
             self._views[size, words] = on_page(self._stage.bodies, self._side, size, words, self._bar is not None)
         return self._views[size, words]
@@ -271,7 +269,6 @@ class Previewer:
         return f"{self._preset.name} - {self._words or f'{self._show}, preview {before}'}"
 
     def _body(self) -> Body:
-        """Return the body of the surface with a new shader."""
         design, mesh = self._made, self._mesh
         self._shader = StripeShader(fields(design, mesh, self._distances(design)), self._tints)
         V, normals = self._V, None
@@ -288,14 +285,11 @@ class Previewer:
         )
 
     def _settle(self) -> None:
-        """Send the numbers of the preset to the shader."""
         whole = self._show in WHOLE_SHEET
         self._shader.set(WHOLE if whole else numbers(self._preset, self._made.pattern, self._show))
 
     def _try_shader(self) -> None:
-        """Test the shader, because a driver that ignores or refuses it draws all of the mesh, or nothing, without
-        an error.
-        """
+        """Test the shader, because drivers that refuse it draw all of the mesh, or nothing, without an error."""
         view = self._view(TRIAL, True)
         seen = []
         for settings in (WHOLE, NOTHING):
@@ -309,7 +303,6 @@ class Previewer:
             )
 
     def _distances(self, design: Design) -> tuple[Floats, Floats]:
-        """Return `distances`, computed once for a surface and its regions."""
         if self._distance is None:
             self._distance = distances(design)
         return self._distance

@@ -85,9 +85,7 @@ class Window:
         self.window.Render()
 
     def depth(self) -> NDArray[np.float32]:
-        """Return the depth (h, w) of the picture, row 0 on top: 0 at the camera's nearest depth, 1 where it is
-        empty.
-        """
+        """Return the depth (h, w) of the picture, row 0 on top: 0 at the nearest depth, 1 where it is empty."""
         from vtkmodules.vtkCommonCore import vtkFloatArray
 
         width, height = self.window.GetSize()
@@ -132,7 +130,7 @@ def warm_up() -> bool:
 
 
 def split_mesh(points: Floats, F: Ints, split: float) -> tuple[Any, NDArray[np.float32], Ints]:
-    """Return a mesh of points (n, 3) and faces (m, 3) with its corners split at edges sharper than `split` degrees.
+    """Return a mesh of points (n, 3) and faces (m, 3), split at edges sharper than `split` degrees.
 
     It comes with normals (k, 3) of its points, and the input point (k,) of each.
     """
@@ -177,7 +175,6 @@ def set_array(attributes: Any, name: str, values: NDArray[Any]) -> None:
 
 
 def _polydata(points: Floats, F: Ints) -> Any:
-    """Return a mesh of points (n, 3) and faces (m, 3)."""
     from vtkmodules.vtkCommonCore import vtkPoints
     from vtkmodules.vtkCommonDataModel import vtkCellArray, vtkPolyData
 
@@ -195,7 +192,6 @@ def _numbers(array: Any) -> NDArray[Any]:
 
 
 def _support() -> Any:
-    """Return VTK's untyped converter from and to numpy."""
     from vtkmodules.util import numpy_support
 
     return numpy_support
@@ -377,7 +373,6 @@ class Scene:
         return seen
 
     def _look(self, view: View) -> tuple[float, float]:
-        """Aim the camera, and return its nearest and farthest depth."""
         camera = self.window.camera
         eye = (view.eye - self.centre) / self.radius
         camera.SetParallelProjection(False)

@@ -16,10 +16,8 @@ from dsfab.render.scene import Bytes, Colour, Floats32, set_array
 
 FAR = 1e30
 """Distance to absent things, finite because infinity times a weight of zero is not a number."""
-
 NO_REACH = -FAR
 """Reach that keeps nothing; a reach of 0 would keep values interpolated to just below 0 at the silhouette."""
-
 BY_VERTEX = -1.0
 """Half-width uniform that makes the shader read half-widths at the vertices."""
 
@@ -29,7 +27,6 @@ _CLIP, _COLOURS = "//VTK::Clip::Impl", "//VTK::TCoord::Impl"
 
 FIELDS = ("modes", "widths", "kept")
 """Fields that may vary over the surface, two numbers a vertex each, in the order of `StripeShader.fields`."""
-
 TIE = 2e-6
 """Margin beyond rounding (periods) that makes widths of 0 and 1/2 empty and full on the graphics side."""
 
@@ -47,7 +44,6 @@ _THIN = """
   vec3 dsHere = vec3(dsOff - dsStripes.zw, REACHED);
   if (all(lessThanEqual(dsOff, dsStripes.zw)) && REACHED <= 0.0) discard;
 """
-
 _DEPTH = """
 // how deep in material: of the major and of the minor stripes, and of what is kept; material is > 0
 vec3 dsDepth(vec4 stripes, vec2 kept) {
@@ -88,7 +84,6 @@ _WALLS = """
   }
   if (dsMost(dsHere) <= 0.0) discard;
 """
-
 _TINTED = "  gl_FragData[0].rgb = dsHere.x > 0.0 ? dsMajor : dsHere.y > 0.0 ? dsMinor : dsRest;\n"
 _WALL_COLOUR = "  if (dot(dsWall, dsWall) > 0.0) gl_FragData[0].rgb *= dsShade;\n"
 _WALL_NORMAL = "  if (dot(dsWall, dsWall) > 0.0) gl_FragData[0].rgb = 0.5 * dsWall + 0.5;\n"
@@ -214,8 +209,7 @@ class StripeShader:
             uniforms.SetUniform2f("dsShown", settings.shown)
 
     def look(self, eye: Floats | None, half: float) -> None:
-        """Show the walls of a sheet with half its thickness, as seen from `eye` (3,), both in scene units; None shows
-        none.
+        """Show walls of a sheet with half its thickness from `eye` (3,), both in scene units, or none without an eye.
 
         Walls are only a hint: those of a slab in the plane of each triangle, without the surface's rim.
         """
@@ -243,6 +237,5 @@ class StripeShader:
                 code.AddFragmentShaderReplacement(tag, True, f"{tag}\n{text}", False)
 
     def _uniforms(self) -> list[Any]:
-        """Return the uniforms of both kinds of shader, which share names."""
         codes = [part["actor"].GetShaderProperty() for part in self._parts]
         return [one for code in codes for one in (code.GetVertexCustomUniforms(), code.GetFragmentCustomUniforms())]

@@ -39,7 +39,6 @@ def main(sketches: bool) -> None:
 
 
 def _draw(what: Any, path: Any, size: tuple[int, int] = (0, 0), options: Any = None) -> None:
-    """Draw a picture into its file."""
     if isinstance(what, StructurePicture):
         write_png(what.drawn(), path)
         return
@@ -51,7 +50,6 @@ def _draw(what: Any, path: Any, size: tuple[int, int] = (0, 0), options: Any = N
 
 
 def _caption(previewer: "Previewer", show: str) -> str:
-    """Return a caption for a first picture, with its reservations."""
     from dsfab.render.colouring import WHOLE_SHEET
 
     words = previewer.words or (show.replace("_", " ") if show in WHOLE_SHEET else "")

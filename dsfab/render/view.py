@@ -125,10 +125,7 @@ def _angles(name: str) -> tuple[float, float]:
 
 
 def _face_on(normal: Floats, up: Floats) -> ViewSide:
-    """Return a view a little beside and above the normal, so that thickness is visible.
-
-    Plates in xz are seen from -y, other plates from the positive side.
-    """
+    """Return a view beside and above the normal of a plate, from -y for plates in xz, else from the positive side."""
     strongest = int(np.argmax(np.abs(normal)))
     normal = normal * np.sign(normal[strongest]) * (-1.0 if strongest == 1 else 1.0)
     level = normal - (normal @ up) * up
@@ -138,10 +135,7 @@ def _face_on(normal: Floats, up: Floats) -> ViewSide:
 
 
 def _plan(V: Floats, up: Floats) -> tuple[Floats, Floats]:
-    """Return the front direction and the long direction to the right, two level unit vectors.
-
-    Elongated plans turn their long side to the front; other plans are seen from -y (from +z if y is up).
-    """
+    """Return the front direction, which long plans turn their long side to, and the direction right of it (3,)."""
     vertical = int(np.argmax(np.abs(up)))
     right = np.eye(3)[{0: 1, 1: 0, 2: 0}[vertical]]
     front = np.cross(right, up)

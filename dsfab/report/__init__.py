@@ -1,1 +1,1 @@
-"""Pages, charts and folders for people: one for each question that dsfab answers."""
+"""Pages, charts and folders of results, for the user and the engineer."""

@@ -23,7 +23,9 @@ if TYPE_CHECKING:
 def write_results(
     preset: "Preset", found: "Sequence[tuple[float | None, Comparison]]", command: str, folder: Path
 ) -> str:
-    """results.csv and results.json, whose text is returned; `verdict` is the full check of the design."""
+    """Write results.csv and results.json, and return the text of the latter; `verdict` is the full check of the
+    design.
+    """
     from dsfab.preset.file import preset_toml
 
     rows = [{"volume": share, **row} for share, one in found for row in one.record()["competitors"]]
@@ -42,7 +44,7 @@ def write_results(
 
 
 def _verdict(found: "Sequence[tuple[float | None, Comparison]]") -> dict[str, Any]:
-    """`verdict` on the design as its preset draws it: the full check, or why it fails; nothing after one solve."""
+    """Full check of the design as its preset draws it, or the reason of its failure; empty after one solve."""
     for share, one in found:
         if share is None:
             if one.design.judgement is None:
@@ -68,7 +70,9 @@ def _cell(value: Any) -> Any:
 
 
 def summary_page(rows: Sequence[Mapping[str, Any]], against: Sequence[str], folder: Path) -> Document:
-    """rows : see `dsfab.app.compare.Row`.    folder : where the page will stand."""
+    """Return a document on several designs. rows : see `dsfab.app.compare.Row`.    folder : where the page will
+    stand.
+    """
     made = [row for row in rows if not row["error"]]
     blocks: list[Block] = [Paragraph(_counted(rows), "lead")]
     if made:
@@ -84,7 +88,6 @@ def summary_page(rows: Sequence[Mapping[str, Any]], against: Sequence[str], fold
 
 
 def _counted(rows: Sequence[Mapping[str, Any]]) -> str:
-    """'3 designs pass, 1 is unknown and 1 was refused.'"""
     told = [f"{count} {verdict}" for verdict in SEVERITY if (count := sum(row["verdict"] == verdict for row in rows))]
     if refused := sum(bool(row["error"]) for row in rows):
         told.append(f"{refused} refused")

@@ -1,4 +1,4 @@
-"""Many pictures on one contact sheet, or one after another as a film."""
+"""Contact sheets and films of many pictures."""
 
 import re
 from collections.abc import Sequence
@@ -20,19 +20,19 @@ if TYPE_CHECKING:
 
 
 GAP, MARGIN, FOOT, HEAD = 22, 48, 54, 104
-"""Pixels between tiles, around the sheet, below each tile for its label, and above them for the title."""
+"""Pixels between tiles, around the sheet, below each tile for its label, and above all for the title."""
 
 WIDEST = 8
-"""Most tiles in a row."""
+"""Tiles in a row, at most."""
 
 PAGE_NAME, SHEET_NAME = "index.html", "sheet.png"
 
 
 @dataclass(frozen=True, eq=False)
 class Tile:
-    """One variant: its number from 1, its parameters as (short name, text), its command, its picture or why not.
+    """A variant: its number from 1, parameters as (short name, text), command, and picture or error.
 
-    png : the picture as a PNG file: a tenth of the memory, and a sheet may have hundreds.
+    png : the picture as a PNG file, because hundreds of images in memory would take ten times as much.
     """
 
     number: int
@@ -43,24 +43,24 @@ class Tile:
 
     @property
     def picture(self) -> "Image | None":
-        """Read anew whenever it is asked for."""
+        """The picture, read anew at each access."""
         from PIL import Image
 
         return None if self.png is None else Image.open(BytesIO(self.png))
 
     @property
     def file(self) -> str:
-        """Name of its picture's file."""
+        """Name of the file of its picture."""
         return f"{self.number:03}.png"
 
     def label(self, letters: int | None = None) -> str:
-        """Its parameters in a line, at most so many letters of each word of their names."""
+        """Return its parameters in a line; `letters` limits each word of their names."""
         names = (".".join(word[:letters] for word in name.split(".")) for name, _ in self.parameters)
         return "   ".join(f"{name} {text}" for name, (_, text) in zip(names, self.parameters, strict=True))
 
 
 def columns(count: int, runs: Sequence[int]) -> int:
-    """Tiles in a row: whole runs of the fastest keys where they fit, or else a sheet a little wider than high."""
+    """Return the number of tiles in a row: whole runs of the fastest keys if they fit, else a sheet wider than high."""
     row, best = 1, 1
     for run in reversed(runs[1:]):
         row *= run
@@ -71,7 +71,9 @@ def columns(count: int, runs: Sequence[int]) -> int:
 def contact_sheet(
     tiles: Sequence[Tile], title: str, line: str, across: int, wide: int, aspect: float, palette: Palette
 ) -> "Image":
-    """All tiles on one sheet, each `wide` pixels of width to height `aspect`, with a title and a line below it."""
+    """Return all tiles on one sheet, each `wide` pixels of width to height `aspect`, with a title and a line below
+    it.
+    """
     from PIL import Image, ImageDraw, ImageFont
 
     high, rows = round(wide / aspect), -(-len(tiles) // across)
@@ -123,7 +125,7 @@ def _between(one: tuple[int, int, int], other: tuple[int, int, int], share: floa
 
 
 def _label(tile: Tile, room: float, font: Any) -> str:
-    """Names give way before values do: it is these that tell tiles apart."""
+    """Label of a tile; names are shortened before values, because values distinguish tiles."""
     shorter = (tile.label(letters) for letters in (None, 6, 5, 4, 3, 2, 1))
     return next((text for text in shorter if font.getlength(text) <= room), _cut(tile.label(1), room, font))
 
@@ -148,14 +150,14 @@ def _wrapped(text: str, room: float, font: Any) -> list[str]:
 
 
 def page(tiles: Sequence[Tile], title: str, line: str, across: int) -> str:
-    """The same as HTML with relative links to the tiles' files: each picture, its parameters, its command."""
+    """Return the contact sheet as HTML with relative links to the pictures: picture, parameters and command of each."""
     figures = "\n".join(_figure(tile) for tile in tiles)
     body = f"<header><h1>{escape(title)}</h1><p>{escape(line)}</p></header>\n<main>\n{figures}\n</main>\n{_FOOT}"
     return html_page(title, body, _STYLE.replace("ACROSS", str(_on_page(across))))
 
 
 def _on_page(across: int) -> int:
-    """Columns of the page: rows of the sheet stay together where they can be divided."""
+    """Columns of the page that keep rows of the sheet together."""
     return across if across <= 4 else next((k for k in (4, 3) if across % k == 0), 4)
 
 
@@ -173,7 +175,7 @@ def _figure(tile: Tile) -> str:
 
 
 def pictures_of(folder: Path) -> set[str]:
-    """Names of the pictures that the page in a folder shows; of an earlier page, for none of them to be left behind."""
+    """Return the names of the pictures that the page in a folder shows, so that a new page can remove them."""
     try:
         return set(re.findall(r'src="(\d{3,}\.png)"', (folder / PAGE_NAME).read_text(encoding="utf-8")))
     except (OSError, UnicodeDecodeError):
@@ -205,15 +207,8 @@ _FOOT = """<footer>A picture opens at full size; a click on a command selects al
 before it is cut: pieces that reach no support may still be there, and the thickness is not drawn.</footer>"""
 
 
-COLOURS = 96
-"""Colours of a GIF, the same in all of its pictures, so that what stands still does not flicker."""
-
-HOLD = 4
-"""The first and the last picture stand for this many others: one sees where it turns."""
-
-
 def check_film(values: Values, fps: float) -> None:
-    """Raises DsfabError where a film makes no sense: it runs along one key."""
+    """Raise DsfabError unless exactly one key has several values and `fps` is possible."""
     several = [key for key, listed in values.items() if len(listed) > 1]
     if len(several) != 1:
         raise DsfabError(
@@ -225,12 +220,13 @@ def check_film(values: Values, fps: float) -> None:
 
 
 def write_film(tiles: Sequence[Tile], path: Path, name: str, fps: float, palette: Palette) -> None:
-    """Write the pictures of the tiles with their parameters below, forth and back without end; impossible ones are
-    left away."""
+    """Write the pictures and their parameters as a film, forth and back without end; skip variants without a
+    picture.
+    """
     frames = [_frame(shown, tile.label(), name, palette) for tile in tiles if (shown := tile.picture) is not None]
     turned = [*range(len(frames)), *range(len(frames) - 2, 0, -1)]
     ends = {0, len(frames) - 1}
-    long = [round(1000 / fps * (HOLD if place in ends else 1)) for place in turned]
+    long = [round(1000 / fps * (4 if place in ends else 1)) for place in turned]  # a pause at both ends
     if path.suffix == ".gif":
         frames = _of_few_colours(frames)
     first, *rest = [frames[place] for place in turned]
@@ -252,12 +248,12 @@ def _frame(picture: "Image", label: str, name: str, palette: Palette) -> "Image"
 
 
 def _of_few_colours(frames: "list[Image]") -> "list[Image]":
-    """The frames in the colours that suit all of them: found on a strip of a few."""
+    """Frames with one shared palette, chosen on a strip of samples, so that parts at rest do not flicker."""
     from PIL import Image
 
     some = frames[:: max(1, len(frames) // 4)]
     strip = Image.new("RGB", (some[0].width, sum(one.height for one in some)))
     for place, one in enumerate(some):
         strip.paste(one, (0, place * one.height))
-    chosen = strip.quantize(COLOURS)
+    chosen = strip.quantize(96)
     return [one.quantize(palette=chosen, dither=Image.Dither.NONE) for one in frames]

@@ -1,4 +1,4 @@
-"""The page kit: a document as plain blocks, and HTML pages that fetch nothing from the network."""
+"""The page kit: a document as plain blocks, and HTML pages that load nothing from the network."""
 
 import base64
 from collections.abc import Mapping, Sequence
@@ -20,7 +20,7 @@ COLOURS: Mapping[str, tuple[int, int, int]] = {
     "bad": (168, 50, 26),
     "open": (138, 90, 0),
 }
-"""Red green blue in 0..255: of pages by the names of their styles' variables, and of what is printed beside them."""
+"""Red green blue in 0..255 by the names of CSS variables, for pages and PDFs."""
 
 _STYLE = """
 * { box-sizing: border-box; }
@@ -46,7 +46,7 @@ code { font: 12.5px/1.55 var(--mono); background: var(--tint); padding: .15rem .
 
 
 def style() -> str:
-    """What every page looks like, in CSS: its variables, and rules that its own style may come after."""
+    """Return the CSS of every page: variables and common rules, before a page's own rules."""
     colours = " ".join(f"--{name}: rgb{colour};" for name, colour in COLOURS.items())
     fonts = (
         '--sans: system-ui, -apple-system, "Segoe UI", Roboto, "Helvetica Neue", Arial, sans-serif; '
@@ -56,7 +56,7 @@ def style() -> str:
 
 
 def html_page(title: str, body: str, own: str = "") -> str:
-    """A whole file: plain `title`, marked-up `body`, and the rules that are its own, in CSS."""
+    """Return a whole file: plain `title`, `body` as markup, and further rules in CSS."""
     return (
         '<!doctype html>\n<html lang="en">\n<head>\n<meta charset="utf-8">\n'
         '<meta name="viewport" content="width=device-width, initial-scale=1">\n'
@@ -65,14 +65,14 @@ def html_page(title: str, body: str, own: str = "") -> str:
 
 
 def image(source: str, alt: str, size: tuple[int, int], lazy: bool = True) -> str:
-    """A picture of so many pixels; `alt` is plain text."""
+    """Return an image tag for a picture of this size in pixels; `alt` is plain text."""
     wide, high = size
     loading = ' loading="lazy"' if lazy else ""
     return f'<img src="{source}" alt="{escape(alt, quote=True)}" width="{wide}" height="{high}"{loading}>'
 
 
 def why(text: str) -> str:
-    """In the place of a picture that there is not, why."""
+    """Return the reason for a missing picture, to stand in its place."""
     return f'<p class="why">{escape(text)}</p>'
 
 
@@ -81,7 +81,7 @@ Colour = tuple[int, int, int]
 
 @dataclass(frozen=True)
 class Paragraph:
-    """Words. kind : '' or 'quiet', or 'lead' for the first and larger ones."""
+    """A paragraph. kind : '' or 'quiet', or 'lead' for the larger first ones."""
 
     text: str
     kind: str = ""
@@ -96,14 +96,14 @@ class Bullets:
 
 @dataclass(frozen=True)
 class Code:
-    """Plain text, line by line, as it is typed."""
+    """Plain text in a monospaced font."""
 
     text: str
 
 
 @dataclass(frozen=True)
 class Banner:
-    """A verdict, large: status `pass`, `fail` or `unknown`, and what it means."""
+    """A verdict in large type: status `pass`, `fail` or `unknown`, and its meaning."""
 
     status: str
     title: str
@@ -112,9 +112,9 @@ class Banner:
 
 @dataclass(frozen=True)
 class Table:
-    """Rows under a head, numbers flush right but for the first `left` columns; a cell `pass` or `fail` is coloured.
+    """Rows under a head; the first `left` columns are flush left, numbers flush right; `pass` and `fail` are coloured.
 
-    widths : shares of the page's width, or none for even ones.    note : below it.   strong : rows that stand out.
+    widths : shares of the page's width, or none for even ones.    note : below it.   strong : emphasised rows.
     """
 
     caption: str
@@ -128,7 +128,7 @@ class Table:
 
 @dataclass(frozen=True)
 class Scale:
-    """Bands of colour from left to right, with what stands at the borders between them, and what they show."""
+    """A legend of colour bands from left to right, with labels at their borders and a title."""
 
     title: str
     colours: Sequence[Colour]
@@ -137,9 +137,9 @@ class Scale:
 
 @dataclass(frozen=True)
 class ReportFigure:
-    """A picture: PNG or JPEG bytes of (width, height) pixels, with the `width` it takes of the page, 0 to 1.
+    """A picture: PNG or JPEG bytes of (width, height) pixels, and its share `width` of the page, 0 to 1.
 
-    missing : why there is none, instead of it.
+    missing : reason for a missing picture.
     """
 
     caption: str
@@ -151,7 +151,7 @@ class ReportFigure:
 
     @property
     def kind(self) -> str:
-        """Of the file."""
+        """Type of the image file: png or jpeg."""
         return "png" if self.image.startswith(b"\x89PNG") else "jpeg"
 
 
@@ -167,7 +167,7 @@ Block = Paragraph | Bullets | Code | Banner | Table | ReportFigure | Across
 
 @dataclass(frozen=True)
 class ReportSection:
-    """A numbered part. own_page : whether it begins one when printed."""
+    """A numbered section. own_page : begins a page in print."""
 
     title: str
     blocks: Sequence[Block]
@@ -176,7 +176,7 @@ class ReportSection:
 
 @dataclass(frozen=True)
 class Document:
-    """title, subject : what it is, and of what.  facts : of the title block, name and value.  footer : of all pages."""
+    """A document: title and subject, facts of the title block (name and value), sections, footer of all pages."""
 
     title: str
     subject: str
@@ -187,30 +187,30 @@ class Document:
 
 @dataclass
 class Numbers:
-    """Counts figures and tables in the order in which they are made."""
+    """Counters of figures and tables."""
 
     figures: int = 0
     tables: int = 0
     names: dict[str, int] = field(default_factory=dict)
 
     def figure(self, text: str) -> str:
-        """'<b>Figure 3.</b> ...'"""
+        """Return a caption such as '<b>Figure 3.</b> ...'."""
         self.figures += 1
         return f"<b>Figure {self.figures}.</b> {text}"
 
     def table(self, text: str) -> str:
-        """'<b>Table 2.</b> ...'"""
+        """Return a caption such as '<b>Table 2.</b> ...'."""
         self.tables += 1
         return f"<b>Table {self.tables}.</b> {text}"
 
 
 def escaped(text: str) -> str:
-    """Any text as markup."""
+    """Return any text as markup."""
     return escape(text, quote=False)
 
 
 def page(document: Document) -> str:
-    """The whole file."""
+    """Return a document as an HTML file."""
     running, footer = _css_text(f"{document.title} · {document.subject}"), _css_text(document.footer)
     own = STYLE.replace("QUIET", f"rgb{COLOURS['quiet']}").replace("RUNNING", running).replace("FOOTER", footer)
     sections = [_section(number, section) for number, section in enumerate(document.sections, start=1)]
@@ -219,7 +219,7 @@ def page(document: Document) -> str:
 
 
 def _css_text(text: str) -> str:
-    """For `content: "..."` of a style: no character that could end it."""
+    """Text for `content: "..."` of a style, without characters that could end it."""
     return "".join(c if c.isalnum() or c in " .,:;+-()/" else f"\\{ord(c):x} " for c in text)
 
 
@@ -345,5 +345,7 @@ footer { border-top: 1px solid var(--hair); margin-top: 8mm; padding-top: 2mm; c
   .across { grid-template-columns: 1fr; } th, td { padding: .9mm 1mm; }
   caption { max-width: calc(100vw - 2.4rem); } }
 """
-"""What is its own: an A4 sheet, on a screen and on paper; RUNNING and FOOTER stand at the edges of printed pages, which
-know no variables, in QUIET."""
+"""Rules of a document: an A4 sheet on screen and on paper.
+
+RUNNING and FOOTER stand at the edges of printed pages. QUIET replaces a variable, which these boxes cannot read.
+"""

@@ -1,4 +1,4 @@
-"""A document as a PDF on A4 by reportlab, with its type and colours."""
+"""Documents as PDF on A4 with reportlab."""
 
 import io
 from collections.abc import Mapping, Sequence
@@ -27,7 +27,7 @@ from dsfab.report.html_pages import (
 )
 
 MM = 72 / 25.4
-"""Points."""
+"""Points per millimetre."""
 
 COLOURS: Mapping[str, Colour] = {
     **PAGE,
@@ -36,43 +36,43 @@ COLOURS: Mapping[str, Colour] = {
     "unknown": PAGE["open"],
     "note": PAGE["quiet"],
 }
-"""Those of the page on a screen."""
+"""Colours of the page on a screen, and those of the verdicts."""
 
 
 def colour(rgb: Colour) -> Any:
-    """As reportlab wants it."""
+    """Return a colour of reportlab."""
     from reportlab.lib.colors import Color
 
     return Color(*(part / 255 for part in rgb))
 
 
 def hexed(rgb: Colour) -> str:
-    """'#2054a8'."""
+    """Return for example '#2054a8'."""
     return "#{:02x}{:02x}{:02x}".format(*rgb)
 
 
 @dataclass(frozen=True)
 class Styles:
-    """Paragraphs by kind, and the font that they are set in."""
+    """Paragraph styles by kind, and the name of the regular font."""
 
     of: Mapping[str, Any]
     regular: str
 
     @classmethod
     def fit_for(cls, text: str) -> Self:
-        """Helvetica, which every reader has, or where the text has other letters than Western ones DejaVu Sans."""
+        """Return styles in fonts that have the letters of a text; see `fonts`."""
         names = fonts(text)
         return cls(_styles(*names), names[0])
 
     def text(self, markup: str, kind: str, **named: Any) -> Any:
-        """A paragraph."""
+        """Return a paragraph."""
         from reportlab.platypus import Paragraph
 
         code = f'<font face="{self.of["code"].fontName}">'
         return Paragraph(markup.replace("<code>", code).replace("</code>", "</font>"), self.of[kind], **named)
 
     def cell(self, markup: str, kind: str, left: bool) -> Any:
-        """Of a table; verdicts are coloured."""
+        """Return a cell of a table; verdicts are coloured."""
         if markup in MARKS:
             markup = f'<font color="{hexed(COLOURS[markup])}"><b>{markup}</b></font>'
         if not left and kind != "head" and "<" not in markup:
@@ -80,15 +80,14 @@ class Styles:
         return self.text(markup, f"{kind}_{'left' if left else 'right'}")
 
     def gap(self, millimetres: float) -> Any:
-        """Nothing, so high."""
+        """Return an empty gap."""
         from reportlab.platypus import Spacer
 
         return Spacer(1, millimetres * MM)
 
 
 def fonts(text: str) -> tuple[str, str, str]:
-    """Regular, bold and typed: Helvetica and Courier, which every reader has, or where a text has other letters than
-    Western ones DejaVu Sans."""
+    """Return the regular, bold and monospaced font: Helvetica and Courier for Western letters, else DejaVu Sans."""
     try:
         text.encode("cp1252")
     except UnicodeEncodeError:
@@ -97,7 +96,7 @@ def fonts(text: str) -> tuple[str, str, str]:
 
 
 def _dejavu() -> tuple[str, str, str]:
-    """The fonts that come with matplotlib."""
+    """Register the fonts that come with matplotlib."""
     import matplotlib
     from reportlab.lib.fonts import addMapping
     from reportlab.pdfbase.pdfmetrics import registerFont
@@ -151,20 +150,14 @@ def _styles(regular: str, bold: str, typed: str) -> dict[str, Any]:
 
 
 WIDTH = 174.0
-"""Of the text, mm: A4 less its margins."""
+"""Width of the text, millimetres: A4 less its margins."""
 
 PADDING = 6.0
-"""Points that reportlab leaves within its frames."""
-
-TALLEST = 150.0
-"""Of a picture, mm."""
-
-TYPE = 112
-"""Characters of a line of code."""
+"""Padding of reportlab's frames, points."""
 
 
 def require_pdf() -> None:
-    """Raise ExportError where the library is missing."""
+    """Raise ExportError without reportlab."""
     try:
         import reportlab  # noqa: F401
     except ImportError:
@@ -172,7 +165,7 @@ def require_pdf() -> None:
 
 
 def pdf(document: Document) -> bytes:
-    """The whole file. Two calls with the same document give the same bytes. Raises ExportError without reportlab."""
+    """Return a document as a PDF; the same document gives the same bytes. Raises ExportError without reportlab."""
     require_pdf()
     from reportlab.platypus import SimpleDocTemplate
 
@@ -201,7 +194,7 @@ def _all_text(document: Document) -> str:
 
 
 def _canvas(document: Document, styles: Styles, *given: Any, **named: Any) -> Any:
-    """A canvas that knows at the end how many pages there are, and then draws their edges."""
+    """Return a canvas that draws the edges of all pages at the end, because only then it knows their number."""
     from reportlab.pdfgen.canvas import Canvas
 
     class Counted(Canvas):  # type: ignore[misc]
@@ -254,7 +247,7 @@ def _title(document: Document, styles: Styles) -> list[Any]:
 
 
 def _grid(rows: Sequence[Sequence[Any]], widths: Sequence[float], lines: Sequence[tuple[Any, ...]] = ()) -> Any:
-    """Cells without more lines than are named, millimetres wide."""
+    """Cells in columns of these widths, millimetres, with the lines that `lines` names."""
     from reportlab.platypus import Table as Cells
 
     drawn = [(*line, 0.5, colour(COLOURS["hair"])) for line in lines]
@@ -269,7 +262,7 @@ def _section(number: int, section: ReportSection, styles: Styles) -> list[Any]:
     head = styles.text(f'<font color="{accent}">{number}</font>&nbsp;&nbsp;&nbsp;{escaped(section.title)}', "heading")
     begin = [PageBreak()] if section.own_page else [CondPageBreak(45 * MM)]
     first, *rest = [_block(block, styles) for block in section.blocks]
-    # what is kept together with the heading must not be nested
+    # a KeepTogether must not be nested in the one of the heading
     kept = first[0]._content if isinstance(first[0], KeepTogether) else first[:1]
     return [*begin, KeepTogether([head, *kept]), *first[1:], *(part for parts in rest for part in parts)]
 
@@ -295,7 +288,8 @@ def _block(block: Block, styles: Styles) -> list[Any]:
 def _code(text: str, styles: Styles) -> Any:
     from reportlab.platypus import XPreformatted
 
-    lines = [line[i : i + TYPE] for line in text.splitlines() for i in range(0, max(len(line), 1), TYPE)]
+    size = 112  # characters of a line
+    lines = [line[i : i + size] for line in text.splitlines() for i in range(0, max(len(line), 1), size)]
     return XPreformatted(escaped("\n".join(lines)), styles.of["code"])
 
 
@@ -351,21 +345,20 @@ def _across(figures: Sequence[ReportFigure], styles: Styles) -> list[Any]:
 
 
 def _together(parts: list[Any]) -> Any:
-    """On one page."""
     from reportlab.platypus import KeepTogether
 
     return KeepTogether(parts)
 
 
 def _figure(figure: ReportFigure, styles: Styles, width: float) -> list[Any]:
-    """width : mm."""
+    """A figure with its caption. width : mm."""
     from reportlab.platypus import Image
 
     caption = styles.text(figure.caption, "figure_caption")
     if figure.missing:
         return [styles.text(escaped(figure.missing), "missing"), caption]
     wide, high = figure.size
-    height = min(width * high / wide, TALLEST)
+    height = min(width * high / wide, 150.0)  # mm
     image = Image(io.BytesIO(figure.image), height * wide / high * MM, height * MM, hAlign="LEFT")
     return [image, *(_scale(figure.scale, styles, width) if figure.scale else ()), caption]
 
@@ -380,7 +373,7 @@ def _scale(scale: Scale, styles: Styles, width: float) -> list[Any]:
     kinds = ["scale_left", *["scale"] * (ends - 2), "scale_right"]
     words = [styles.text(escaped(text), kind) for text, kind in zip(scale.labels, kinds, strict=True)]
     bare = [(f"{side}PADDING", (0, 0), (-1, -1), 0) for side in ("LEFT", "RIGHT", "TOP", "BOTTOM")]
-    # the words in between stand at borders of the bands: half a cell is left for the first and the last
+    # labels stand at the borders of the bands, so the first and the last have half a cell
     step = share / (ends - 1)
     labels = Cells([words], [step / 2, *[step] * (ends - 2), step / 2], style=bare, hAlign="LEFT")
     return [styles.text(escaped(scale.title), "scale_title"), bands, labels]

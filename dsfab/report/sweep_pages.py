@@ -44,21 +44,21 @@ if TYPE_CHECKING:
 MEMBERS = np.array(PAPER.members, dtype=np.uint8)
 
 _stages = threading.local()
-"""Of each thread: the last surface, how it was drawn, and its empty stage."""
+"""For each thread: the last surface, its drawer, and its empty stage."""
 
 
 def require_view(name: str) -> None:
-    """Raise DsfabError for a view that is not known, before anything is made."""
-    if name != "iso":  # for which the surface is asked
+    """Raise DsfabError for an unknown view, before the work begins."""
+    if name != "iso":  # iso needs the surface
         named_side(np.eye(3), np.array([0.0, 0.0, 1.0]), name)
 
 
 @dataclass(frozen=True)
 class SheetDrawer:
-    """Draws the cut sheet of a design as PNG; `size` in pixels, `view` as in `dsfab preview`. It travels to workers.
+    """Draws the cut sheet of a design as PNG; `size` in pixels, `view` as in `dsfab preview`. It can be pickled.
 
-    The camera stands where the uncut surface fills the page: designs of one surface can be laid over each other.
-    Raises DsfabError where nothing can be drawn, and for views that are not known.
+    The uncut surface fills the page, so that designs of one surface can be overlaid.
+    Raises DsfabError if this machine cannot draw, and for unknown views.
     """
 
     size: tuple[int, int]
@@ -78,7 +78,7 @@ class SheetDrawer:
         return file.getvalue()
 
     def _stage(self, made: Design) -> Stage:
-        """Where the camera stands and where the ground lies, found once for each surface."""
+        """Camera and ground of a surface; each thread keeps the last one."""
         if getattr(_stages, "of", None) != (id(made.surface), self):
             require_rendering()
             surface, load = made.surface, made.load
@@ -88,60 +88,49 @@ class SheetDrawer:
             half = made.preset.statics.thickness / 2
             stage = set_stage(whole, side, up, half, Annotations(surface, load, layers=()), PAPER, self.size)
             stage = replace(stage, view=on_page([whole], side, self.size, words=False))
-            if side.towards @ up < 0:  # from below one looks through the ground
+            if side.towards @ up < 0:  # a view from below looks through the ground
                 stage = replace(stage, level=None)
-            # the surface is kept, so that no other gets its id
+            # a reference to the surface stays, so that its id remains unique
             _stages.of, _stages.surface, _stages.stage = (id(made.surface), self), surface, stage
         stage_there: Stage = _stages.stage
         return stage_there
 
 
-PAGE_EVERY = 30.0
-"""Seconds after which the page is written again while a sweep runs."""
-
-TILES = 240
-"""Pictures on the contact sheet; of more runs, the best of these are shown."""
-
-TILE_WIDE = 260
-"""Pixels across a tile."""
-
 USUAL = (("compliance", "compliance_quick", "displacement"), ("mass", "sheet_mass", "kept_share", "area"))
-"""What is looked at first, if it was measured: how stiff, and how heavy."""
+"""Metrics that the page shows first, if the sweep measures them: stiffness, and weight."""
 
-FEW = 10
-"""Numbers of runs that a line names."""
 
 PAGE = "index.html"
 
 
 def headline(plan: Plan) -> str:
-    """The metric by which runs are called good when nobody says otherwise: what is searched for, or the stiffness."""
+    """Return the metric that ranks the runs by default: that of the search, or the stiffness."""
     if plan.search is not None:
         return plan.search.metric
     return next((name for name in USUAL[0] if name in plan.measured), plan.measured[0])
 
 
 def against(plan: Plan) -> str:
-    """The metric that it is drawn against."""
+    """Return the metric of the other axis of the chart."""
     first, measured = headline(plan), plan.measured
     others = [name for name in measured if name != first]
     return next((name for name in USUAL[1] if name in others), others[0] if others else first)
 
 
 class SweepPages:
-    """Writes index.html now and then while a sweep runs, and all that is to be seen at its end."""
+    """Writes index.html at intervals while a sweep runs, and all pages at its end."""
 
     def __init__(self, folder: SweepFolder) -> None:
         self._folder, self._written = folder, time.monotonic()
 
     def now_and_then(self) -> None:
-        """Write the page if the last one is old."""
-        if time.monotonic() - self._written > PAGE_EVERY:
+        """Write the page if the last one is older than half a minute."""
+        if time.monotonic() - self._written > 30:
             self._page(self._folder.rows())
             self._written = time.monotonic()
 
     def write(self) -> None:
-        """The page and the contact sheet."""
+        """Write the page and the contact sheet."""
         rows = self._folder.rows()
         self._page(rows)
         if any(picture_of(row) for row in rows):
@@ -156,12 +145,12 @@ class SweepPages:
 
 
 def _sheet(folder: SweepFolder, rows: list[RunRow]) -> "Image":
-    """The runs side by side in the order of their numbers; of very many, the best."""
-    plan = folder.plan
+    """Contact sheet of the runs in the order of their numbers; the best 240 of more."""
+    plan, most = folder.plan, 240
     shown = [row for row in rows if row.state in ("done", "failed", "killed")]
     which = f"{len(shown)} runs"
-    if len(shown) > TILES:
-        chosen = {row.number for row in best(rows, headline(plan), plan.limits)[:TILES]}
+    if len(shown) > most:
+        chosen = {row.number for row in best(rows, headline(plan), plan.limits)[:most]}
         shown = [row for row in shown if row.number in chosen]
         which = f"the best {len(shown)} of {len(rows)} runs by {headline(plan)}"
     tiles = [_tile(folder.path, row, headline(plan)) for row in shown]
@@ -171,7 +160,7 @@ def _sheet(folder: SweepFolder, rows: list[RunRow]) -> "Image":
     )
     wide, high = (int(word) for word in plan.size.split("x"))
     line = "   ·   ".join(key for axis in plan.axes for key in axis.keys)
-    return contact_sheet(tiles, f"{folder.preset.name}, {which}", line, across, TILE_WIDE, wide / high, PAPER)
+    return contact_sheet(tiles, f"{folder.preset.name}, {which}", line, across, 260, wide / high, PAPER)
 
 
 def _tile(folder: Path, row: RunRow, metric: str) -> Tile:
@@ -183,7 +172,7 @@ def _tile(folder: Path, row: RunRow, metric: str) -> Tile:
             picture = (folder / name).read_bytes()
             with Image.open(BytesIO(picture)) as image:
                 image.load()
-        except OSError:  # taken away or spoilt by hand: the numbers are still there
+        except OSError:  # the user removed or damaged the picture, but its numbers remain
             picture = None
     short = short_names(list(row.changes))
     parameters = [(short[key], _brief(value)) for key, value in row.changes.items()]
@@ -197,7 +186,7 @@ def _brief(value: Any) -> str:
 
 
 def summary(folder: SweepFolder) -> str:
-    """A few lines at the end: what became of the runs, the best, the front, and the files."""
+    """Return a few lines at the end: states of the runs, the best, the front, and the files."""
     rows, plan = folder.rows(), folder.plan
     metric, other = headline(plan), against(plan)
     done, failed, killed = (sum(row.state == state for row in rows) for state in ("done", "failed", "killed"))
@@ -215,9 +204,9 @@ def summary(folder: SweepFolder) -> str:
 
 
 def best_loss(folder: SweepFolder) -> str:
-    """What the best run of a search loses to, as a sentence; '' where it loses to nothing, or nothing was found.
+    """Return a sentence if an alternative is stiffer than the best run of a search; else ''.
 
-    Where the runs did not measure it, the best one is made again to see.
+    If the runs did not measure it, the best design is made again.
     """
     ranked = best(folder.rows(), headline(folder.plan), folder.plan.limits)
     if not ranked:
@@ -234,22 +223,26 @@ def best_loss(folder: SweepFolder) -> str:
 
 
 def missing_runs(folder: SweepFolder) -> str:
-    """Of how many runs nothing is known, and which were killed; '' where there is none. Those that failed are known."""
+    """Return a line on the runs without a result, with the numbers of killed ones; '' if none is missing.
+
+    A failed run has a result.
+    """
     rows = folder.rows()
     killed = [row.number for row in rows if row.state == "killed"]
     missing = len(killed) + sum(row.state in ("waiting", "running") for row in rows)
     if not missing:
         return ""
-    few = ", ".join(map(str, killed[:FEW])) + ", ..." * (len(killed) > FEW)
+    few = ", ".join(map(str, killed[:10])) + ", ..." * (len(killed) > 10)
     why = f" (killed: {few})" if killed else ""
     return f"{missing} of {len(rows)} runs {'is' if missing == 1 else 'are'} missing{why}"
 
 
 def page(folder: SweepFolder, rows: Sequence[RunRow], stiff: str, heavy: str) -> str:
-    """index.html, which opens offline; `stiff` and `heavy` are the metrics that it draws against each other at first.
+    """Return index.html, which opens offline; `stiff` and `heavy` are the metrics of its chart at first.
 
-    Pictures are files beside it, named relative to it; everything else is inside. Runs that failed, or have no value
-    of a metric, are shown as such. See sweep_page.html for how it works.
+    Pictures are files beside it, named relative to it; everything else is inside. It shows failed runs and missing
+    values
+    as such. See sweep_page.html for its script.
     """
     facts = json.dumps(_facts(folder, rows, stiff, heavy), ensure_ascii=False, separators=(",", ":"), allow_nan=False)
     template = files("dsfab.report").joinpath("sweep_page.html").read_text(encoding="utf-8")
@@ -262,7 +255,6 @@ def page(folder: SweepFolder, rows: Sequence[RunRow], stiff: str, heavy: str) ->
 
 
 def _facts(folder: SweepFolder, rows: Sequence[RunRow], stiff: str, heavy: str) -> dict[str, Any]:
-    """What the page knows."""
     plan = folder.plan
     keys = list(dict.fromkeys(key for row in rows for key in row.changes))
     short = short_names(keys)

@@ -6,7 +6,6 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from dsfab import ways_out
 from dsfab.core.arrays import Bools, Floats, Ints, first, lock, locked
 from dsfab.core.errors import SolidError
 from dsfab.core.units import MM_PER_M
@@ -180,8 +179,9 @@ class Solid:
 
     def to_build123d(self) -> "build123d.Shape":
         """The mesh as planar CAD faces, millimetres, as in STEP; `to_build123d` of a design is smooth."""
-        shape: build123d.Shape = ways_out.through("to_build123d", self)
-        return shape
+        from dsfab.design.output import to_build123d
+
+        return to_build123d(self)
 
     @cached_property
     def volume(self) -> float:

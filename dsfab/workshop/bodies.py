@@ -91,7 +91,6 @@ def _refolded(part: FlatPart, layer: Development) -> RefoldedStrip:
 
 
 def _refolded_planks(plan: PlankPlan, graph: MemberGraph) -> RefoldedPlan:
-    """Return planks and cover plates; each slot belongs to the nearest node of its member."""
     courses = plank_courses(graph, plan.stock)[0]
     planks = list[RefoldedStrip]()
     sides: dict[str, list[Floats]] = {}
@@ -137,21 +136,14 @@ def _plank(part: FlatPart, course: StripCourse) -> RefoldedStrip:
 
 
 def _with_ends(one: tuple[Floats, Floats], other: tuple[Floats, Floats]) -> tuple[Floats, Floats]:
-    """Return an edge, as lengths along and distances to the left (k,), with the ends of an opposite edge that reaches
-    farther.
-
-    At such ends the part is cut obliquely.
-    """
+    """Return an edge (lengths, distances to the left) with the farther ends of the opposite edge, at oblique cuts."""
     (at, y), (to, z) = one, other
     before, after = slice(0, int(to[0] < at[0])), slice(len(to) - int(to[-1] > at[-1]), len(to))
     return np.concatenate([to[before], at, to[after]]), np.concatenate([z[before], y, z[after]])
 
 
 def _beside(axis: Floats, along: Floats, places: Floats, beyond: bool = False) -> tuple[Floats, Floats]:
-    """Return lengths along a line (k, 2) and distances to its left for places (h, 2), (h,) each.
-
-    along : (k,) lengths at the corners of the line.    beyond : whether the line goes on straight beyond its ends.
-    """
+    """Return lengths along a line (k, 2) and distances to its left, (h,), for places (h, 2)."""
     way = np.diff(axis, axis=0)
     long = np.linalg.norm(way, axis=1)
     off = places[:, None] - axis[None, :-1]
@@ -193,7 +185,6 @@ def built_shapes(plan: WorkshopPlan, shapes: Sequence[MemberShape], shift: int) 
 
 
 def _bars(plan: BarPlan, shapes: Sequence[MemberShape], shift: int) -> tuple[MemberShape, ...]:
-    """Return members as their bars, and plates as thick as the bars, below the node plates."""
     bodies: dict[str, list[tuple[Floats, Ints]]] = {}
     for bar in plan.found.bars:
         bodies.setdefault(bar.bay.member, []).append(bar_body(bar, plan.stock))
@@ -230,7 +221,6 @@ def _joined(bodies: Sequence[tuple[Floats, Ints]]) -> tuple[Floats, Ints]:
 
 
 def _moved(V: Floats, thickness: float, height: float, shift: int) -> Floats:
-    """Return both skins (2 n, 3) of a thickness about a height over the surface."""
     upper, lower = V.reshape(2, -1, 3)
     middle, half = (upper + lower) / 2, (upper - lower) / 2
     n = half / np.linalg.norm(half, axis=1)[:, None]

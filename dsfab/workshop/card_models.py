@@ -59,10 +59,7 @@ def _scaled_node(node: Node, scale: float) -> Node:
 
 
 def model_notes(limits: StripLimits, graph: MemberGraph, scale: float, bolt: float) -> list[str]:
-    """Return notes on bending of card, narrow members and coarse meshes, at model size.
-
-    graph : at model size.    bolt : diameter of pins (m); 0 without holes.
-    """
+    """Return notes on a graph at model size with pins (m): bending of card, narrow members and coarse meshes."""
     found = []
     how = f"card of {length(limits.thickness)} is bent to a strain of {limits.bending:.2%} ({limits.member} most)"
     thinner = np.floor(1e4 * limits.thickest) / 1e4 if limits.bending else 0.0
@@ -155,9 +152,7 @@ class PanelParts:
 
 @dataclass(frozen=True, eq=False)
 class _Edge:
-    """Crossing member on a course: arc length, direction (2,), half width (m), node name, and whether it goes
-    through.
-    """
+    """Crossing member on a course: arc length, direction (2,), half width (m), node, and whether it goes through."""
 
     name: str
     s: float
@@ -169,9 +164,7 @@ class _Edge:
         lock(self, "way", np.float64, (2,))
 
     def at(self, side: int, away: float, y: Floats) -> Floats:
-        """Return arc lengths (q,) where lines y (q,) beside the axis are `away` metres beyond the crossing member's
-        middle.
-        """
+        """Return arc lengths (q,) of lines y (q,) beside the axis, `away` metres beyond the crossing member."""
         nx, ny = np.array([-self.way[1], self.way[0]]) * np.sign(-self.way[1]) * side
         return np.asarray(self.s + (away - y * ny) / nx)
 
@@ -210,7 +203,6 @@ def _edge(
     courses: dict[str, StripCourse],
     rank: dict[str, tuple[int, int]],
 ) -> _Edge | None:
-    """Return the crossing member at a node; None if it is no strip."""
     k = node.members.index(member.id)
     other = node.members[1 - k]
     if other not in courses or other == member.id or not np.isfinite(node.at).all():
@@ -238,8 +230,6 @@ class _End:
 
 @dataclass(frozen=True)
 class _Panels:
-    """Panels of a member."""
-
     member: Member
     course: StripCourse
     thickness: float
@@ -247,7 +237,6 @@ class _Panels:
     feet: tuple[StripFoot, ...] = ()
 
     def into(self, found: PanelParts, edges: Sequence[_Edge], room: list[tuple[float, float]]) -> None:
-        """Add the panels between members that go through to `panels`."""
         layer = Development(self.course, 0.0)
         found.sharp += [edge.name for edge in edges if edge.over and abs(edge.way[1]) < SHARP]
         cuts = sorted((e for e in edges if e.over and abs(e.way[1]) >= SHARP), key=lambda edge: edge.s)
@@ -267,7 +256,6 @@ class _Panels:
             found.parts.append(self._part(layer, name, begin, end, under))
 
     def _sides(self, s: float) -> tuple[float, float]:
-        """Return the distances to the right and left edge (m)."""
         course = self.course
         return float(np.interp(s, course.s, course.right)), float(np.interp(s, course.s, course.left))
 
@@ -313,7 +301,6 @@ class _Panels:
     def _divided(
         self, layer: Development, ends: tuple[_End, _End], under: Sequence[_Edge], room: list[tuple[float, float]]
     ) -> list[tuple[_End, _End]]:
-        """Return pieces that fit on the stock with their tabs."""
         begin, end = min(ends[0].right, ends[0].left), max(ends[1].right, ends[1].left)
         fits, reach = strip_fits(layer, room), 1.2 * self.member.mean_width
 
@@ -344,7 +331,6 @@ class _Panels:
         return FlatPart(name, self.member.id, span, outline, (), (), tuple(marks), 0.0, strain, axis).lying()
 
     def _ticks(self, layer: Development, span: tuple[float, float], under: Sequence[_Edge]) -> list[Floats]:
-        """Return short lines at a panel's edges where other members end beneath it."""
         found, share = list[Floats](), 0.25  # of the width
         for edge in under:
             right, left = self._sides(edge.s)

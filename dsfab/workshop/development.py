@@ -124,10 +124,7 @@ def turns_within_its_width(member: Member) -> Bools:
 
 
 def uncurled(member: Member) -> tuple[float, float]:
-    """Return the arc lengths between which the ends of a member do not curl up.
-
-    A stripe that was divided at a sharp turn leaves half of the turn at the member's end.
-    """
+    """Return the arc lengths between which the ends of a member do not curl up, as at a divided sharp turn."""
     axis = member.axis
     assert axis is not None
     reach = OBLIQUE * float(np.median(member.width))
@@ -165,16 +162,13 @@ def even_edges(axis: MemberAxis, sides: Floats) -> tuple[Floats, Floats]:
 
 
 def _square_ends(s: Floats, sides: Floats) -> Floats:
-    """Return sides (k, 2) that keep their values of `OBLIQUE` widths before the ends, where oblique edges cut them
-    off.
-    """
+    """Return sides (k, 2) without the oblique cuts within `OBLIQUE` widths of the ends."""
     past = min(OBLIQUE * float(np.median(sides.sum(axis=1))), s[-1] / 3)
     inner = np.clip(s, past, s[-1] - past)
     return np.stack([np.interp(inner, s, side) for side in sides.T], axis=1)
 
 
 def _opened(axis: MemberAxis, left: Floats, right: Floats, at: Floats, more: float) -> StripCourse:
-    """Return a closed axis from the middle of its longest bay, once around and a little more at both ends."""
     L = axis.length
     begin = 0.0
     if len(at):
@@ -190,10 +184,7 @@ def _opened(axis: MemberAxis, left: Floats, right: Floats, at: Floats, more: flo
 
 
 def _beyond(axis: MemberAxis, end: int, metres: float) -> MemberAxis:
-    """Return stations beyond an end, ascending, with the curvatures of the end [Darboux].
-
-    The frame is of second order, and its error of fourth order in lengths that are short for a bend.
-    """
+    """Return ascending stations beyond an end with its curvatures, by a second-order frame [Darboux]."""
     u = metres * np.arange(1, BEYOND + 1) / BEYOND
     u = u[::-1] if metres < 0 else u
     P, T, N, B = axis.P[end], axis.T[end], axis.N[end], axis.B[end]
@@ -319,12 +310,10 @@ class Development:
 
 
 def _arcs(steps: Floats, angle: Floats) -> Floats:
-    """Return chords (k - 1, 2) of arcs of lengths (k - 1,) between angles (k,)."""
     return _chords(steps, angle[:-1], angle[1:])
 
 
 def _chords(step: Floats, begin: Floats, end: Floats) -> Floats:
-    """Return chords (q, 2) of arcs (q,) between begin and end angles (q,)."""
     middle, half = (begin + end) / 2, (end - begin) / 2
     chord = step * np.sinc(half / np.pi)
     return np.asarray(chord[:, None] * np.stack([np.cos(middle), np.sin(middle)], axis=1))

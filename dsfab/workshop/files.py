@@ -298,7 +298,6 @@ def write_workshop(
 
 
 def _write_sheets(plan: WorkshopPlan, folder: Path, name: str) -> None:
-    """Write a DXF and an SVG file for each sheet."""
     for k, sheet in enumerate(plan.sheets, 1):
         drawing = sheet_drawing(sheet, f"{name}, sheet {k} of {len(plan.sheets)}")
         path = folder / f"{SHEET}{k}.dxf"
@@ -308,7 +307,6 @@ def _write_sheets(plan: WorkshopPlan, folder: Path, name: str) -> None:
 
 
 def _outdated(target: Path, partial: Path) -> set[str]:
-    """Return files of an earlier plan, by its cut list, that the new plan does not write."""
     try:
         with open(target / CUTLIST, encoding="utf-8", newline="") as file:
             rows = list(csv.DictReader(file))
@@ -321,7 +319,6 @@ def _outdated(target: Path, partial: Path) -> set[str]:
 
 
 def _bar_list(target: Path) -> set[str]:
-    """Return the bar list of an earlier plan, if it exists."""
     try:
         with open(target / BARS, encoding="utf-8") as file:
             return {BARS} if file.readline().startswith("bar,from,to,") else set()

@@ -97,10 +97,7 @@ class Ground:
         return float(self.heights(self.supports[int(k)][None])[0]) if near else None
 
     def on_ground(self, course: StripCourse, height: float) -> tuple[StripCourse, tuple[StripFoot, ...]]:
-        """Return a course in a layer at a height, cut off at the plate where it ends at supports, and its feet.
-
-        Strips along the plate lose the edge that would reach below it.
-        """
+        """Return a layer's course cut off or trimmed at the plate, and its feet at supports."""
         if course.closed:
             return self._trimmed(course, height), ()
         layer, feet = Development(course, height), list[StripFoot]()
@@ -114,7 +111,6 @@ class Ground:
         return (course if feet else self._trimmed(course, height)), tuple(feet)
 
     def _foot(self, layer: Development, at: float, last: bool) -> StripFoot | None:
-        """Return the foot at an end; None for a strip that is too flat, or that does not reach the plate."""
         course = layer.course
         _, T, B, N = (rows[0] for rows in layer.frame(np.array([at])))
         down = T if last else -T
@@ -130,11 +126,7 @@ class Ground:
         return StripFoot(shoulders, sides, tips, self._slot(layer, shoulders[1:3], sides[1:3], (down, N, B)), last)
 
     def meeting(self, layer: Development, sides: Floats, at: float, height: float) -> Floats | None:
-        """Return arc lengths (q,), close to `station`, where lines at sides (q,) of a layer have a height over the
-        plate.
-
-        None if a line does not reach the height.
-        """
+        """Return arc lengths (q,) near `station` where lines at sides (q,) have a height over the plate, or None."""
         s, course = np.full(len(sides), at), layer.course
         for _ in range(20):  # Newton steps: strips are almost straight near the plate
             P, T, B, _ = layer.frame(s)
@@ -165,7 +157,6 @@ class Ground:
         return np.asarray(rectangle @ axes)
 
     def _trimmed(self, course: StripCourse, height: float) -> StripCourse:
-        """Return a course with edges that stay above the plate."""
         P, _, B, _ = Development(course, height).frame(course.s)
         above, slope = self.heights(P), B @ self.up
         sides = list[Floats]()
@@ -208,7 +199,6 @@ def _caps(foot: StripFoot | None, layer: Development) -> Iterator[Floats]:
 
 NAME = 0.002
 """Height of names beside slots (m)."""
-
 NO_FEET = "no strip ends on the base plate steeply enough for a tab: glue the model on the engraved lines"
 
 
@@ -258,12 +248,10 @@ def clipped_polygon(P: Floats, box: Floats) -> Floats:
 
 
 def _lines_inside(lines: list[Floats], box: Floats) -> list[Floats]:
-    """Return the lines (k, 2) that lie in a box; lines across its edge are short and are omitted."""
     return [line for line in lines if ((line >= box[0]) & (line <= box[1])).all(axis=1).all()]
 
 
 def _support_marks(ground: Ground, surface: Surface) -> list[Floats]:
-    """Return lines on supported edges of the surface, and crosses at single supports, as seen from above."""
     held = {tuple(place) for place in ground.supports.tolist()}
     on = np.array([tuple(place) in held for place in surface.V.tolist()])
     ends = surface.edges.ends[surface.edges.boundary]
@@ -277,7 +265,6 @@ def _support_marks(ground: Ground, surface: Surface) -> list[Floats]:
 
 
 def _slot_names(feet: list[tuple[str, StripFoot]]) -> list[Floats]:
-    """Return strokes of each foot's name beside its slot, on the outer side."""
     if not feet:
         return []
     middles = np.array([foot.slot.mean(axis=0) for _, foot in feet])

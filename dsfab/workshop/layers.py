@@ -34,7 +34,7 @@ class Layering:
     rim    ═══════════════     2      edges, then kept regions, below the stripes
                                4      plates, below all
 
-    families_below : families of `OWN` that have layers; a model leaves out the absent ones.
+    families_below : families of `FAMILIES_BELOW` that have layers; a model leaves out the absent ones.
     letters : largest heights of part names and of node names (m).
     """
 

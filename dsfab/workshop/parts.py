@@ -20,7 +20,6 @@ if TYPE_CHECKING:
 HIGH, WIDE, SPACE = 6, 4, 2
 LETTERS_SMALL = 0.7
 """Height of small letters over that of capitals."""
-
 GLYPHS = {
     "A": "00 26 40|12 32", "B": "00 06 36 45 34 03|33 42 41 30 00", "C": "45 36 16 05 01 10 30 41",
     "D": "00 06 26 44 42 20 00", "E": "46 06 00 40|03 33", "F": "46 06 00|03 33", "G": "45 36 16 05 01 10 30 41 43 23",
@@ -38,10 +37,7 @@ GLYPHS = {
 
 
 def strokes(text: str, height: float) -> list[Floats]:
-    """Return (k, 2) polylines of a line of text from its lower left corner, in the unit of its height.
-
-    A character other than a letter, a digit or one of . - + / _ becomes a dash.
-    """
+    """Return (k, 2) polylines of a line of text from its lower left corner; unknown characters become dashes."""
     found, x = list[Floats](), 0.0
     for letter in text:
         scale = height / HIGH * (LETTERS_SMALL if letter.islower() else 1.0)
@@ -145,10 +141,7 @@ class FlatPart:
 
     @cached_property
     def features(self) -> tuple[Floats, Floats, Floats, Floats]:
-        """Corners of the outline, hole middles, slot corners and fold middles, (k, 2) each, for comparison.
-
-        Fold middles are scaled with their angle, so that a fifth of a degree makes parts differ.
-        """
+        """Corners, hole middles, slot corners and fold middles, (k, 2) each; a fifth of a degree of fold shows."""
         slots = np.concatenate(self.slots) if self.slots else np.zeros((0, 2))
         folds = np.array([fold.line.mean(axis=0) * (1 + fold.angle) for fold in self.folds]).reshape(-1, 2)
         return self.outline, np.array([hole.at for hole in self.holes]).reshape(-1, 2), slots, folds
@@ -235,7 +228,6 @@ def congruent(one: FlatPart, two: FlatPart) -> bool:
 
 
 def _near(one: Floats, two: Floats) -> bool:
-    """Return whether two point sets (k, 2) agree within `SAME`."""
     if len(one) != len(two):
         return False
     pairs = ((one, two), (two, one)) if len(one) else ()

@@ -112,9 +112,7 @@ def planned_planks(design: Design, graph: MemberGraph, up: Floats = UP) -> Plank
 
 
 def stock_room(ask: Workshop) -> list[tuple[float, float]]:
-    """Return the largest part lengths and widths (m) for each stock sheet. Raises PatternError if gaps leave no
-    room.
-    """
+    """Return the largest part sizes (m) for each stock sheet. Raises PatternError if gaps leave no room."""
     slack = 5e-4  # metres: parts may turn a little on the drawing
     room = [(a - 2 * ask.gap - slack, b - 2 * ask.gap - slack) for a, b in ask.stock]
     if min(min(size) for size in room) <= 0:
@@ -170,10 +168,7 @@ def _possible_planks(design: Design, graph: MemberGraph, up: Floats) -> tuple[Pl
 
 
 def longest_unfit(parts: Sequence[FlatPart], ask: Workshop) -> FlatPart | None:
-    """Return the longest part that fits on no stock sheet; None if all parts fit.
-
-    Without grain a part may also lie across a sheet.
-    """
+    """Return the longest part that fits on no stock sheet, without grain also across; None if all parts fit."""
     room = [(a - 2 * ask.gap, b - 2 * ask.gap) for a, b in ask.stock]
     if not ask.grain:
         room += [(b, a) for a, b in room]
@@ -303,9 +298,7 @@ def _plan(design: Design, up: Floats) -> WorkshopPlan:
 
 
 def nested_by_thickness(parts: list[FlatPart], ask: Workshop) -> tuple[list[NestedSheet], list[str]]:
-    """Nest the parts of each thickness on sheets of their own; return the sheets and notes (see `nested`,
-    `emptied`).
-    """
+    """Nest the parts of each thickness on sheets of their own; return the sheets and notes."""
     groups: dict[float, list[FlatPart]] = {}
     for part in parts:
         groups.setdefault(part.thickness, []).append(part)
@@ -322,7 +315,6 @@ def _scale(design: Design) -> float:
 
 
 def _built_graph(design: Design) -> tuple[MemberGraph, Layering]:
-    """Return members and nodes at built size, and the layers of the members."""
     ask, graph = design.preset.workshop, design.members
     thickness = ask.thickness or design.preset.statics.thickness / ask.layers / _scale(design)
     if not ask.model:
@@ -383,7 +375,6 @@ def _curved(
 def _panels(
     design: Design, graph: MemberGraph, layering: Layering, room: list[tuple[float, float]], up: Floats
 ) -> tuple[list[FlatPart], list[str]]:
-    """Return the panels of a model, plates beneath them without holes, its base plate, and notes."""
     ask, thickness = design.preset.workshop, layering.thickness
     surface = scaled_surface(design.surface, ask.model)
     ground = Ground.under(surface, design.load, up, thickness, CLEARANCE)
@@ -409,7 +400,6 @@ def _plate_notes(plates: list[FlatPart]) -> list[str]:
 
 
 def _strip_notes(strips: StripParts, graph: MemberGraph, layering: Layering) -> list[str]:
-    """Return notes on splices, holes, packing and omitted members."""
     found = []
     if strips.stopped:
         found.append(

@@ -73,7 +73,6 @@ def _plate(
 
 
 def _inside(outline: Floats, at: Floats, least: float) -> bool:
-    """Return whether a place (2,) is inside a polygon (k, 2), at least a distance from its edges."""
     a, b = outline, np.roll(outline, -1, axis=0)
     t = np.clip(((at - a) * (b - a)).sum(axis=1) / np.maximum(((b - a) ** 2).sum(axis=1), 1e-30), 0, 1)
     away = np.linalg.norm(at - a - t[:, None] * (b - a), axis=1).min()
@@ -148,10 +147,7 @@ class SheetJoint:
         return {"fingers": FINGER, "scarf": SCARF}.get(self.kind, 0.0) * self.thickness
 
     def count(self, size: float, room: float) -> int:
-        """Return the number of pieces of a length that with their joints are no longer than the room (m).
-
-        Raises PatternError if joints are most of a piece.
-        """
+        """Return the number of pieces of a length for a room (m). Raises PatternError if joints are most of a piece."""
         if size <= room:
             return 1
         if room <= 2 * self.reach:
@@ -195,13 +191,11 @@ def sheet_parts(surface: Surface, room: list[tuple[float, float]], joint: SheetJ
 
 
 def _beyond(part: FlatPart, room: list[tuple[float, float]]) -> float:
-    """Return the excess of a part over the best-fitting rectangle, along or across (m); at most 0 if it fits."""
     x, y = part.size
     return float(min(max(x - a, y - b) for a, b in [*room, *((b, a) for a, b in room)]))
 
 
 def _divided(level: Surface, room: list[tuple[float, float]], joint: SheetJoint) -> SheetParts:
-    """Return rectangles, with their joints, of a level sheet with its lowest corner at the origin."""
     size = np.ptp(level.V[:, :2], axis=0)
     turned = [*room, *((b, a) for a, b in room)]
     counts = min(((joint.count(size[0], a), joint.count(size[1], b)) for a, b in turned), key=lambda n: n[0] * n[1])
@@ -225,7 +219,6 @@ class _Grid:
     joint: SheetJoint
 
     def joints(self, axis: int) -> Floats:
-        """Return the positions (q,) of joints (m)."""
         return np.asarray(self.size[axis] * np.arange(1, self.counts[axis]) / self.counts[axis])
 
     def fingers(self, axis: int) -> int:
@@ -233,7 +226,6 @@ class _Grid:
         return 2 * round(float(self.size[axis]) / (2 * PITCH * self.joint.thickness)) + 1
 
     def lines(self, axis: int) -> Floats:
-        """Return ascending positions (q,) of the lines that divide the sheet."""
         half = self.joint.reach / 2
         found = self.joints(axis) if half == 0 else np.concatenate([self.joints(axis) - half, self.joints(axis) + half])
         if self.joint.kind == "fingers" and self.counts[1 - axis] > 1:
@@ -271,7 +263,6 @@ class _Grid:
 
 
 def _cells(divided: Surface, grid: _Grid) -> Iterator[tuple[tuple[int, int], Ints]]:
-    """Yield each rectangle and its cells (c,), with those of its joints."""
     along, across = (range(n) for n in grid.counts)
     every, half = list(product(along, across)), grid.joint.reach / 2
     if grid.joint.kind == "fingers":
@@ -299,10 +290,7 @@ def _rooted(divided: Surface, here: Bools, roots: Bools) -> Bools:
 
 
 def _hanging(divided: Surface, pieces: Ints, least: float) -> Ints:
-    """Return pieces (m,) of faces in which bits smaller than `least` (m2) join a neighbour.
-
-    A bit joins the neighbour with which it shares the longest edges.
-    """
+    """Return pieces (m,) in which bits under `least` (m2) join the neighbour with the longest shared edges."""
     one, other = (divided.edges.pairs // 3).T
     ends = divided.V[divided.edges.ends[divided.edges.count == 2]]
     long, pieces = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1), pieces.copy()
@@ -331,7 +319,6 @@ def in_plane(surface: Surface) -> Floats:
 
 
 def _parts(divided: Surface, cells: Ints, name: str, bevels: list[tuple[int, float]]) -> list[FlatPart]:
-    """Return the connected parts of cells (c,), with lines where bevels begin."""
     used, F = np.unique(divided.F[cells], return_inverse=True)
     piece = Surface(divided.V[used], F.reshape(-1, 3))
     count, of = piece.pieces
@@ -350,7 +337,6 @@ def _parts(divided: Surface, cells: Ints, name: str, bevels: list[tuple[int, flo
 
 
 def _along(surface: Surface, axis: int, place: float) -> list[Floats]:
-    """Return edges (2, 2) of a plane mesh that lie on a line across an axis at a place (m)."""
     ends = surface.V[surface.edges.ends][..., :2]
     on = (np.abs(ends[..., axis] - place) < ON * float(np.ptp(surface.V))).all(axis=1)
     return list(ends[on])

@@ -88,7 +88,6 @@ def _farthest(begin: float, end: float, fits: Callable[[float, float], bool]) ->
 
 
 def _free(nodes: Floats, clear: float, least: float, most: float) -> float | None:
-    """Return the largest arc length between two values that is clear of all nodes; None if none is clear."""
     candidates = np.concatenate([[most], nodes - clear * (1 + 1e-9)])
     candidates = candidates[(candidates >= least) & (candidates <= most)]
     away = np.abs(candidates[:, None] - nodes[None]).min(axis=1, initial=np.inf)
@@ -97,7 +96,6 @@ def _free(nodes: Floats, clear: float, least: float, most: float) -> float | Non
 
 
 def _middle_of_bay(nodes: Floats, least: float, most: float) -> float:
-    """Return the arc length between two values that is farthest from all nodes."""
     inner = nodes[(nodes > least) & (nodes < most)]
     ends = np.concatenate([[least], inner, [most]])
     candidates = np.concatenate([(ends[1:] + ends[:-1]) / 2, [least, most]])
@@ -122,10 +120,7 @@ def scarf_line(splices: int, lap: float) -> str:
 def lap_marks(
     layer: Development, span: tuple[float, float], long: tuple[float, float], lap: float, height: float
 ) -> tuple[Floats, ...]:
-    """Return lines where the bevels of a piece begin, and texts for the face of each bevel.
-
-    span : without the laps.    full_span : with them.    lap : half of the overlap of two pieces (m).
-    """
+    """Return lines and texts of the bevels of a piece; lap : half the overlap (m), which `full_span` includes."""
     found = list[Floats]()
     for k, (s, end) in enumerate(zip(span, long, strict=True)):
         if s != end:

@@ -16,10 +16,7 @@ from dsfab.workshop.parts import FlatPart
 
 
 def stock_choices(ask: Workshop) -> list[Workshop]:
-    """Return the section as it is and, if its stock has prices, without its longest sizes in turn.
-
-    Parts for long sheets have no room on cheaper short sheets, because strips are spliced to the stock's length.
-    """
+    """Return the section, and with prices also without its longest sizes: parts for long sheets fit no short ones."""
     lengths = sorted({size[0] for size in ask.stock}, reverse=True) if ask.prices else []
     found = [ask]
     for longest in lengths[1:]:
@@ -44,10 +41,7 @@ def stock_words(sheets: Sequence[NestedSheet]) -> str:
 
 
 def price_notes(sheets: Sequence[NestedSheet], left: Sequence[tuple[Workshop, float]]) -> list[str]:
-    """Return notes on the cost of sheets; none without prices.
-
-    alternatives : other choices of stock with their costs.
-    """
+    """Return notes on the cost of sheets, and of alternative stock; none without prices."""
     cost = stock_cost(sheets)
     if not cost:
         return []
@@ -78,8 +72,6 @@ Stock = Sequence[tuple[float, float]]
 
 
 class _Asked(NamedTuple):
-    """Gap (m), and whether parts lie along the grain."""
-
     gap: float
     grain: bool
 
@@ -118,7 +110,6 @@ def _widths(parts: Sequence[FlatPart]) -> Floats:
 
 
 def _narrower(parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: Stock, ask: _Asked) -> Iterator[str]:
-    """Yield a hint on the least narrowing that saves enough."""
     widths = _widths(parts)
     if not len(widths):
         return
@@ -155,7 +146,6 @@ def _larger(parts: Sequence[FlatPart], sheets: Sequence[NestedSheet], stock: Sto
 
 
 def _tried(parts: Sequence[FlatPart], stock: Stock, ask: _Asked, most: int) -> list[NestedSheet] | None:
-    """Nest the parts on at most `limit` sheets; None if that is impossible."""
     room = 0.95 * most * max(a * b for a, b in stock)
     if sum(part.area for part in parts) > room:
         return None

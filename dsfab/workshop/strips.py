@@ -144,7 +144,6 @@ class _Strip:
 
     @property
     def lap(self) -> float:
-        """Overlap of two pieces (m)."""
         return SCARF * self.layering.thickness if self.splice == "scarf" else 0.0
 
     def lapped(self, span: tuple[float, float]) -> tuple[float, float]:
@@ -216,7 +215,6 @@ class _Strip:
     def _marks(
         self, layer: Development, name: str, span: tuple[float, float], holes: list[tuple[float, Hole]]
     ) -> tuple[Floats, ...]:
-        """Return strokes of the part's name in its longest bay, and of the node's name at each hole."""
         width, bolt = float(self.course.width(np.array([sum(span) / 2]))[0]), self.layering.bolt
         stops = np.array([span[0], *sorted({s for s, _ in holes}), span[1]])
         longest = int(np.diff(stops).argmax())
@@ -247,7 +245,6 @@ def letter_height(width: float, most: float) -> float:
 
 
 def _is_clear(place: float, long: float, taken: list[tuple[float, float]], stops: Floats, bolt: float) -> bool:
-    """Return whether a text about a place along the axis reaches no other text (place, length), hole or end (m)."""
     apart = all(abs(place - other) > (long + wide) / 2 + bolt for other, wide in taken)
     return apart and stops[0] < place < stops[-1] and bool((np.abs(stops - place) > long / 2 + bolt / 2).all())
 
@@ -266,7 +263,6 @@ DRILL = 1 / 40
 
 Measured on surfaces in closed form: at 0.2 mm distance bays are right to 0.7 mm, at 1.4 mm to 14 mm.
 """
-
 NOTHING = 5e-6
 """Least strain that a sentence reports; a smaller one would read 0.000 %."""
 

@@ -1,4 +1,4 @@
-"""The command `dsfab blender`: it writes the add-on for Blender."""
+"""The command `dsfab blender`, which writes the add-on for Blender."""
 
 import sys
 from pathlib import Path
@@ -14,7 +14,7 @@ UNSET = 'PYTHON = ""\n'
 
 
 def addon(python: str) -> str:
-    """The text of the add-on, which runs dsfab by this Python."""
+    """Return the text of the add-on, which runs dsfab with this Python."""
     text = Path(__file__).with_name("addon.py").read_text(encoding="utf-8")
     return text.replace(UNSET, f"PYTHON = {python!r}\n", 1)
 

@@ -26,21 +26,19 @@ bl_info = {
 }
 
 PYTHON = ""
-"""The Python that dsfab is installed in, as `dsfab blender` knew it; empty: that of Blender."""
+"""The Python in which dsfab is installed; empty: that of Blender."""
 MADE_OF = "dsfab_source"
-"""Marks what is ours with the name of the object that it was built of."""
+"""Property that marks our objects and collections, with the name of the source object."""
 WITH_FACES = {"MESH", "CURVE", "SURFACE", "META", "FONT"}
-"""Objects that Blender can turn into a mesh."""
-BLINK = 0.2
-"""Seconds between two looks at the program."""
+"""Types of objects that Blender can turn into a mesh."""
 
 
 class BuildError(Exception):
-    """A sentence for the person, in Blender's status bar."""
+    """A message to the user in Blender's status bar."""
 
 
 class Preferences(bpy.types.AddonPreferences):
-    """Where dsfab is."""
+    """Preferences of the add-on: the Python of dsfab."""
 
     bl_idname = __name__
     python: bpy.props.StringProperty(  # type: ignore[valid-type]
@@ -48,12 +46,12 @@ class Preferences(bpy.types.AddonPreferences):
     )
 
     def draw(self, context: bpy.types.Context) -> None:
-        """One field."""
+        """Draw the field."""
         self.layout.prop(self, "python")
 
 
 class Wishes(bpy.types.PropertyGroup):
-    """What is built; kept in the .blend file."""
+    """Settings of a build, which the .blend file stores."""
 
     preset: bpy.props.StringProperty(  # type: ignore[valid-type]
         name="Preset",
@@ -67,12 +65,12 @@ class Wishes(bpy.types.PropertyGroup):
 
 
 def mesh_file(source: bpy.types.Object, metres: float, path: Path) -> None:
-    """Write an object as OBJ, in metres and where it stands, with its modifiers. Raises BuildError without faces."""
+    """Write an object with its modifiers as OBJ, in metres and in place. Raises BuildError without faces."""
     if source.get(MADE_OF):
         raise BuildError(f"{source.name} was built by dsfab; select {source[MADE_OF]}, the surface of it")
     if source.type not in WITH_FACES:
         raise BuildError(f"{source.name} is no surface; select a mesh")
-    source.hide_set(False)  # Blender knows no modifiers of what is hidden
+    source.hide_set(False)  # Blender does not evaluate the modifiers of hidden objects
     shown = source.evaluated_get(bpy.context.evaluated_depsgraph_get())
     mesh = shown.to_mesh()
     try:
@@ -87,7 +85,7 @@ def mesh_file(source: bpy.types.Object, metres: float, path: Path) -> None:
 
 
 def command(python: str, mesh: Path, settings: Wishes, output: Path) -> list[str]:
-    """The words that build it. Raises BuildError for changes that are no words."""
+    """Return the command line of the build. Raises BuildError for changes that cannot be split into words."""
     preset = bpy.path.abspath(settings.preset)
     preset = str(Path(preset).resolve()) if Path(preset).is_file() else preset
     words = [preset, "--mesh", str(mesh)] if preset else [str(mesh)]
@@ -101,7 +99,7 @@ def command(python: str, mesh: Path, settings: Wishes, output: Path) -> list[str
 
 
 def sentence(code: int, said: str) -> str:
-    """What dsfab says of a failure, without the name before it."""
+    """Return the last message of dsfab, without its name in front."""
     lines = [line for line in said.strip().splitlines() if line]
     told = [line.removeprefix("dsfab: ") for line in lines if line.startswith("dsfab: ")]
     if "No module named dsfab" in said or "No module named 'dsfab'" in said:
@@ -110,10 +108,10 @@ def sentence(code: int, said: str) -> str:
 
 
 def imported(path: Path, source: str, collection: bpy.types.Collection, metres: float) -> list[bpy.types.Object]:
-    """The meshes of a GLB file, as objects of a collection, in the unit of the scene."""
+    """Import a GLB file; return its meshes as objects of a collection, in the unit of the scene."""
     before = set(bpy.data.objects)
     unit = bpy.context.scene.unit_settings
-    unit.scale_length = 1.0  # the importer asks it; the objects are made as long as they are in the scene below
+    unit.scale_length = 1.0  # the importer scales by it; the loop below scales to the scene's unit instead
     try:
         bpy.ops.import_scene.gltf(filepath=str(path))
     finally:
@@ -136,14 +134,14 @@ def imported(path: Path, source: str, collection: bpy.types.Collection, metres: 
 
 
 def emptied(name: str, under: bpy.types.Collection) -> bpy.types.Collection:
-    """A new collection for what is built of an object; the one of its last build goes, with what is in it."""
+    """Return a new collection for the build of an object; remove that of its last build."""
     for old in [one for one in bpy.data.collections if one.get(MADE_OF) == name]:
         for part in (*old.children_recursive, old):
             for one in list(part.objects):
                 if one.get(MADE_OF):
                     bpy.data.objects.remove(one)
                 elif not set(one.users_collection) - {part}:
-                    under.objects.link(one)  # somebody else's
+                    under.objects.link(one)  # the user's own object moves to the parent
             bpy.data.collections.remove(part)
     made = bpy.data.collections.new(f"{name} structure")
     made[MADE_OF] = name
@@ -152,7 +150,7 @@ def emptied(name: str, under: bpy.types.Collection) -> bpy.types.Collection:
 
 
 def layer_of(collection: bpy.types.Collection) -> bpy.types.LayerCollection:
-    """Where the eye of a collection is."""
+    """Return the view layer's entry of a collection, which has its visibility."""
     layers = [bpy.context.view_layer.layer_collection]
     while layers:
         layer = layers.pop()
@@ -163,9 +161,9 @@ def layer_of(collection: bpy.types.Collection) -> bpy.types.LayerCollection:
 
 
 def shown(folder: Path, source: bpy.types.Object, metres: float) -> int:
-    """Show the solid and the members that lie in a folder, hide the source; how many members there are.
+    """Show the solid and the members of a folder, hide the source; return the number of members.
 
-    The eye of the members is closed: they lie within the solid.
+    The members are hidden, because they lie within the solid.
     """
     made = emptied(source.name, bpy.context.scene.collection)
     whole = next(one for one in folder.glob("*.glb") if not one.stem.endswith(".members"))
@@ -175,7 +173,7 @@ def shown(folder: Path, source: bpy.types.Object, metres: float) -> int:
     made.children.link(members)
     bodies = imported(next(folder.glob("*.members.glb")), source.name, members, metres)
     layer_of(members).hide_viewport = True
-    bpy.context.view_layer.objects.active = source  # the next build is of it too
+    bpy.context.view_layer.objects.active = source  # so that the next build takes it too
     source.hide_set(True)
     return len(bodies)
 
@@ -189,22 +187,24 @@ class Build(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context: bpy.types.Context) -> bool:
-        """An object with a surface, in object mode."""
+        """True for an active object in object mode."""
         return context.mode == "OBJECT" and context.active_object is not None
 
     def _begin(self, context: bpy.types.Context) -> bool:
-        """Start the program; False, and the person told, where it cannot be."""
+        """Start the program; report an error and return False on failure."""
         self._folder = tempfile.TemporaryDirectory(prefix="dsfab-")
         self._source = context.active_object.name
-        self._metres = context.scene.unit_settings.scale_length  # of a unit of the scene
+        self._metres = context.scene.unit_settings.scale_length  # metres in a unit of the scene
         folder = Path(self._folder.name)
         entry = context.preferences.addons.get(__name__)
         python = entry.preferences.python if entry and entry.preferences else PYTHON
         try:
-            mesh = folder / f"{re.sub(r'[^A-Za-z0-9]+', '_', self._source)}.obj"  # the design has its name
+            mesh = (
+                folder / f"{re.sub(r'[^A-Za-z0-9]+', '_', self._source)}.obj"
+            )  # the name of the file becomes that of the design
             mesh_file(context.active_object, self._metres, mesh)
             words = command(python, mesh, context.scene.dsfab, folder / "built")
-            # to a file: a pipe that nobody reads would stop the program when it is full
+            # into a file, because a full pipe would stop the program
             with (folder / "said.txt").open("wb") as said:
                 own = {key: value for key, value in os.environ.items() if not key.startswith("PYTHON")}
                 self._process = subprocess.Popen(
@@ -222,7 +222,7 @@ class Build(bpy.types.Operator):
         return False
 
     def _end(self) -> set[str]:
-        """Show what the program built, or say why there is nothing."""
+        """Show the result of the program, or report its error."""
         folder = Path(self._folder.name)
         said = (folder / "said.txt").read_text(encoding="utf-8", errors="replace")
         source = bpy.data.objects.get(self._source)
@@ -236,24 +236,24 @@ class Build(bpy.types.Operator):
         return {"FINISHED"}
 
     def execute(self, context: bpy.types.Context) -> set[str]:
-        """Wait for it: for scripts."""
+        """Build and wait, for scripts."""
         if not self._begin(context):
             return {"CANCELLED"}
         self._process.wait()
         return self._end()
 
     def invoke(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Let the person go on working meanwhile."""
+        """Build while the user continues to work."""
         if not self._begin(context):
             return {"CANCELLED"}
         manager = context.window_manager
-        self._timer = manager.event_timer_add(BLINK, window=context.window)
+        self._timer = manager.event_timer_add(0.2, window=context.window)
         manager.modal_handler_add(self)
         context.workspace.status_text_set("dsfab is building. Esc ends it.")
         return {"RUNNING_MODAL"}
 
     def modal(self, context: bpy.types.Context, event: bpy.types.Event) -> set[str]:
-        """Look whether it has ended; Esc ends it."""
+        """Check whether the program has ended; Esc ends it."""
         stopped = event.type == "ESC"
         if not stopped and self._process.poll() is None:
             return {"PASS_THROUGH"}
@@ -268,7 +268,7 @@ class Build(bpy.types.Operator):
 
 
 class Panel(bpy.types.Panel):
-    """In the sidebar of the 3D view."""
+    """Panel in the sidebar of the 3D view."""
 
     bl_idname = "VIEW3D_PT_dsfab"
     bl_label = "dsfab"
@@ -277,7 +277,7 @@ class Panel(bpy.types.Panel):
     bl_category = "dsfab"
 
     def draw(self, context: bpy.types.Context) -> None:
-        """Preset, changes, a button."""
+        """Draw preset, changes and a button."""
         for name in ("preset", "changes"):
             self.layout.prop(context.scene.dsfab, name)
         self.layout.operator(Build.bl_idname)
@@ -287,14 +287,14 @@ CLASSES = (Preferences, Wishes, Build, Panel)
 
 
 def register() -> None:
-    """As Blender asks for it."""
+    """Register the add-on's classes; Blender calls it."""
     for one in CLASSES:
         bpy.utils.register_class(one)
     bpy.types.Scene.dsfab = bpy.props.PointerProperty(type=Wishes)
 
 
 def unregister() -> None:
-    """As Blender asks for it."""
+    """Unregister the add-on's classes; Blender calls it."""
     del bpy.types.Scene.dsfab
     for one in reversed(CLASSES):
         bpy.utils.unregister_class(one)

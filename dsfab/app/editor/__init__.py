@@ -12,7 +12,7 @@ from dsfab.app.terminal import out, signals_as_interrupts
 from dsfab.core.errors import DsfabError
 
 OUTPUTS = "outputs"
-"""Where builds go, from where the command was started: as those of `dsfab build`."""
+"""Folder of builds, in the current folder, as for `dsfab build`."""
 
 
 def edit(
@@ -37,7 +37,7 @@ def edit(
     first = open_preset(target, source)
     outputs = Outputs(Path(OUTPUTS).absolute(), OUTPUTS)
     with signals_as_interrupts(), Session(first, outputs=outputs) as session:
-        session.ask_solve({})  # while the door is opened and the browser starts
+        session.ask_solve({})  # while the server and the browser start
         try:
             server = EditorServer(session, port)
         except OSError as error:
@@ -48,7 +48,7 @@ def edit(
             try:
                 out(f"dsfab edit {first.preset.name}: {server.address}")
                 out("Ctrl-C ends it.")
-                sys.stdout.flush()  # into a pipe too: whoever reads it waits for the address
+                sys.stdout.flush()  # also into a pipe, because its reader waits for the address
                 if open_:
                     webbrowser.open(server.address)
                 server.serve_forever(poll_interval=0.2)

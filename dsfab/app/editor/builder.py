@@ -1,8 +1,7 @@
-"""The program that builds and reads for the editor: a process of its own, to be ended in the middle of anything.
+"""The process that builds and reads for the editor; the editor may kill it at any time.
 
-standard input : 8 bytes n | n bytes of what `building.built` or `source.opened_mesh` takes; it stays open for as long
-                 as anybody waits
-standard output: one line of JSON for each progress, and a last one: done, refused or mistaken
+standard input : 8 bytes n | n bytes of a pickled request; it stays open while the editor waits
+standard output: a line of JSON for each progress, and a last one: done, refused or mistaken
 """
 
 import json
@@ -21,9 +20,9 @@ from dsfab.preset.file import preset_toml
 
 
 def main() -> None:
-    """Build, export or read what standard input asks for."""
+    """Build, export or read as the request on standard input says."""
     tell = os.fdopen(os.dup(1), "w", encoding="utf-8", newline="\n")
-    os.dup2(2, 1)  # what libraries print is none of it
+    os.dup2(2, 1)  # so that libraries print to standard error
     source = sys.stdin.buffer
     request, folder = pickle.loads(source.read(int.from_bytes(source.read(8), "little")))
     threading.Thread(target=_end_with_parent, daemon=True).start()
@@ -35,7 +34,7 @@ def main() -> None:
         last = _opened(request) if isinstance(request, MeshRequest) else _built(request, Path(folder), progress)
     except DsfabError as error:
         _say(tell, {"refused": str(error)})
-    except Exception as error:  # the person is asked to report it
+    except Exception as error:  # a bug, which the user is asked to report
         _say(tell, {"mistaken": f"{type(error).__name__}: {error}"})
     else:
         _say(tell, last)

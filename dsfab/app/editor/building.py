@@ -1,4 +1,4 @@
-"""Builds of the page: in a process of their own that can be cancelled, with their folders of files."""
+"""Builds of the page in a process that can be cancelled, and their folders of files."""
 
 import io
 import json
@@ -31,7 +31,7 @@ from dsfab.report.design.save import save
 
 @dataclass(frozen=True)
 class EditorBuild:
-    """The files, those asked for first, and what the page is told about the solid."""
+    """Files of a build, those of the preset's formats first, and facts about the solid for the page."""
 
     files: list[Path]
     facts: dict[str, Any]
@@ -39,12 +39,12 @@ class EditorBuild:
 
 @dataclass(frozen=True)
 class BuildRequest:
-    """What is to be built: a preset, from the first stage that `old` has not.
+    """A request to build a preset, reusing the stages of `old`.
 
-    picture : whether it is drawn too.
-    mesh    : of the page: it is copied beside the files, and the preset there names the copy.
-    only    : the one format that is wanted, in a word of `dsfab export --to`; '' for everything that a build writes.
-    before  : the folder of an earlier build, which may hold this very design.
+    picture : also draw it.
+    mesh    : mesh of the page; it is copied beside the files, and the preset there names the copy.
+    only    : a single format, in a word of `dsfab export --to`; '' for all files of a build.
+    before  : folder of an earlier build, which may hold this design.
     """
 
     preset: Preset
@@ -56,9 +56,9 @@ class BuildRequest:
 
 
 def built(request: BuildRequest, folder: Path, progress: Telling) -> EditorBuild:
-    """Make the solid, and write what the command line writes.
+    """Make the solid and write the files of `dsfab build`.
 
-    Raises DsfabError, of the stage that refuses; a STEP file that is too large is told in `facts` instead.
+    Raises DsfabError of the stage that refuses; `facts` reports a STEP file that is too large.
     """
     preset = request.preset
     design = _made(request, progress)
@@ -81,9 +81,9 @@ def built(request: BuildRequest, folder: Path, progress: Telling) -> EditorBuild
 
 
 def exported(request: BuildRequest, folder: Path, progress: Telling) -> EditorBuild:
-    """Write one file as `dsfab export` does, of what the folder `before` holds of this design, or of what is made now.
+    """Write one file as `dsfab export` does, of the design in the folder `before` or of a new one.
 
-    Raises DsfabError, of the stage that refuses or of the format.
+    Raises DsfabError of the stage that refuses or of the format.
     """
     from dsfab.app.export import CALCULIX, SUFFIX, ExportRequest, write_file
     from dsfab.design.output.archive import read_archive
@@ -103,12 +103,11 @@ def _made(request: BuildRequest, progress: Telling) -> Design:
 
 
 def _copied(mesh: Path, folder: Path) -> Path:
-    """Where a mesh of the page lies among the files of its build."""
     return folder / f"surface{mesh.suffix}"
 
 
 def _beside(design: Design, mesh: Path, folder: Path) -> Design:
-    """The design with its mesh in the folder of its files, where it outlives the session."""
+    """Copy the mesh beside the files, where it outlives the session; return the design with the copy."""
     copy = Path(shutil.copy(mesh, _copied(mesh, folder)))
     made = {name: value for name, value in vars(design).items() if name != "preset"}
     return Design.known(with_file(design.preset, copy), **made)
@@ -117,7 +116,7 @@ def _beside(design: Design, mesh: Path, folder: Path) -> Design:
 def draw_png(
     preset: Preset, old: Design | None, view: str, show: str, size: tuple[int, int], progress: Telling
 ) -> bytes:
-    """A PNG picture, drawn here. Raises DsfabError where nothing can be drawn."""
+    """Return a PNG picture, drawn in this process. Raises DsfabError if this machine cannot draw."""
     from PIL import Image
 
     from dsfab.render import light
@@ -133,22 +132,18 @@ def draw_png(
     return file.getvalue()
 
 
-PAUSE = 0.1
-"""Seconds after which somebody looks whether the job was cancelled."""
-
 PROGRAM = "import sys; sys.path.append(sys.argv[1]); from dsfab.app.editor.builder import main; main()"
 
 
 class BuilderError(RuntimeError):
-    """A mistake of ours in the other process."""
+    """A bug in the other process."""
 
 
 def built_apart(request: BuildRequest, folder: Path, progress: JobProgress) -> EditorBuild:
-    """What `building.built` makes, or `exported` where one file is wanted.
+    """Run `built`, or `exported` for a single format, in another process.
 
-    Raises what it raises, and Cancelled within a fraction of a second.
-
-    Whatever ends it before its end: the process and those that it began are ended, and the folder is gone.
+    Raises what they raise, and Cancelled within a fraction of a second. On any error the process and its children end,
+    and the folder is removed.
     """
     asked = carried((request, str(folder)))
     try:
@@ -164,7 +159,7 @@ def built_apart(request: BuildRequest, folder: Path, progress: JobProgress) -> E
 
 
 def opened_apart(request: MeshRequest, progress: JobProgress) -> Opened:
-    """What `source.opened_mesh` makes; raises what it raises, and Cancelled within a fraction of a second."""
+    """Run `opened_mesh` in another process; raises what it raises, and Cancelled within a fraction of a second."""
     progress("surface", f"reading {request.name}")
     asked = carried((request, ""))
     with (
@@ -178,9 +173,9 @@ def opened_apart(request: MeshRequest, progress: JobProgress) -> Opened:
 def _followed(
     process: "subprocess.Popen[bytes]", asked: bytes, progress: JobProgress, what: str, advice: str
 ) -> dict[str, Any]:
-    """The last thing it says; its progress is told on the way.
+    """Final message of the process; report its progress.
 
-    what, advice : of the sentence that says that it ended before.
+    what, advice : words for the error if the process ends early.
     """
     lines: queue.Queue[bytes] = queue.Queue()
     for act in (lambda: _send(process, asked), lambda: _read(process, lines)):
@@ -188,7 +183,7 @@ def _followed(
     while True:
         progress.check()
         try:
-            line = lines.get(timeout=PAUSE)
+            line = lines.get(timeout=0.1)  # then `progress.check` looks for a cancellation
         except queue.Empty:
             continue
         if not line:
@@ -207,7 +202,7 @@ def _followed(
 
 def _send(process: "subprocess.Popen[bytes]", asked: bytes) -> None:
     assert process.stdin is not None
-    with suppress(OSError):  # it was ended
+    with suppress(OSError):  # the process has ended
         process.stdin.write(len(asked).to_bytes(8, "little") + asked)
         process.stdin.flush()
 
@@ -222,7 +217,7 @@ def _read(process: "subprocess.Popen[bytes]", lines: "queue.Queue[bytes]") -> No
 
 @contextmanager
 def _process(aside: Path) -> Iterator["subprocess.Popen[bytes]"]:
-    """The program; at the end it is ended with all that it began. Its temporary files go into `aside`."""
+    """Run the program; at the end kill it and its children. Its temporary files go into `aside`."""
     home = str(Path(dsfab.__file__).parent.parent)
     process = subprocess.Popen(
         [sys.executable, "-P", "-c", PROGRAM, home],
@@ -230,7 +225,7 @@ def _process(aside: Path) -> Iterator["subprocess.Popen[bytes]"]:
         stdout=subprocess.PIPE,
         stderr=subprocess.DEVNULL,
         env={**os.environ, **dict.fromkeys(("TMPDIR", "TEMP", "TMP"), str(aside))},
-        start_new_session=True,  # a group of its own
+        start_new_session=True,  # a group of its own, which `_end` kills
     )
     try:
         yield process
@@ -253,24 +248,24 @@ def _end(process: "subprocess.Popen[bytes]") -> None:
 
 
 class Builds:
-    """Files that were built, by the number of their build; `aside` is where they are while they are made."""
+    """Files of builds, by number; unfinished builds lie in `aside`."""
 
     def __init__(self, outputs: Outputs, aside: Path) -> None:
         self.outputs, self._aside = outputs, aside
         self._files: dict[int, list[Path]] = {}
 
     def file(self, build: int, index: int) -> Path | None:
-        """A file that was built, by its number; the page names no path."""
+        """Return a file by the number of its build and its index, because the page may name no path."""
         files = self._files.get(build, [])
         return files[index] if 0 <= index < len(files) else None
 
     @property
     def latest(self) -> list[Path]:
-        """The files that were built last."""
+        """Files of the last build."""
         return list(self._files[max(self._files)]) if self._files else []
 
     def taken(self, name: str) -> dict[str, Any]:
-        """What the page asks the person before it writes into the folder of that name; nothing where it need not."""
+        """Return the question before a build replaces files in the folder of this name; empty without such files."""
         count = self.outputs.standing(name)
         if not count:
             return {}
@@ -281,7 +276,7 @@ class Builds:
         return {"taken": text, "free": self.outputs.free(name)}
 
     def make(self, request: BuildRequest, progress: JobProgress) -> dict[str, Any]:
-        """Build, move the files to their place, and tell the page of them. Raises DsfabError, and Cancelled."""
+        """Build, move the files to their folder, and return facts for the page. Raises DsfabError, and Cancelled."""
 
         name = request.preset.name
         request = replace(request, before=self.outputs.folder(name))
@@ -294,6 +289,6 @@ class Builds:
         listed = [{"name": path.name, "bytes": path.stat().st_size} for path in files]
         place = f"{self.outputs.shown}/{name}" if self.outputs.shown else ""
         facts = made.facts
-        if "told" in facts:  # name the place where the file is now
+        if "told" in facts:  # name the final folder of the file
             facts = facts | {"told": [line.replace(str(folder), place or str(there)) for line in facts["told"]]}
         return {"build": number, "files": listed, "folder": place, **facts}

@@ -15,17 +15,18 @@ from dsfab.surface import Surface
 
 @dataclass(frozen=True)
 class Control:
-    """One key of a preset.
+    """A control for one key of a preset.
 
-    kind            : number, whole (a whole number), choice, switch, length (a number of metres), words (a list of
-                      them), size (three lengths) or material (a choice that other keys follow).
-    low, high, step : of the slider; the number beside it takes what the preset takes.
-    log             : whether the slider runs in decades.
-    live            : whether the picture follows in the same frame; others are solved for on the server.
-    word            : what may stand there instead of a number ("auto", "off").
-    worth           : the number that the word stands for; without one it is the value itself.
-    method          : the one pattern.method that takes it; others do not show it.
-    instead         : the number that 0 stands for where stripes are evenly spaced.
+    kind            : number, whole (a whole number), choice, switch, length (metres), words (a list of them), size
+                      (three
+                      lengths) or material (a choice that sets other keys).
+    low, high, step : range of the slider; the number beside it takes all values that the preset takes.
+    log             : the slider is logarithmic.
+    live            : the picture follows at once; other changes are solved on the server.
+    word            : word in place of a number ("auto", "off").
+    worth           : number of the word; None for the word itself.
+    method          : the only pattern.method with this control.
+    instead         : number that 0 stands for, for evenly spaced stripes.
     """
 
     group: str
@@ -47,13 +48,13 @@ class Control:
 
 
 def one_digit(value: float) -> float:
-    """The nearest number with one digit."""
+    """Return the nearest number with one digit."""
     digit = 10.0 ** np.floor(np.log10(value))
     return float(digit * max(round(value / digit), 1))
 
 
 def given(surface: Surface) -> list[Control]:
-    """All of them; lengths go by the size of the surface."""
+    """Return the controls that depend on the surface; lengths scale with its size."""
     return [*_directions(), *_sheet(surface), *_mesh(surface), *_workshop(surface)]
 
 
@@ -133,12 +134,12 @@ _ACCEPT = "Also with loads that nothing carries, a sheet that was thinned to a f
 
 
 def _limit(control: Control) -> Control:
-    """One whose slider runs in decades, and which is off at 0."""
+    """A logarithmic control that is off at 0."""
     return replace(control, log=True, live=False, word="off", worth=0.0)
 
 
 def controls(preset: Preset, surface: Surface) -> list[dict[str, Any]]:
-    """All of them, ready for JSON; lengths go up to a share of the surface's size."""
+    """Return all controls for JSON; lengths scale with the surface's size."""
     reach = one_digit(SLIDING * surface.size)
     families = [control for name in ("major", "minor") for control in _family(name, preset, surface, reach)]
     return [asdict(control) for control in [*_method(), *families, *_width(reach), *_kept(reach), *given(surface)]]

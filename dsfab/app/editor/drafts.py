@@ -25,20 +25,11 @@ from dsfab.slicing import Sheet
 from dsfab.slicing.measures.widths import features, kept_cells, under
 from dsfab.surface import LoadCase, Surface, nearest, weights_at
 
-FAR = 1e9
-"""Metres to what is not there: 32-bit, and finite, for shaders."""
-
-ENOUGH = 3000
-"""Vertices among which a few are chosen for arrows; with more it takes longer and looks the same."""
-
-CREASE = 0.8
-"""Cosine between the normals of a face and of its corner, under which the shader shows an edge (see shader.js)."""
-
 TYPES = {"f": "float32", "i": "uint32", "u": "uint32", "b": "uint8"}
 
 
 def packed(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> bytes:
-    """Facts and arrays (...) in one message; floating point as 32 bits, whole numbers as unsigned 32 bits."""
+    """Pack facts and arrays (...) into one message; floats as 32 bits, integers as unsigned 32 bits."""
     table, blocks, place = {}, [], 0
     for name, array in arrays.items():
         kind = TYPES[array.dtype.kind]
@@ -53,10 +44,10 @@ def packed(facts: Mapping[str, Any], arrays: Mapping[str, NDArray[Any]]) -> byte
 
 
 def model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """Surface V (n, 3), metres, and F (m, 3), phases, distances, answers and marks: what statics and diffusion made.
+    """Return facts and arrays of the surface, phases, distances, answers and marks.
 
-    V, F and what goes with them are of the mesh that stripes are drawn on (see `StripedMesh`); where that is a chart,
-    `uncut` are the vertices that loops, loads and supports mean.
+    V (n, 3), metres, F (m, 3) and their fields are those of the mesh of the stripes (see `StripedMesh`). If this is a
+    chart, loops, loads and supports refer to the vertices `uncut`.
     """
     surface, statics, modes = draft.surface, draft.statics, draft.diffusion
     mesh = StripedMesh.of(draft)
@@ -88,7 +79,7 @@ def model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
         "F": mesh.surface.F,
         "normals": mesh.normals,
         **_phases(draft, mesh),
-        "kept": mesh.carry(finite(distances(draft), FAR)),
+        "kept": mesh.carry(finite(distances(draft), 1e9)),
         "along": mesh.carry(_along(draft)),
         **{name: mesh.carry(value) for name, value in answers.items()},
         **({"uncut": surface.V - middle} if mesh.even else {}),
@@ -99,10 +90,10 @@ def model(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
 
 
 def widths(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
-    """What the pattern became: numbers, half-widths (n, 2) in periods, and slopes (n, 2) at frequency 1.
+    """Return numbers of the pattern, half-widths (n, 2) in periods, and slopes (n, 2) at frequency 1.
 
-    Of evenly spaced stripes slopes are lines per metre that are drawn, and `shares` (n, 2) what half-widths by the
-    rules are to be multiplied with (see `StripedMesh`).
+    For evenly spaced stripes, slopes are lines per metre, and `shares` (n, 2) factors on the half-widths of the rules
+    (see `StripedMesh`).
     """
     pattern, ask, surface = draft.pattern, draft.preset.pattern, draft.surface
     mesh = StripedMesh.of(draft)
@@ -124,20 +115,20 @@ def widths(draft: Design) -> tuple[dict[str, Any], dict[str, NDArray[Any]]]:
 
 
 def colours() -> dict[str, list[list[int]]]:
-    """The scales of colours, 64 steps each, from below zero to above it or from nothing to much."""
+    """Return the colour scales, 64 steps each."""
     both, up = np.linspace(-1, 1, 64), np.linspace(0, 1, 64)
     scales = {"diverging": diverging(both), "signed": signed(both), "rising": rising(up)}
     return {name: scale.tolist() for name, scale in scales.items()}
 
 
 def creased(surface: Surface) -> bool:
-    """Whether a face differs so much from the mean at its corners that light must be a matter of pixels."""
+    """True if a face differs so much from its corner normals that the shader must light each pixel."""
     normals = surface.normals[:, None, :] * surface.vertex_normals[surface.F]
-    return bool(normals.sum(axis=2).min() < CREASE)
+    return bool(normals.sum(axis=2).min() < 0.8)  # the same cosine as in shader.js
 
 
 def _phases(draft: Design, mesh: StripedMesh) -> dict[str, Floats]:
-    """(k, n) each: the modes that either family may run on, or the one phase that it has."""
+    """(k, n) each: the modes of either family, or its one phase."""
     if mesh.even:
         z = mesh.phases(draft)
         return {"major": z[None, :, 0], "minor": z[None, :, 1]}
@@ -145,7 +136,7 @@ def _phases(draft: Design, mesh: StripedMesh) -> dict[str, Floats]:
 
 
 def _slopes(draft: Design, mesh: StripedMesh) -> Floats:
-    """(n, 2) periods per metre; zeros where no width asks for them."""
+    """(n, 2) periods per metre; zeros if no width rule needs them."""
     if mesh.even:
         return mesh.carry(mesh.even.density)
     ask, surface, mode = draft.preset.pattern.width, draft.surface, draft.pattern.mode
@@ -164,7 +155,7 @@ def _stress(draft: Design) -> Floats:
 
 
 def _along(draft: Design) -> Floats:
-    """(n, 2) relative stress along both families, for graded widths; 1 where nothing is stressed."""
+    """(n, 2) relative stress along both families, for graded widths; 1 without stress."""
     try:
         return stripe_stresses(draft.surface, draft.diffusion, draft.pattern.even)
     except DsfabError:
@@ -176,7 +167,7 @@ def _steepest(value: Floats) -> float:
 
 
 def _lines(surface: Surface, x: Floats) -> float:
-    """What a spacing in metres is divided by to make a frequency."""
+    """Divisor of a spacing in metres that gives a frequency."""
     try:
         return frequency_for(surface, x, 1.0)
     except DsfabError:
@@ -184,7 +175,7 @@ def _lines(surface: Surface, x: Floats) -> float:
 
 
 def _marks(surface: Surface, load: LoadCase, reaction: Floats, middle: Floats) -> dict[str, Floats]:
-    """Few arrows for many forces: (k, 6) place and newtons; and the places (k, 3) of supports."""
+    """Arrows for groups of forces: (k, 6) place and newtons; places (k, 3) of supports."""
     acts = (np.linalg.norm(load.force, axis=1) > 0) & ~load.fixed.all(axis=1)
     V = surface.V - middle
     pulls = [_gathered(V, load.force, acts & load.loaded, POINT_LOAD, surface.size)]
@@ -196,11 +187,11 @@ def _marks(surface: Surface, load: LoadCase, reaction: Floats, middle: Floats) -
 
 
 def _gathered(V: Floats, force: Floats, acts: Bools, spacing: Spacing, size: float) -> Floats:
-    """(k, 6) the forces on marked vertices, each added to the nearest of a few of them."""
+    """(k, 6) the forces on marked vertices, each added to the nearest arrow."""
     at = np.flatnonzero(acts)
     if not len(at):
         return np.zeros((0, 6))
-    some = at[:: max(len(at) // ENOUGH, 1)]
+    some = at[:: max(len(at) // 3000, 1)]  # more take longer and look the same
     taken = some[thinned(V[some], size, spacing)]
     owner = cKDTree(V[taken]).query(V[at])[1]
     total = np.stack([np.bincount(owner, force[at, i], len(taken)) for i in range(3)], axis=1)
@@ -208,15 +199,15 @@ def _gathered(V: Floats, force: Floats, acts: Bools, spacing: Spacing, size: flo
 
 
 TINTS = ("major", "minor")
-"""Families that have colours of their own; what else is kept shares the one after these."""
+"""Families with a colour of their own; other material has the next one."""
 
 
 def settled(made: Design, sheet: Sheet) -> dict[str, NDArray[Any]]:
-    """Arrays of a sheet of k vertices, one for each family that meets there, and m faces.
+    """Return arrays of a cut sheet with k vertices, one for each family that meets there, and m faces.
 
     V : (k, 3) metres from the middle of the surface.    F : (m, 3).    E : (e, 2) sides of its outlines.
-    tint : (k,) 0 major, 1 minor, 2 what else is kept.    normals : (k, 3) unit, of the uncut surface.
-    corners, shares : (k, 3) each, vertices of the mesh that stripes are drawn on, and barycentric weights there.
+    tint : (k,) 0 major, 1 minor, 2 other material.    normals : (k, 3) unit, of the uncut surface.
+    corners, shares : (k, 3) each, vertices of the mesh of the stripes, and barycentric weights there.
     """
     surface, drawn = sheet.surface, StripedMesh.of(made).surface
     tints = np.array([TINTS.index(name) if name in TINTS else len(TINTS) for name in made.pattern.names])
@@ -241,7 +232,7 @@ def settled(made: Design, sheet: Sheet) -> dict[str, NDArray[Any]]:
 
 
 def cut_as_built(made: Design, progress: Telling | None = None) -> tuple[SlicingResult, list[str]]:
-    """The cut and tidied sheet of a draft, and what there is to say of it.
+    """Return the cut and tidied sheet of a draft, and notes.
 
     Raises DsfabError when the pattern leaves no material.
     """
@@ -251,9 +242,9 @@ def cut_as_built(made: Design, progress: Telling | None = None) -> tuple[Slicing
 
 
 def figures(made: Design, cut: SlicingResult, notes: list[str]) -> dict[str, Any]:
-    """Square metres, kilograms (sheet area times thickness), pieces and widths in metres, ready for JSON.
+    """Return square metres, kilograms (sheet area times thickness), pieces and widths in metres, for JSON.
 
-    under, bars_under : whether the narrowest member, and what a bar of the histogram holds, is under the least width.
+    under, bars_under : whether the narrowest member, and each bar of the histogram, is under the least width.
     """
     preset, sheet = made.preset, cut.sheet.surface
     found = features(cut.cells, kept_cells(cut.cells, cut.sheet), made.pattern.names)
@@ -271,7 +262,7 @@ def figures(made: Design, cut: SlicingResult, notes: list[str]) -> dict[str, Any
         "place": None if narrow is None else narrow.place.tolist(),
         "limits": limits.tolist(),
         "widths": share.tolist(),
-        "bars_under": under((limits[1:] + limits[:-1]) / 2, least).tolist(),  # one ends at the least width
+        "bars_under": under((limits[1:] + limits[:-1]) / 2, least).tolist(),  # one bar ends at the least width
         "min_member": least,
         "pattern": _pattern(made, cut),
         "compliance": made.statics.equilibrium.compliance,
@@ -280,7 +271,7 @@ def figures(made: Design, cut: SlicingResult, notes: list[str]) -> dict[str, Any
 
 
 def _pattern(made: Design, cut: SlicingResult) -> dict[str, Any]:
-    """Dead ends, slits, and the clear openings, metres, that nine tenths of the area of both families lie between."""
+    """Dead ends, slits, and the range of clear openings on nine tenths of the area, metres."""
     found = measured_pattern(made, False, cut.cells, cut.sheet)
     open_ = [family.opening for _, family in found.families if family.opening[2] > 0]
     between = [min(one[0] for one in open_), max(one[2] for one in open_)] if open_ else None

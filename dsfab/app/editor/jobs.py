@@ -12,15 +12,15 @@ from typing import Any
 from dsfab.core.errors import DsfabError
 
 Telling = Callable[[str, str], None]
-"""A stage and what it does now."""
+"""Report of a stage and its work."""
 
 
-class Cancelled(Exception):  # noqa: N818  # nothing went wrong
+class Cancelled(Exception):  # noqa: N818  # no error
     """Raised in the worker at the next progress after a job was cancelled."""
 
 
 class JobProgress:
-    """How far a job is. Raises Cancelled, also by `check`, which tells nothing, once nobody wants the job any more."""
+    """Progress of a job. Raises Cancelled once the job is cancelled, also by `check`, which reports nothing."""
 
     def __init__(self, stop: threading.Event, tell: Telling) -> None:
         self._stop, self._tell = stop, tell
@@ -30,18 +30,18 @@ class JobProgress:
         self._tell(stage, text)
 
     def check(self) -> None:
-        """Raise Cancelled once nobody wants the job any more."""
+        """Raise Cancelled once the job is cancelled."""
         if self._stop.is_set():
             raise Cancelled
 
 
 Work = Callable[[JobProgress], dict[str, Any]]
-"""What a job does, telling its progress; the facts that it returns go to the page."""
+"""The function of a job: it reports its progress and returns facts for the page."""
 
 
 @dataclass(eq=False)
 class EditorJob:
-    """One thing to do. state: waiting, running, done, failed or cancelled."""
+    """A job. state: waiting, running, done, failed or cancelled."""
 
     number: int
     kind: str
@@ -53,7 +53,7 @@ class EditorJob:
     stop: threading.Event = field(default_factory=threading.Event)
 
     def told(self) -> dict[str, Any]:
-        """For the page."""
+        """Return the job as a record for the page."""
         return {
             "job": self.number,
             "kind": self.kind,
@@ -64,17 +64,14 @@ class EditorJob:
         }
 
 
-KEPT = 64
-"""Jobs whose end is still known."""
-
 log = logging.getLogger(__name__)
 
 PATIENCE = 0.5
-"""Seconds that a job may take to its next progress once the person cancels it; then it is left behind."""
+"""Seconds from a cancellation to the next progress of a job; then its thread is abandoned."""
 
 
 class Jobs:
-    """Workers, what waits for them, and their listeners; use as `with Jobs() as jobs`."""
+    """Workers, a waiting job for each kind, and listeners; use as `with Jobs() as jobs`."""
 
     def __init__(self) -> None:
         self._wake = threading.Condition()
@@ -101,14 +98,14 @@ class Jobs:
             worker.join(timeout=5)
 
     def ask(self, kind: str, work: Work) -> int:
-        """Do `work` as soon as possible; an older wish of the same kind is dropped. Returns the job's number."""
+        """Run `work` as soon as possible, in place of an older job of the same kind. Returns the job's number."""
         with self._wake:
             job = EditorJob(next(self._numbers), kind, work)
             self._known[job.number] = job
-            for number in list(self._known)[:-KEPT]:
+            for number in list(self._known)[:-64]:
                 del self._known[number]
             self._drop(kind, "a newer wish came")
-            if kind == "solve":  # what was measured on the old one is of no use either
+            if kind == "solve":  # measures of the earlier design are outdated too
                 self._drop("figures", "outdated")
             self._waiting[kind] = job
             self._tell(job)
@@ -118,7 +115,7 @@ class Jobs:
         return job.number
 
     def cancel(self, number: int) -> bool:
-        """Stop a job, or take it off the list before it begins; whether there was anything to stop."""
+        """Cancel a waiting or running job; returns whether there was one."""
         with self._wake:
             job = self._known.get(number)
             if job is None or job.state not in ("waiting", "running"):
@@ -134,24 +131,24 @@ class Jobs:
             return True
 
     def job(self, number: int) -> EditorJob | None:
-        """A job by its number, while it is known."""
+        """Return one of the last jobs by its number."""
         return self._known.get(number)
 
     def pending(self, number: int) -> bool:
-        """Whether a job has not ended yet, and still counts."""
+        """Return whether a job is waiting or running, and not cancelled."""
         with self._wake:
             job = self._known.get(number)
             return job is not None and job.state in ("waiting", "running") and not job.stop.is_set()
 
     def listen(self) -> "queue.Queue[dict[str, Any] | None]":
-        """A queue of news; None at the end. Give it back with `leave`."""
+        """Return a queue of records of jobs; None at the end. Return it with `leave`."""
         listener: queue.Queue[dict[str, Any] | None] = queue.Queue(maxsize=1000)
         with self._wake:
             self._listeners.append(listener)
         return listener
 
     def leave(self, listener: "queue.Queue[dict[str, Any] | None]") -> None:
-        """No more news for this one."""
+        """Remove a listener."""
         with self._wake, suppress(ValueError):
             self._listeners.remove(listener)
 
@@ -163,7 +160,7 @@ class Jobs:
             running.stop.set()
 
     def _leave_behind(self, job: EditorJob) -> None:
-        """A job that has not noticed: it counts as ended, and another thread does the rest."""
+        """End a job that ignores its cancellation; another thread replaces its worker."""
         with self._wake:
             if self._running.get(job.kind) is not job or self._closed:
                 return
@@ -173,7 +170,7 @@ class Jobs:
 
     def _work(self, kind: str) -> None:
         worker = threading.Thread(target=self._loop, args=(kind,), name=f"dsfab-editor-{kind}", daemon=True)
-        worker.start()  # may be interrupted: only one that was begun is waited for
+        worker.start()  # this may be interrupted, and __exit__ must join started threads only
         self._workers[kind] = worker
 
     def _loop(self, kind: str) -> None:
@@ -190,7 +187,7 @@ class Jobs:
                 return
 
     def _do(self, job: EditorJob) -> bool:
-        """Whether this thread is still the worker afterwards."""
+        """Run a job; returns whether this thread is still the worker."""
 
         def tell(stage: str, text: str) -> None:
             with self._wake:
@@ -205,7 +202,7 @@ class Jobs:
             state, text = "cancelled", "cancelled"
         except DsfabError as error:
             state, text = "failed", str(error)
-        except Exception as error:  # the worker must live on; the person sees what happened
+        except Exception as error:  # the worker must go on; the user sees the message
             log.exception("job %d", job.number)
             state, text = "failed", f"dsfab made a mistake ({type(error).__name__}: {error}); please report it"
         with self._wake:
@@ -223,5 +220,5 @@ class Jobs:
     def _tell(self, job: EditorJob) -> None:
         told = job.told()
         for listener in self._listeners:
-            with suppress(queue.Full):  # one that does not listen any more
+            with suppress(queue.Full):  # a listener that has gone
                 listener.put_nowait(told)

@@ -14,16 +14,16 @@ if TYPE_CHECKING:
 
 
 def edit(target: Design | Preset | str | Path = "dome", /, *, height: int = 640) -> "Editor":
-    """The page of `dsfab edit` as a widget for Jupyter, VS Code and marimo; nothing leaves this machine.
+    """Open the page of `dsfab edit` as a widget for Jupyter, VS Code and marimo; nothing leaves this machine.
 
         editor = dsfab.edit("dome")
-        editor                                              # in the last line of a cell: sliders and the structure
-        editor.changes = {"pattern.major.frequency": 12.0}  # the page follows, and what is pulled there stands here
-        design = dsfab.run(editor.preset)                   # of what is shown
+        editor                                              # last line of a cell: sliders and the structure
+        editor.changes = {"pattern.major.frequency": 12.0}  # the page follows; sliders change it too
+        design = dsfab.run(editor.preset)                   # the design on the page
 
-    target : a preset, or the name of a shipped one, or the path of a TOML or a mesh file; or a design or a draft, whose
+    target : a preset, the name of a shipped one, or the path of a TOML or a mesh file; or a design or a draft, whose
              stages are not solved again. height : of the widget, pixels.
-    Raises DsfabError for what cannot be opened, and where anywidget is not installed.
+    Raises DsfabError for other targets, and without anywidget.
     """
     try:
         from dsfab.app.editor.widget import Editor

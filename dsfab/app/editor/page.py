@@ -17,14 +17,14 @@ from dsfab.core.errors import DsfabError
 KINDS = {".html": "text/html", ".js": "text/javascript", ".css": "text/css", ".svg": "image/svg+xml"}
 
 HTTP, NOTEBOOK, WIDGET = "transport.js", "transport_notebook.js", "widget.js"
-"""How the page speaks with a server, how with a notebook, and what opens the page there."""
+"""Modules that connect the page with a server or with a notebook, and the module that opens it in a notebook."""
 
 _FROM = re.compile(r"""(\b(?:from|import)\s*['"])\./((?:vendor/)?[\w.]+['"])""")
-"""A module's name for another one beside it."""
+"""A relative import of a module of the page."""
 
 
 def static_files() -> dict[str, bytes]:
-    """Every file of the page by its place in the address; there are no others."""
+    """Return every file of the page by its path in the address."""
     found, folders = {}, [("", files("dsfab.app.editor").joinpath("static"))]
     while folders:
         prefix, folder = folders.pop()
@@ -37,9 +37,9 @@ def static_files() -> dict[str, bytes]:
 
 
 def page(static: Mapping[str, bytes], token: str) -> tuple[bytes, str]:
-    """index.html with the token of this run, and the policy (CSP) that lets it load what is ours alone.
+    """Return index.html with the token of this run, and the policy (CSP) that allows our own files only.
 
-    The browser is told all modules at once: they name each other in a chain, each link of which would be a journey.
+    The page preloads all modules, because they import each other in a chain of requests.
     """
     nonce = secrets.token_urlsafe(12)
     policy = (
@@ -53,10 +53,10 @@ def page(static: Mapping[str, bytes], token: str) -> tuple[bytes, str]:
 
 
 def bundle() -> str:
-    """The whole page as one module for anywidget: widget.js with the other files in it, packed.
+    """Return the whole page as one module for anywidget: widget.js with the other files packed into it.
 
-    Modules cannot name their neighbours by place there: './x.js' becomes 'dsfab/x.js', which the page's import map
-    knows (HTML Standard, import maps). Of the two ways to speak with Python the notebook's takes the other's name.
+    Relative imports do not work there: './x.js' becomes 'dsfab/x.js', a name of the page's import map (HTML Standard).
+    The notebook's transport replaces the server's under the same name.
     """
     texts = {name: content.decode() for name, content in static_files().items()}
     modules = {name: text for name, text in texts.items() if name.endswith(".js") and name != WIDGET}
@@ -73,13 +73,13 @@ def _absolute(name: str, text: str) -> str:
 
 
 SMALLEST, WIDEST = 64, 2400
-"""Pixels of the sides of a picture that the page may ask for."""
+"""Limits on the sides of a picture, pixels."""
 
 Given = Mapping[str, Any]
 
 
 class AskError(DsfabError):
-    """A question that no page of ours asks: something is missing in it, or of another type."""
+    """A request that the page never sends: a field is missing or has another type."""
 
 
 def _typed(given: Given, name: str, kind: type) -> Any:
@@ -127,7 +127,7 @@ def _drop(session: Session, given: Given) -> Given:
 
 
 def _compare(session: Session, given: Given) -> Given:
-    """Two variants, or one and what is shown now."""
+    """Differences of two variants, or of one and the current state."""
     numbers = _typed(given, "variants", list)
     if len(numbers) not in (1, 2) or not all(isinstance(number, int) for number in numbers):
         raise AskError("variants are one or two numbers")
@@ -163,4 +163,4 @@ ASKS: dict[str, Callable[[Session, Given], Given]] = {
     "compare": _compare,
     "cancel": lambda session, given: {"stopped": session.jobs.cancel(_typed(given, "job", int))},
 }
-"""Each raises DsfabError with a sentence for the person; the answers are ready for JSON."""
+"""Handlers of requests. Each raises DsfabError with a sentence for the user and returns data for JSON."""

@@ -1,7 +1,7 @@
-"""The doors of the editor: HTTP on this machine alone, standard library, JSON and a few arrays of bytes.
+"""HTTP server of the editor on this machine alone, with the standard library.
 
 A page of another site can make a browser send requests here. So every request must name this server as its host, come
-from its own page if it comes from a page at all, carry the token of this run, and be JSON if it asks for anything.
+from its own page if from any, carry the token of this run, and have a JSON body in a POST.
 """
 
 import hmac
@@ -23,20 +23,11 @@ log = logging.getLogger(__name__)
 LOOPBACK = "127.0.0.1"
 
 LARGEST = 96 * 2**20
-"""Bytes of a request: a mesh of some million triangles."""
-
-CLIENTS = 256
-"""Connections that may wait until they are accepted: pages ask for dozens of files at once, and there may be many."""
-
-DIGITS = 19
-"""Of a number of bytes: more are none that anybody sends."""
-
-PATIENCE = 15.0
-"""Seconds after which a listener without news is sent an empty line: so the server sees that it has gone."""
+"""Bytes of a request, at most: a mesh of some million triangles."""
 
 
-class Refused(Exception):  # noqa: N818  # an answer, not a mistake
-    """A request that is answered with a status and a sentence."""
+class Refused(Exception):  # noqa: N818  # no error of the server
+    """A refused request: status and sentence."""
 
     def __init__(self, status: HTTPStatus, text: str) -> None:
         super().__init__(text)
@@ -44,11 +35,11 @@ class Refused(Exception):  # noqa: N818  # an answer, not a mistake
 
 
 class EditorServer(ThreadingHTTPServer):
-    """Serves one session; `address` is what to open in a browser."""
+    """Serves one session; `address` opens it in a browser."""
 
     daemon_threads = True
-    request_queue_size = CLIENTS
-    allow_reuse_address = False  # on Windows it would let another program take the port too
+    request_queue_size = 256  # waiting connections: each page loads dozens of files at once
+    allow_reuse_address = False  # on Windows True would let another program take the port too
 
     def __init__(self, session: Session, port: int = 0) -> None:
         self.session, self.token = session, secrets.token_urlsafe(24)
@@ -58,48 +49,48 @@ class EditorServer(ThreadingHTTPServer):
         self.hosts = {f"{name}:{number}" for name in (LOOPBACK, "localhost")}
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """A connection that went wrong ends, without a word to the terminal: browsers reset them as they like."""
+        """Log a broken connection without a message, because browsers often reset connections."""
         log.debug("connection of %s", client_address, exc_info=True)
 
     @property
     def address(self) -> str:
-        """With the token of this run: whoever has it may use the editor."""
+        """Address with the token of this run, which gives access to the editor."""
         return f"http://{LOOPBACK}:{self.server_address[1]}/?token={self.token}"
 
 
 class Handler(BaseHTTPRequestHandler):
-    """One connection."""
+    """Handler of a connection."""
 
     server: EditorServer
     protocol_version = "HTTP/1.1"
     server_version = "dsfab"
     sys_version = ""
     timeout = 60
-    disable_nagle_algorithm = True  # else a body waits up to 40 ms until the browser has told that it has the head
+    disable_nagle_algorithm = True  # else a body waits up to 40 ms for the browser's acknowledgement of the head
 
     def do_GET(self) -> None:
-        """Answer a GET, guarded."""
+        """Answer a GET."""
         self._guarded(self._get)
 
     def do_POST(self) -> None:
-        """Answer a POST, guarded."""
+        """Answer a POST."""
         self._guarded(self._post)
 
     def log_message(self, format: str, *args: object) -> None:
-        """Silence: the terminal is for the person."""
+        """Print nothing, because the terminal belongs to the user."""
 
     def _guarded(self, act: Callable[[], None]) -> None:
         try:
             self._check_host()
             self._answered(act)
         except Refused as refused:
-            self.close_connection = True  # what it still sends is not read
+            self.close_connection = True  # the rest of the request stays unread
             self._json({"error": str(refused)}, refused.status)
         except (ConnectionError, TimeoutError):
             self.close_connection = True
 
     def _answered(self, act: Callable[[], None]) -> None:
-        """Do it; what is refused, and a mistake of ours, is an answer too."""
+        """Handle a request; refusals and bugs become answers too."""
         try:
             act()
         except (Refused, ConnectionError, TimeoutError):
@@ -108,7 +99,7 @@ class Handler(BaseHTTPRequestHandler):
             self._json({"error": str(error)}, HTTPStatus.BAD_REQUEST)
         except DsfabError as error:
             self._json({"error": str(error)}, HTTPStatus.UNPROCESSABLE_ENTITY)
-        except Exception as error:  # the server lives on
+        except Exception as error:  # the server goes on
             log.exception("%s", self.path)
             self.close_connection = True
             mistake = f"dsfab made a mistake ({type(error).__name__}); please report it"
@@ -162,7 +153,7 @@ class Handler(BaseHTTPRequestHandler):
 
     def _body(self) -> Given:
         length = self.headers.get("Content-Length", "")
-        if not (length.isascii() and length.isdigit() and len(length) < DIGITS):
+        if not (length.isascii() and length.isdigit() and len(length) < 19):
             raise Refused(HTTPStatus.LENGTH_REQUIRED, "say how long it is")
         if int(length) > LARGEST:
             raise Refused(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"more than {LARGEST >> 20} MB; make the mesh coarser")
@@ -195,7 +186,7 @@ class Handler(BaseHTTPRequestHandler):
         )
 
     def _events(self) -> None:
-        """News of jobs as they happen (server-sent events), until one of both sides goes."""
+        """Send records of jobs as server-sent events, until either side closes."""
         jobs = self.server.session.jobs
         listener = jobs.listen()
         try:
@@ -205,7 +196,7 @@ class Handler(BaseHTTPRequestHandler):
             self.wfile.write(b": here\n\n")
             while True:
                 try:
-                    news = listener.get(timeout=PATIENCE)
+                    news = listener.get(timeout=15)  # then a line shows whether the page is still there
                 except queue.Empty:
                     self.wfile.write(b": still here\n\n")
                     continue
@@ -219,7 +210,7 @@ class Handler(BaseHTTPRequestHandler):
         self._bytes(json.dumps(told).encode(), "application/json", status=status)
 
     def _some(self, content: bytes) -> None:
-        """Bytes, or the answer that there are none."""
+        """Send bytes, or the status for no content."""
         self._bytes(content, "application/octet-stream", status=HTTPStatus.OK if content else HTTPStatus.NO_CONTENT)
 
     def _bytes(

@@ -1,4 +1,4 @@
-"""`Session`: everything that the page asks for, without a word about how it is asked: no HTTP here."""
+"""The state behind a page of the editor, independent of HTTP."""
 
 import base64
 import binascii
@@ -31,16 +31,15 @@ from dsfab.render.striped_mesh import StripedMesh
 from dsfab.slicing import Sheet
 from dsfab.surface import MESH_SUFFIXES
 
-PAUSE = 0.01
-"""Seconds between two looks for the first answer."""
-
 Changes = Mapping[str, Any]
 Packed = tuple[dict[str, Any], dict[str, NDArray[Any]]]
 
 
 @dataclass(frozen=True, eq=False)
 class SessionView:
-    """A draft, its number, and that of what does not change with stripes alone: the page keeps that."""
+    """A draft with its number; `version` changes with the data that stripes alone do not change, which the page
+    keeps.
+    """
 
     draft: Design
     number: int
@@ -49,10 +48,10 @@ class SessionView:
 
 
 class Session:
-    """What is opened, what was last made of it, and the files that were built; use as `with Session(opened)`.
+    """The open preset, its last draft, and the files of builds; use as `with Session(opened)`.
 
-    made    : a draft of the first preset, if there is one: the page then waits for nothing.
-    outputs : where builds go, and how that folder is called; without it they go with the session.
+    made    : a draft of the first preset, which the page then shows at once.
+    outputs : folder of builds and its name; None puts them into a temporary folder of the session.
     """
 
     def __init__(self, first: Opened, made: Design | None = None, outputs: Outputs | None = None) -> None:
@@ -82,12 +81,12 @@ class Session:
 
     @property
     def opened(self) -> Opened:
-        """What the page has open."""
+        """The open preset."""
         with self._lock:
             return self._opened
 
     def start(self) -> dict[str, Any]:
-        """What the page needs before anything is solved."""
+        """Return the facts that the page needs before the first solution."""
         with self._lock:
             now, number = self._opened, self._opening
         return {
@@ -106,7 +105,7 @@ class Session:
         }
 
     def open_preset(self, name: str) -> dict[str, Any]:
-        """Open a preset that comes with dsfab."""
+        """Open a shipped preset."""
         return self._open(opened_shipped(name))
 
     def open_toml(self, text: str) -> dict[str, Any]:
@@ -114,16 +113,16 @@ class Session:
         return self._open(self.opened.reopened(text))
 
     def open_variant(self, number: int) -> dict[str, Any]:
-        """Go back to a variant; `changes` are those over what is then open."""
+        """Return to a variant; `changes` are those over the preset that is then open."""
         variant = self.variants[number]
         with self._lock:
             same = variant.opened is self._opened
             return {**(self.start() if same else self._open(variant.opened)), "changes": dict(variant.changes)}
 
     def ask_mesh(self, name: str, unit: str | None, data: str) -> dict[str, Any]:
-        """A job that opens a mesh that the page sends, base64; its name is for people, the file here has one of ours.
+        """Start a job that opens a mesh from the page, base64; the file here has a name of ours.
 
-        It is read in a process of its own: whatever is in it, the page goes on, and the person may cancel.
+        Another process reads it, so that the page goes on and the user may cancel.
         """
         suffix = Path(name).suffix.lower()
         if suffix not in MESH_SUFFIXES:
@@ -152,12 +151,14 @@ class Session:
         return self.start()
 
     def preset_file(self, changes: Changes) -> dict[str, Any]:
-        """The preset as a file."""
+        """Return the changed preset as a file."""
         now = self.opened
         return {"name": f"{now.changed(changes).name}.toml", "toml": now.toml(changes)}
 
     def command(self, changes: Changes) -> dict[str, Any]:
-        """The command that builds it, and the file that was saved for it, or that the page has to save first."""
+        """Return the command of the build, and the preset file that was saved for it, or that the page has to save
+        first.
+        """
         now, outputs = self.opened, self.builds.outputs
         command, save = now.command(changes)
         if not (save and outputs.shown):
@@ -167,7 +168,9 @@ class Session:
         return {"command": shlex.join(["dsfab", "build", place]), "save": False, "saved": place}
 
     def ask_solve(self, changes: Changes) -> int:
-        """A job that solves what these changes ask for, and then measures it; the one that does so already, if any."""
+        """Start a job that solves these changes and then measures the design; return the running one if it does so
+        already.
+        """
         with self._lock:
             preset, number = self._opened.changed(changes), self._opening
             asked = self._asked
@@ -178,9 +181,9 @@ class Session:
         return job
 
     def ask_build(self, changes: Changes, replace: bool = True, only: str = "") -> dict[str, Any]:
-        """A job that makes the solid and its files; or what has to be asked first, where not to `replace` others.
+        """Start a job that makes the solid and its files; or return a question first, unless it may `replace` files.
 
-        only : one format, in a word of `dsfab export --to`. Raises ExportError for one that cannot be written here.
+        only : one format, in a word of `dsfab export --to`. Raises ExportError for a format that is not available.
         """
         now = self.opened
         preset = now.changed(changes)
@@ -192,9 +195,9 @@ class Session:
         return {"job": self.jobs.ask("export" if only else "build", lambda progress: self._build(request, progress))}
 
     def ask_members(self, judged: bool) -> int:
-        """A job that names and measures the members of what was last solved; judged: with what they can bear.
+        """Start a job that names and measures the members of the last draft; judged: with their utilisation.
 
-        Raises DsfabError before the first.
+        Raises DsfabError before the first draft.
         """
         with self._lock:
             shown = self._shown
@@ -203,25 +206,23 @@ class Session:
         return self.jobs.ask("members", lambda progress: self._members(shown, judged))
 
     def ask_picture(self, changes: Changes, view: str, show: str, size: tuple[int, int]) -> int:
-        """A job that draws the structure here, for browsers that cannot."""
+        """Start a job that draws the structure here, for browsers without WebGL."""
         preset = self.opened.changed(changes)
         return self.jobs.ask("picture", lambda progress: self._picture(preset, view, show, size, progress))
 
     def early(self) -> bytes:
-        """All of what was last solved, or a sketch of what is being solved for the first time; nothing where neither is
-        so.
-
-        For a page that begins: it asks before it knows more.
+        """Return the last draft, or a sketch of the first one, for a page that opens; empty if neither is in
+        progress.
         """
         shown = self._shown
         while shown is None and self._asked and self.jobs.pending(self._asked[0]):
-            time.sleep(PAUSE)
+            time.sleep(0.01)
             with self._lock:
                 shown = self._shown or self._sketched
         return self._model(shown, 0) if shown else b""
 
     def model(self, have: int) -> bytes:
-        """What was last solved, for a page that has version `have` already. Raises DsfabError before the first."""
+        """Return the last draft, for a page that has version `have`. Raises DsfabError before the first."""
         with self._lock:
             shown = self._shown
         if shown is None:
@@ -229,7 +230,9 @@ class Session:
         return self._model(shown, have)
 
     def cut(self, draft: int) -> bytes:
-        """The sheet that the figures of a draft were measured on, see settled.py; nothing where another one follows."""
+        """Return the cut sheet that the figures of a draft were measured on (`drafts.settled`); empty for another
+        draft.
+        """
         from dsfab.app.editor.drafts import settled
 
         with self._lock:
@@ -247,7 +250,7 @@ class Session:
         return packed(facts, arrays)
 
     def _whole(self, shown: SessionView) -> Packed:
-        """What `model` makes of a version, kept for a page that is loaded again."""
+        """Result of `model` for a version; the last one is kept, because pages may load again."""
         with self._lock:
             if self._kept is None or self._kept[0] != shown.version:
                 self._kept = shown.version, model(shown.draft)
@@ -257,7 +260,7 @@ class Session:
         with self._lock:
             old, opening = self._shown, self._opening
         design = Design.of(preset, old.draft if old else None, progress)
-        if old is None and (sketch := design.sketch()):  # what a page that begins sees until the widths are solved
+        if old is None and (sketch := design.sketch()):  # for a new page, until the widths are solved
             with self._lock:
                 self._sketched = self._following(sketch, opening)
         made = design.until("pattern")
@@ -269,7 +272,7 @@ class Session:
         return {"version": shown.version}
 
     def _following(self, made: Design, opening: int) -> SessionView:
-        """A draft after the last one that a page may hold, which may be a sketch."""
+        """Number a draft after the last one, or after its sketch."""
         last = self._shown or self._sketched
         if last is None:
             return SessionView(made, 1, 1, opening)
@@ -311,10 +314,10 @@ class Session:
 
 
 def _same(made: Design, old: Design) -> bool:
-    """Whether all that `model` tells is the same: drafts then differ in widths alone, or in which mode is drawn."""
+    """True if drafts differ only in widths or in the choice of modes, so that `model` returns the same."""
     now, before = made.preset.pattern, old.preset.pattern
     if now.region != before.region or (now.region and now.keep != before.keep):
         return False
-    if made.statics is not old.statics:  # that of a sketch may be rough
+    if made.statics is not old.statics:  # the statics of a sketch may be rough
         return False
     return made.diffusion is old.diffusion and StripedMesh.of(made).same(StripedMesh.of(old))

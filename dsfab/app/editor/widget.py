@@ -1,4 +1,4 @@
-"""`Editor`: the page as an anywidget; needs the extra `notebook`."""
+"""`Editor`: the page as an anywidget, which needs the extra `notebook`."""
 
 import queue
 import threading
@@ -18,10 +18,10 @@ from dsfab.preset.model import Preset
 
 
 class Editor(anywidget.AnyWidget):
-    """A preset that hands and Python change together.
+    """A preset that the user's mouse and Python change together.
 
-    changes : what differs from the preset that is open, by dotted keys; to be set as a whole. Raises PresetError.
-    view    : sides, colours and layers of the page, as it keeps them.
+    changes : differences from the open preset, by dotted keys; assign it as a whole. Raises PresetError.
+    view    : sides, colours and layers of the page, in its own format.
     height  : pixels.
     """
 
@@ -38,26 +38,26 @@ class Editor(anywidget.AnyWidget):
         super().__init__(**more)
         self.on_msg(self._received)
         if made is None:
-            self._session.ask_solve({})  # while the page begins
+            self._session.ask_solve({})  # while the page loads
         threading.Thread(target=self._tell, args=(self._news,), name="dsfab-editor-news", daemon=True).start()
 
     @property
     def preset(self) -> Preset:
-        """The preset as it is shown. Raises PresetError for changes that no preset holds."""
+        """The preset on the page. Raises PresetError for impossible changes."""
         return self._session.opened.changed(self.changes)
 
     @property
     def files(self) -> list[Path]:
-        """What was built last, those asked for first; they go when the widget is closed or Python ends."""
+        """Files of the last build, those of the preset's formats first; closing the widget or Python removes them."""
         return self._session.builds.latest
 
     def close(self) -> None:
-        """Take the widget away, and stop what it does."""
+        """Remove the widget and stop its jobs."""
         super().close()
         self._session.__exit__()
 
     def set_state(self, sync_data: Mapping[str, Any]) -> None:
-        """What the page sets; a mistake there is told on the page, not raised here."""
+        """Take changes from the page, which shows its own errors, so that nothing is raised here."""
         self._heard = True
         try:
             super().set_state(sync_data)
@@ -72,7 +72,7 @@ class Editor(anywidget.AnyWidget):
         return changes
 
     def _received(self, _: object, content: Given, __: object) -> None:
-        """Answer a question of the page, see requests.py; what is large goes as bytes beside the message."""
+        """Answer a request of the page, see page.py; bytes go beside the message."""
         told: dict[str, Any] = {"answer": content.get("ask")}
         try:
             answer = self._answer(str(content.get("name")), content.get("given", {}))
@@ -101,6 +101,6 @@ class Editor(anywidget.AnyWidget):
         return ASKS[name](self._session, given)
 
     def _tell(self, news: "queue.Queue[dict[str, Any] | None]") -> None:
-        """News of jobs, until the session ends."""
+        """Send records of jobs, until the session ends."""
         while (told := news.get()) is not None:
             self.send({"news": told})

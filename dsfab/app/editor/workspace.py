@@ -1,4 +1,4 @@
-"""The workspace of the editor: the open preset, the variants set aside, and the output folder."""
+"""The workspace of the editor: the open preset, the kept variants, and the output folder."""
 
 import itertools
 import re
@@ -22,9 +22,9 @@ _PLAIN = re.compile(r"[A-Za-z0-9][A-Za-z0-9_.-]*")
 
 
 class Outputs:
-    """One folder for each name in `home`; the page says names alone, so nothing is written elsewhere.
+    """Folders in `home`, one for each name; the page sends names only, so that nothing is written elsewhere.
 
-    shown : what `home` is called for the person and on a command line; '' where it goes with the session.
+    shown : name of `home` for the user and on a command line; '' for the session's temporary folder.
     """
 
     def __init__(self, home: Path, shown: str = "") -> None:
@@ -32,7 +32,7 @@ class Outputs:
         self._ours: set[Path] = set()
 
     def folder(self, name: str) -> Path:
-        """Where what is called so goes. Raises DsfabError for a name that is none, or that leads elsewhere."""
+        """Return the folder of a name. Raises DsfabError for an invalid name or one that leads elsewhere."""
         folder = self.home / name
         if not _PLAIN.fullmatch(name) or folder.resolve().parent != self.home.resolve():
             raise DsfabError(
@@ -41,20 +41,20 @@ class Outputs:
         return folder
 
     def standing(self, name: str) -> int:
-        """How many files of others (an earlier run, another program) the folder of that name holds."""
+        """Return the number of files from an earlier run or another program in the folder of a name."""
         folder = self.folder(name)
         if folder in self._ours or not folder.exists():
             return 0
         return sum(1 for _ in folder.iterdir()) if folder.is_dir() else 1
 
     def free(self, name: str) -> str:
-        """The name, or the first of name-2, name-3 ... whose folder holds nothing of others."""
+        """Return the name, or the first of name-2, name-3 ... whose folder has no such files."""
         return next(word for word in _numbered(name) if not self.standing(word))
 
     def publish(self, made: Path, name: str) -> Path:
-        """Move all files of a folder to that of the name; those of the same names are replaced. Returns the folder.
+        """Move all files of a folder to that of the name, over files of the same names. Returns the folder.
 
-        Raises DsfabError where it cannot be written.
+        Raises DsfabError if it cannot be written.
         """
         folder = self.folder(name)
         with whole_or_nothing(folder) as partial:
@@ -64,9 +64,9 @@ class Outputs:
         return folder
 
     def keep(self, name: str, suffix: str, content: bytes) -> Path:
-        """Write a file beside the folders: NAME.toml, or NAME-2.toml where another one stands there. Returns its path.
+        """Write a file beside the folders: NAME.toml, or NAME-2.toml if another NAME.toml exists. Returns its path.
 
-        Raises DsfabError where it cannot be written.
+        Raises DsfabError if it cannot be written.
         """
         self.folder(name)
         paths = (self.home / f"{word}{suffix}" for word in _numbered(name))
@@ -86,23 +86,21 @@ def _numbered(name: str) -> Iterator[str]:
 
 
 def _holds(path: Path, content: bytes) -> bool:
-    """Whether a file may become this one: it is not there, or is this one."""
+    """True if the file is missing or has this content."""
     return not path.exists() or (path.is_file() and path.read_bytes() == content)
 
 
-WORDY = 2000
-"""A command longer than this is no use to anybody: the preset is to be saved instead."""
 MATERIAL = "statics.material"
-"""What a proposal's thickness goes by."""
+"""Key that decides the thickness of a proposal."""
 
 
 @dataclass(frozen=True)
 class Opened:
-    """A preset and where it comes from.
+    """A preset and its origin.
 
-    words   : what stands between `dsfab build` and the changes; none for what only the page has.
-    mesh    : the name that a mesh from the page has for the person: its file here is a copy.
-    decided : what was decided for a mesh, as `dsfab new` tells it.
+    words   : words between `dsfab build` and the changes; none for a preset that only the page has.
+    mesh    : the user's name of a mesh from the page; its file here is a copy.
+    decided : decisions of `dsfab new` for a mesh.
     """
 
     preset: Preset
@@ -111,9 +109,9 @@ class Opened:
     decided: tuple[Decision, ...] = ()
 
     def changed(self, changes: Mapping[str, Any]) -> Preset:
-        """The preset with other values at dotted keys.
+        """Return the preset with other values at dotted keys.
 
-        Raises PresetError for what no preset holds, and for another file: the page names none on this machine.
+        Raises PresetError for impossible values, and for another file, because the page may name none on this machine.
         """
         preset = overridden(self.preset, changes)
         if _file(preset) != _file(self.preset):
@@ -123,29 +121,29 @@ class Opened:
         return preset
 
     def toml(self, changes: Mapping[str, Any]) -> str:
-        """The changed preset as a file; a mesh that came from the page is named as it was there."""
+        """Return the changed preset as a file; a mesh from the page has its original name."""
         preset = self.changed(changes)
         return preset_toml(with_file(preset, Path(self.mesh)) if self.page_mesh else preset)
 
     @property
     def page_mesh(self) -> Path | None:
-        """The copy of a mesh that came from the page: it goes with the session."""
+        """The copy of a mesh from the page, which the session removes at its end."""
         return _file(self.preset) if self.mesh else None
 
     def command(self, changes: Mapping[str, Any]) -> tuple[str, bool]:
-        """The command that builds it, and whether its preset has to be saved first."""
+        """Return the command that builds it, and whether its preset has to be saved first."""
         preset = self.changed(changes)
-        if self.words and self.decided and MATERIAL in changes:  # that command decides the thickness anew by it
+        if self.words and self.decided and MATERIAL in changes:  # the command would choose another thickness for it
             changes = {"statics.thickness": preset.statics.thickness, **changes}
         sets = [word for key, value in changes.items() for word in ("--set", f"{key}={_spelled(value)}")]
         command = shlex.join(["dsfab", "build", *self.words, *sets])
-        spelled = None not in changes.values()  # TOML has no word for nothing
-        if self.words and spelled and len(command) <= WORDY:
+        spelled = None not in changes.values()  # TOML has no null
+        if self.words and spelled and len(command) <= 2000:
             return command, False
         return shlex.join(["dsfab", "build", f"{preset.name}.toml"]), True
 
     def reopened(self, text: str) -> "Opened":
-        """A preset file from the page; its mesh can only be the one that is open already.
+        """Open a preset file from the page; its mesh can only be the open one.
 
         Raises PresetError as `load_preset` does, and for another mesh.
         """
@@ -170,14 +168,14 @@ class Opened:
 
 
 def with_file(preset: Preset, file: Path) -> Preset:
-    """The preset with its mesh in another file."""
+    """Return the preset with its mesh in another file."""
     return preset.model_copy(update={"surface": preset.surface.model_copy(update={"file": file})})
 
 
 def saved_preset(now: Opened, changes: Mapping[str, Any], outputs: Outputs) -> Path:
-    """Save the changed preset among the outputs, with a mesh that came from the page beside it; the preset's path.
+    """Save the changed preset among the outputs, with a mesh from the page beside it; return its path.
 
-    Raises PresetError for changes that no preset holds, DsfabError where nothing can be written.
+    Raises PresetError for impossible changes, DsfabError if it cannot be written.
     """
     preset = now.changed(changes)
     if mesh := now.page_mesh:
@@ -187,10 +185,10 @@ def saved_preset(now: Opened, changes: Mapping[str, Any], outputs: Outputs) -> P
 
 
 def open_preset(target: str, source: Source = UNCHANGED) -> Opened:
-    """A shipped preset by its name, a preset file or a mesh file by its path, as `dsfab build` takes it.
+    """Open a shipped preset by its name, or a preset file or a mesh file by its path, as `dsfab build` does.
 
-    source : what the command line changes of it.
-    Raises DsfabError for anything else, and for a preset that waits for a mesh where none is given.
+    source : changes of the command line.
+    Raises DsfabError for other targets, and for a preset without its mesh.
     """
     proposal = source.proposal(target)
     preset = source.read(target, proposal)
@@ -198,7 +196,7 @@ def open_preset(target: str, source: Source = UNCHANGED) -> Opened:
 
 
 def opened_shipped(name: str) -> Opened:
-    """A preset that comes with dsfab, by its name and never by a path. Raises PresetError for another name."""
+    """Open a shipped preset by its name. Raises PresetError for another name or a path."""
     if name not in shipped_presets():
         raise PresetError(f"there is no preset {name!r}; use one of {', '.join(shipped_presets())}")
     return Opened(load_preset(name), (name,))
@@ -206,7 +204,7 @@ def opened_shipped(name: str) -> Opened:
 
 @dataclass(frozen=True)
 class MeshRequest:
-    """A mesh that the page sent, to be read: its file here, what it is called where it comes from, and its unit."""
+    """A request to read a mesh from the page: its file here, the user's name for it, and its unit."""
 
     path: Path
     name: str
@@ -214,9 +212,9 @@ class MeshRequest:
 
 
 def opened_mesh(request: MeshRequest) -> Opened:
-    """A mesh with the preset that `dsfab new` proposes for it, to begin with.
+    """Open a mesh with the preset that `dsfab new` proposes for it.
 
-    Raises SurfaceError for a file that cannot be read; it names the file as the person knows it.
+    Raises SurfaceError for an unreadable file, with the user's name for it.
     """
     try:
         proposal = propose(request.path, request.unit)
@@ -257,18 +255,18 @@ def _file(preset: Preset) -> Path | None:
 
 
 MOST = 48
-"""Variants of one session."""
+"""Variants of one session, at most."""
 
 LARGEST = 2 * 2**20
-"""Characters of a picture."""
+"""Characters of a picture, at most."""
 
 FIGURES = ("share", "area", "mass", "pieces", "narrowest", "compliance")
-"""What is kept of what was measured (see `figures.figures`)."""
+"""Measures that a variant keeps (see `drafts.figures`)."""
 
 
 @dataclass(frozen=True)
 class KeptVariant:
-    """What was open, what the person had changed, and how it looked. figures: by name, None where not measured."""
+    """An open preset, the user's changes, its picture, and its figures by name, None if not measured."""
 
     name: str
     opened: Opened
@@ -278,32 +276,34 @@ class KeptVariant:
 
     @property
     def preset(self) -> Preset:
-        """What the variant is."""
+        """The changed preset of the variant."""
         return self.opened.changed(self.changes)
 
 
 class VariantTray:
-    """Variants by their numbers, in the order in which they were kept; they go with the session."""
+    """Variants by number, oldest first; the session drops them at its end."""
 
     def __init__(self) -> None:
         self._all: dict[int, KeptVariant] = {}
         self._numbers = itertools.count(1)
 
     def __getitem__(self, number: int) -> KeptVariant:
-        """Raises DsfabError for one that is not there."""
+        """Raise DsfabError for an unknown number."""
         if number not in self._all:
             raise DsfabError("that variant is not kept any more")
         return self._all[number]
 
     def listed(self) -> list[dict[str, Any]]:
-        """All of them for the page."""
+        """Return all variants for the page."""
         return [
             {"number": number, "name": one.name, "picture": one.picture, "figures": dict(one.figures)}
             for number, one in self._all.items()
         ]
 
     def keep(self, variant: KeptVariant) -> None:
-        """One more; without a name it gets its number. Raises DsfabError for what is none, and where there are many."""
+        """Add a variant; its number becomes its name if it has none. Raises DsfabError for invalid or too many
+        variants.
+        """
         _ = variant.preset
         if len(self._all) >= MOST:
             raise DsfabError(f"{MOST} variants are kept already; remove one first")
@@ -314,18 +314,18 @@ class VariantTray:
         self._all[number] = replace(variant, name=_short(variant.name) or f"Variant {number}", figures=figures)
 
     def rename(self, number: int, name: str) -> None:
-        """Another name, if it is one. Raises DsfabError for a variant that is not there."""
+        """Change the name of a variant, unless the new one is empty. Raises DsfabError for an unknown number."""
         old = self[number]
         self._all[number] = replace(old, name=_short(name) or old.name)
 
     def drop(self, number: int) -> None:
-        """Keep it no longer. Raises DsfabError for a variant that is not there."""
+        """Remove a variant. Raises DsfabError for an unknown number."""
         _ = self[number]
         del self._all[number]
 
 
 def differences(one: Preset, other: Preset) -> list[tuple[str, Any, Any]]:
-    """Dotted keys whose values differ, and both values; a name makes no difference. Lists are compared as a whole."""
+    """Return dotted keys with different values, and both values; ignores the name. Lists count as a whole."""
     a, b = (dict(_leaves(preset.model_dump(mode="json", exclude={"name", "description"}))) for preset in (one, other))
     return [(key, a.get(key), b.get(key)) for key in {**a, **b} if a.get(key) != b.get(key)]
 

@@ -32,7 +32,7 @@ def hops(
                 for component in COMPONENTS.values():
                     out(f"{server.address}/{component.name}  {component.about}")
                 out("Paste one into a Hops component of Grasshopper. Ctrl-C ends it.")
-                sys.stdout.flush()  # into a pipe too: whoever reads it waits for the address
+                sys.stdout.flush()  # also into a pipe, because its reader waits for the address
                 server.serve_forever(poll_interval=0.2)
             except KeyboardInterrupt:
                 out()

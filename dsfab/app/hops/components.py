@@ -1,4 +1,6 @@
-"""The components: each a function from a request to the values of its outputs, in the unit of the model."""
+"""The components for Grasshopper. Each function maps a request to the values of its outputs, in the unit of the
+model.
+"""
 
 from collections import OrderedDict
 from collections.abc import Iterator, Mapping, Sequence
@@ -18,18 +20,6 @@ from dsfab.preset.proposal import preset_for
 from dsfab.study import METRICS
 from dsfab.workshop import workshop_plan
 
-KEPT = 4
-"""Designs that are kept: components that are fed alike share one."""
-
-FOOT = 2.0
-"""A point holds what is nearer than so many edges of the mesh."""
-
-CIRCLE = 24
-"""Corners of a hole, which is drawn as a polygon."""
-
-APART = 0.2
-"""Metres between sheets of the stock, where they are drawn below each other."""
-
 INPUTS = (
     Parameter("mesh", "M", "The surface, as a mesh.", "Mesh", wanted=True),
     Parameter("supports", "S", "Points that hold what is near; left out: feet that are found.", "Point", many=True),
@@ -46,9 +36,9 @@ _DESIGNS: OrderedDict[str, Design] = OrderedDict()
 
 
 def requested_preset(request: Request) -> Preset:
-    """The preset: what dsfab proposes for the mesh, changed by what is connected.
+    """Return the preset that dsfab proposes for the mesh, with the changes of the other inputs.
 
-    Raises HopsError and the PresetError or SurfaceError of what cannot be.
+    Raises HopsError, PresetError and SurfaceError for impossible inputs.
     """
     V, F = request.values["mesh"]
     proposed = preset_for((V, F), unit=request.unit, up="z")
@@ -58,7 +48,7 @@ def requested_preset(request: Request) -> Preset:
 def _changes(request: Request, proposed: Preset) -> Iterator[tuple[str, Any]]:
     given, metre = request.values, request.metre
     if given["supports"]:
-        reach = FOOT * float(getattr(proposed.surface, "edge", 0.0)) or 1e-3
+        reach = 2 * float(getattr(proposed.surface, "edge", 0.0)) or 1e-3  # two edges of the mesh
         feet = [[metre * x for x in point] for point in given["supports"]]
         ball = [{"pick": "ball", "center": foot, "radius": reach} for foot in feet]
         yield "surface.support", [{"at": at, "hold": "xyz", "name": f"foot {k}"} for k, at in enumerate(ball, 1)]
@@ -73,7 +63,7 @@ def _changes(request: Request, proposed: Preset) -> Iterator[tuple[str, Any]]:
 
 
 def written_changes(text: str) -> Mapping[str, Any]:
-    """Dotted keys and values of lines of TOML; raises HopsError for what is none."""
+    """Return dotted keys and values of lines of TOML; raise HopsError for invalid lines."""
     try:
         table = toml_table(text)
     except TomlError as error:
@@ -90,10 +80,10 @@ def _dotted(table: Mapping[str, Any], key: str) -> Iterator[tuple[str, Any]]:
 
 
 def requested_design(request: Request) -> Design:
-    """The design, made or kept from a component that was fed alike."""
+    """Return the design of a request; components with the same inputs share one of the last four."""
     design = _DESIGNS.pop(request.key, None) or Design.of(requested_preset(request))
     _DESIGNS[request.key] = design
-    while len(_DESIGNS) > KEPT:
+    while len(_DESIGNS) > 4:
         _DESIGNS.popitem(last=False)
     return design
 
@@ -103,13 +93,12 @@ def _notes(design: Design) -> list[str]:
 
 
 def _lines(design: Design, kind: str, request: Request) -> tuple[list[str], list[str]]:
-    """Curves of a kind, and their names."""
     chosen = [line for line in design_lines(design, design.preset.statics.thickness / 40) if line.kind == kind]
     return [polyline_json(line.points / request.metre) for line in chosen], [line.id for line in chosen]
 
 
 def structure(request: Request) -> Sequence[Any]:
-    """The solid, its lines, what it weighs and how stiff it is."""
+    """The solid, its lines, its mass and its stiffness."""
     design = requested_design(request).until("thickening")
     lines, names = _lines(design, "centre", request)
     edges, _ = _lines(design, "edge", request)
@@ -119,7 +108,7 @@ def structure(request: Request) -> Sequence[Any]:
 
 
 def preview(request: Request) -> Sequence[Any]:
-    """The sheet before it has a thickness."""
+    """The sheet before thickening."""
     design = requested_design(request).until("slicing")
     sheet = design.sheet.surface
     return mesh_json(sheet.V / request.metre, sheet.F), _lines(design, "centre", request)[0], _notes(design)
@@ -149,13 +138,13 @@ def parts(request: Request) -> Sequence[Any]:
             curves["cut"] += [shift + np.vstack([loop, loop[:1]]) for loop in (placed.outline, *placed.slots)]
             curves["holes"] += [shift + _circle(hole.at, hole.diameter / 2) for hole in placed.holes]
             curves["marks"] += [shift + mark for mark in placed.marks]
-        down += width + APART
+        down += width + 0.2  # metres between the sheets
     drawn = [[polyline_json(curve / request.metre) for curve in kind] for kind in curves.values()]
     return *drawn, names, list(plan.notes)
 
 
-def _circle(center: Floats, radius: float) -> Floats:
-    turn = np.linspace(0, 2 * np.pi, CIRCLE + 1)
+def _circle(center: Floats, radius: float, corners: int = 24) -> Floats:
+    turn = np.linspace(0, 2 * np.pi, corners + 1)
     return center + radius * np.column_stack([np.cos(turn), np.sin(turn)])
 
 
@@ -212,4 +201,4 @@ COMPONENTS = {
         ),
     )
 }
-"""By name."""
+"""Components by name."""

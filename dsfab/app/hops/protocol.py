@@ -1,7 +1,7 @@
-"""What Hops asks and is answered, after McNeel's own server in Python (`ghhops-server`, MIT): names of fields, types.
+"""The protocol of Hops, after McNeel's own server in Python (`ghhops-server`, MIT).
 
-A component is described by `Inputs` and `Outputs`; a request holds, by parameter, branches of values, each with a type
-of .NET and JSON of its own; the answer has the same form.
+`Inputs` and `Outputs` describe a component. A request has branches of values for each parameter, each with a type of
+.NET and JSON of its own; the answer has the same form.
 """
 
 import json
@@ -22,25 +22,25 @@ RESULTS: dict[Kind, str] = {
     "Number": "System.Double",
     "Text": "System.String",
 }
-"""The types of .NET in which values are sent back."""
+"""Types of .NET of output values."""
 
 MANY = 2**31 - 1
-"""What Hops takes for: as many as there are."""
+"""Number that Hops takes as unlimited."""
 
 UNITS = {"millimeters": "mm", "centimeters": "cm", "meters": "m", "inches": "in", "feet": "ft"}
 """Rhino's words for the units of a document."""
 
 
 class HopsError(DsfabError):
-    """A request that cannot be answered; its sentence is shown on the component."""
+    """A request without an answer; the component shows its message."""
 
 
 @dataclass(frozen=True)
 class Parameter:
     """A socket of a component.
 
-    many    : whether it takes, or gives, a list.
-    wanted  : whether it has to be connected.
+    many    : it takes, or gives, a list.
+    wanted  : it must be connected.
     """
 
     name: str
@@ -51,7 +51,7 @@ class Parameter:
     wanted: bool = False
 
     def described(self) -> dict[str, Any]:
-        """As Hops reads it."""
+        """Return its description for Hops."""
         return {
             "Name": self.name,
             "Nickname": self.nickname,
@@ -65,7 +65,7 @@ class Parameter:
 
 @dataclass(frozen=True)
 class HopsComponent:
-    """What is offered under a name; `solve` makes the values of the outputs, in their order, of a request."""
+    """A component; `solve` maps a request to the values of the outputs, in their order."""
 
     name: str
     about: str
@@ -74,7 +74,7 @@ class HopsComponent:
     solve: Callable[["Request"], Sequence[Any]]
 
     def described(self) -> dict[str, Any]:
-        """As Hops reads it."""
+        """Return its description for Hops."""
         return {
             "Uri": f"/{self.name}",
             "Name": self.name,
@@ -87,16 +87,17 @@ class HopsComponent:
         }
 
     def answer(self, request: "Request") -> dict[str, Any]:
-        """The values of all outputs as Hops reads them."""
+        """Return the values of all outputs for Hops."""
         values = zip(self.outputs, self.solve(request), strict=True)
         return {"values": [_sent(output, value) for output, value in values]}
 
 
 @dataclass(frozen=True)
 class Request:
-    """Values by parameter, read: a mesh is (V, F), a point three numbers; a list where there may be many, else None.
+    """Values by parameter: a mesh is (V, F), a point three numbers; lists for list parameters, else None without a
+    value.
 
-    unit : of all lengths of the geometry, 'mm'.    key : the same for the same request.
+    unit : of all lengths, such as 'mm'.    key : equal for equal requests.
     """
 
     values: Mapping[str, Any]
@@ -105,12 +106,12 @@ class Request:
 
     @property
     def metre(self) -> float:
-        """How many metres one of its units is."""
+        """Metres in one unit of the request."""
         return METRES_PER[self.unit]
 
 
 def read_request(component: HopsComponent, body: Mapping[str, Any]) -> Request:
-    """A request to solve; raises HopsError, naming the parameter, for what is missing or of another type."""
+    """Return a request to solve; raise HopsError, with the parameter's name, for missing or wrong values."""
     sent: dict[str, list[tuple[str, str]]] = {}
     try:
         for one in body["values"]:

@@ -1,4 +1,4 @@
-"""The HTTP server for Hops on this machine, and the process that solves its requests one by one."""
+"""The HTTP server for Hops on this machine, and the process that solves its requests in turn."""
 
 import json
 import logging
@@ -19,7 +19,7 @@ log = logging.getLogger(__name__)
 
 
 class Solver:
-    """Solves for one client at a time. A context: its process ends with it."""
+    """Solves requests in turn, in another process that ends with the `with` block."""
 
     def __init__(self, seconds: float) -> None:
         self.seconds = seconds
@@ -33,7 +33,7 @@ class Solver:
         self._end()
 
     def solve(self, name: str, body: Mapping[str, Any]) -> str:
-        """The answer to a request to a component, JSON; raises HopsError with the sentence of what was refused."""
+        """Return the answer to a request, JSON; raise HopsError with the reason of a refusal."""
         with self._turn:
             if self._pool is None:
                 self._pool = multiprocessing.get_context("spawn").Pool(1)
@@ -57,7 +57,7 @@ class Solver:
 
 
 def answered(name: str, body: Mapping[str, Any]) -> tuple[bool, str]:
-    """Whether a request was answered, and the answer as JSON or the sentence of what was refused."""
+    """Return whether a request succeeded, and the answer as JSON or the reason of a refusal."""
     from dsfab.app.hops.components import COMPONENTS
 
     component = COMPONENTS[name]
@@ -65,24 +65,21 @@ def answered(name: str, body: Mapping[str, Any]) -> tuple[bool, str]:
         return True, json.dumps(component.answer(read_request(component, body)))
     except DsfabError as error:
         return False, str(error)
-    except Exception as error:  # a mistake of ours is an answer too: Grasshopper goes on
+    except Exception as error:  # a bug becomes an answer too, so that Grasshopper goes on
         log.exception("%s", name)
         return False, f"dsfab made a mistake ({type(error).__name__}: {error}); please report it"
 
 
 LOOPBACK = "127.0.0.1"
 LARGEST = 64 * 2**20
-"""Bytes of a request: a mesh of some hundred thousand faces."""
-
-DIGITS = 12
-"""Of a number of bytes: more are none that anybody sends."""
+"""Bytes of a request, at most: a mesh of some hundred thousand faces."""
 
 
 class HopsServer(ThreadingHTTPServer):
-    """Serves `COMPONENTS`; `address` is what a Hops component is given, with the name of a component after it."""
+    """Serves `COMPONENTS`; a Hops component takes `address` with the name of a component after it."""
 
     daemon_threads = True
-    allow_reuse_address = False  # on Windows it would let another program take the port too
+    allow_reuse_address = False  # on Windows True would let another program take the port too
 
     def __init__(self, solver: Solver, port: int = 0) -> None:
         self.solver = solver
@@ -92,33 +89,33 @@ class HopsServer(ThreadingHTTPServer):
 
     @property
     def address(self) -> str:
-        """Of this server."""
+        """Address of this server."""
         return f"http://localhost:{self.server_address[1]}"
 
     def handle_error(self, request: object, client_address: object) -> None:
-        """A connection that went wrong ends, without a word to the terminal."""
+        """Log a broken connection without a message."""
         log.debug("connection of %s", client_address, exc_info=True)
 
 
 class HopsHandler(BaseHTTPRequestHandler):
-    """One connection."""
+    """Handler of a connection."""
 
     server: HopsServer
     protocol_version = "HTTP/1.1"
     server_version = "dsfab"
     sys_version = ""
     timeout = 60
-    disable_nagle_algorithm = True  # else an answer waits up to 40 ms until Hops has told that it has the head
+    disable_nagle_algorithm = True  # else an answer waits up to 40 ms for the acknowledgement of its head
 
     def log_message(self, format: str, *args: object) -> None:
-        """Silence: the terminal is for the person."""
+        """Print nothing, because the terminal belongs to the user."""
 
     def do_HEAD(self) -> None:
-        """Hops looks whether somebody is there."""
+        """Answer Hops' check whether the server runs."""
         self._answer(HTTPStatus.OK, "", body=False)
 
     def do_GET(self) -> None:
-        """All components, or one."""
+        """Describe all components, or one."""
         name = urlsplit(self.path).path.strip("/")
         if refusal := self._refusal():
             self._refuse(HTTPStatus.FORBIDDEN, refusal)
@@ -130,11 +127,11 @@ class HopsHandler(BaseHTTPRequestHandler):
             self._refuse(HTTPStatus.NOT_FOUND, f"there is no component {name!r}; there are {', '.join(COMPONENTS)}")
 
     def do_POST(self) -> None:
-        """Solve; what is refused is told as an error that Hops shows on the component."""
+        """Solve a request; Hops shows the error of a refusal on the component."""
         length = self.headers.get("Content-Length", "")
         if refusal := self._refusal():
             self._refuse(HTTPStatus.FORBIDDEN, refusal)
-        elif not (length.isascii() and length.isdigit() and len(length) < DIGITS):
+        elif not (length.isascii() and length.isdigit() and len(length) < 12):
             self._refuse(HTTPStatus.LENGTH_REQUIRED, "say how long the request is")
         elif int(length) > LARGEST:
             self._refuse(HTTPStatus.REQUEST_ENTITY_TOO_LARGE, f"over {LARGEST >> 20} MB; make the mesh coarser")
@@ -165,7 +162,7 @@ class HopsHandler(BaseHTTPRequestHandler):
         return "this server answers Hops, and no page" if self.headers.get("Origin") is not None else ""
 
     def _refuse(self, status: HTTPStatus, text: str) -> None:
-        self.close_connection = True  # what it still sends is not read
+        self.close_connection = True  # the rest of the request stays unread
         self._answer(status, json.dumps({"values": [], "errors": [text]}))
 
     def _answer(self, status: HTTPStatus, text: str, body: bool = True) -> None:

@@ -1,10 +1,10 @@
-"""How a workshop's parts become the structure: `assembly.pdf` and `index.html`, and what these need.
+"""Documents for the assembly of a workshop's parts: `assembly.pdf` and the interactive page `index.html`.
 
-axonometry   members as they are seen from far away      sequence   which are put up when
-paper        a sheet of paper to draw on                 overview, families, flat_parts, steps   its pages
-refolding    flat parts bent back beside the design      bars, joint   pages of bars, and of one node in full
-book         all of them: `assembly_pdf`      page       the same to turn and to click on: `assembly_page`
-shades       what it colours members by
+axonometry   members in parallel projection        sequence       steps of assembly and their pages
+paper        drawing on a sheet of paper           flat_parts     cut list, nests, nodes, families
+overview     cover, named views, refolded parts    bar_pages      pages of bars and joints
+book         all pages: `assembly_pdf`             card_model     the page for a model in card
+interactive_page   the same to turn and click: `assembly_page`
 """
 
 from dsfab.report.assembly.book import assembly_pdf

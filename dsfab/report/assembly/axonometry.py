@@ -1,4 +1,4 @@
-"""Members as they are seen from far away: parallel projection, what is far away first [painter's algorithm]."""
+"""Members in parallel projection, drawn from the farthest to the nearest [painter's algorithm]."""
 
 from dataclasses import dataclass
 from typing import Self
@@ -11,18 +11,17 @@ from dsfab.render import Palette
 from dsfab.workshop import Layering, WorkshopPlan, is_strip, layer_numbers, placed_parts
 
 PIECES = 90
-"""A member is drawn in pieces as long as the structure over this."""
-SHADE = 0.3
-"""How much darker a face is that is seen edge-on."""
+"""Pieces of a member as long as the whole structure."""
+
 PLATE = (150, 146, 140)
-"""The colour of plates of nodes."""
+"""Colour of the plates of nodes."""
 LEAST_ELEVATION, AZIMUTH = 28.0, -58.0
-"""Degrees: from where a structure is seen that is not seen from above."""
+"""Direction of the usual view, degrees."""
 
 
 @dataclass(frozen=True, eq=False)
 class Axonometry:
-    """A direction to look from: unit vectors (3,) to the right, upwards and to the eye."""
+    """A view direction: unit vectors (3,) to the right, upwards and to the eye."""
 
     right: Floats
     above: Floats
@@ -30,7 +29,7 @@ class Axonometry:
 
     @classmethod
     def of(cls, up: Floats, azimuth: float = AZIMUTH, elevation: float = LEAST_ELEVATION) -> Self:
-        """From an azimuth about `up` and an elevation over the ground, degrees; 90 is a plan."""
+        """Return the view from an azimuth about `up` and an elevation over the ground, degrees; 90 is a plan."""
         x = np.array([1.0, 0.0, 0.0])
         y = np.cross(up, x)
         a, e = np.radians(azimuth), np.radians(elevation)
@@ -40,13 +39,13 @@ class Axonometry:
         return cls(np.cross(above, eye), above, eye)
 
     def flat(self, points: Floats) -> Floats:
-        """(..., 2) of points (..., 3), metres."""
+        """Project points (..., 3) to (..., 2), metres."""
         return np.asarray(points @ np.stack([self.right, self.above], axis=1))
 
 
 @dataclass(frozen=True, eq=False)
 class MemberFaces:
-    """Quads (q, 4, 3) of a member, metres; of plates the last corner is twice there."""
+    """Quads (q, 4, 3) of a member, metres; a triangle has its last corner twice."""
 
     id: str
     colour: tuple[float, float, float]
@@ -54,12 +53,12 @@ class MemberFaces:
 
     @property
     def middle(self) -> Floats:
-        """(3,) metres; on the member."""
+        """(3,) a point on the member, metres."""
         return np.asarray(self.quads[len(self.quads) // 2].mean(axis=0))
 
 
 def member_faces(graph: MemberGraph, palette: Palette, layering: Layering) -> list[MemberFaces]:
-    """All members that are built, in their colours, each in its uppermost layer; metres."""
+    """Return the faces of all members but fills, in their colours, each in its uppermost layer; metres."""
     V = graph.sheet.surface.V
     piece = float(np.linalg.norm(np.ptp(V, axis=0))) / PIECES
     found = []
@@ -73,7 +72,7 @@ def member_faces(graph: MemberGraph, palette: Palette, layering: Layering) -> li
 
 
 def bar_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
-    """All bars and the plates of nodes of a plan, by their names: bars in the colours of their members; metres."""
+    """Return the faces of all bars, in the colours of their members, and of all plates of nodes, by name; metres."""
     assert plan.bars is not None
     assert plan.graph is not None
     members, found = plan.graph.by_id, []
@@ -85,7 +84,7 @@ def bar_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
 
 
 def skin_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
-    """All members of a plan of panels, in one skin."""
+    """Return the faces of all members of a plan of panels, in one skin."""
     assert plan.graph is not None
     built = {part.member for part in plan.parts}
     faces = member_faces(plan.graph, palette, Layering(0.0, 2, 0.0))
@@ -93,7 +92,9 @@ def skin_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
 
 
 def plank_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
-    """All members of a plan of planks, in their colours: both sides and the upper edge of each, and plates on them."""
+    """Return the faces of a plan of planks in their colours: both sides and the upper edge of each plank, and the
+    plates.
+    """
     assert plan.graph is not None
     assert plan.planks is not None
     graph, stock, built = plan.graph, plan.planks.stock, {part.member for part in plan.parts}
@@ -108,7 +109,6 @@ def plank_faces(plan: WorkshopPlan, palette: Palette) -> list[MemberFaces]:
 
 
 def _ribs(member: Member, piece: float, thickness: float, depth: float) -> Floats:
-    """(q, 4, 3) both sides and the upper edge of an upright plank."""
     axis = member.axis
     assert axis is not None
     P, T, N = axis.at(np.linspace(0, axis.length, max(int(np.ceil(axis.length / piece)), 2) + 1))
@@ -119,7 +119,7 @@ def _ribs(member: Member, piece: float, thickness: float, depth: float) -> Float
 
 
 def joined_faces(faces: list[MemberFaces], plan: WorkshopPlan) -> list[MemberFaces]:
-    """Those of bars as those of their members; without plates."""
+    """Merge the faces of bars by member; drop the plates."""
     member = {part.id: part.member for part in plan.parts}
     found: dict[str, list[MemberFaces]] = {}
     for one in faces:
@@ -154,18 +154,20 @@ def _bands(member: Member, piece: float, height: float) -> Floats:
 
 @dataclass(frozen=True, eq=False)
 class FaceList:
-    """Faces in the order in which they are drawn: corners (q, 4, 2), metres, and colours (q, 3), 0 to 1."""
+    """Faces in drawing order: corners (q, 4, 2), metres, and colours (q, 3), 0 to 1."""
 
     corners: Floats
     colours: Floats
 
 
 def painted(faces: list[MemberFaces], view: Axonometry, colours: dict[str, tuple[float, float, float]]) -> FaceList:
-    """All faces of members, from the farthest to the nearest; members that `colours` names in these."""
+    """Return all faces from the farthest to the nearest; `colours` replaces the colours of the members that it
+    names.
+    """
     quads = np.concatenate([one.quads for one in faces])
     tints = np.concatenate([np.tile(colours.get(one.id, one.colour), (len(one.quads), 1)) for one in faces])
     n = np.cross(quads[:, 1] - quads[:, 0], quads[:, 2] - quads[:, 0])
     facing = np.abs(n @ view.eye) / np.maximum(np.linalg.norm(n, axis=1), 1e-30)
-    tints = tints * (1 - SHADE + SHADE * facing)[:, None]
+    tints = tints * (0.7 + 0.3 * facing)[:, None]  # a face seen edge-on is darker
     order = (quads.mean(axis=1) @ view.eye).argsort(kind="stable")
     return FaceList(view.flat(quads[order]), tints[order])

@@ -10,19 +10,18 @@ from dsfab.core.units import MM_PER_M
 from dsfab.design import Design
 from dsfab.report.assembly.flat_parts import Page, sheet_figures
 from dsfab.report.assembly.paper import INK, PAGE, QUIET, RED, Fitted, Paper, PaperBox, usual_scale
-from dsfab.report.assembly.sequence import AssemblyStep
+from dsfab.report.assembly.sequence import MOST, AssemblyStep
 from dsfab.workshop import CLEAR, FlatPart, PlateArm, WorkshopPlan, bar_table, half_plane_clip, plate_arms
 
 ROWS, COLUMNS = 58, 2
 """Bars on a page."""
-STEPS = 12
-"""Pictures of steps."""
+
 BAR_RULE = (
     "Bars go up from the supports upwards, by the height of their middle. Each plate is bolted beneath the first of "
     "its bars on the ground, the arm with a bar's name to that bar. What nothing holds yet needs props until the bars "
     "beside it are there."
 )
-"""What `bar_steps` does, for those who build by it."""
+"""Order of `bar_steps` in words, for the builders."""
 BARS_UNCHECKED = (
     "the statics of bolts, plates and folds: the design was judged as one sheet, and bars on one plate each bend there",
     "the statics while it is being put up; props and scaffolding",
@@ -30,11 +29,11 @@ BARS_UNCHECKED = (
     "moisture, grain and knots; edge and end distances of bolts after the material's standard",
     "bearings: what holds the structure at its supports",
 )
-"""What nobody looked at, for the last page."""
+"""Risks that nobody checked, for the last page."""
 
 
 def bar_figures(plan: WorkshopPlan, design: Design) -> list[tuple[str, str]]:
-    """What stands beside the structure on the cover."""
+    """Return the key figures of a structure of bars, for the cover."""
     assert plan.bars is not None
     assert plan.graph is not None
     statics, found, stock = design.preset.statics, plan.bars.found.bars, plan.bars.stock
@@ -57,7 +56,7 @@ def bar_figures(plan: WorkshopPlan, design: Design) -> list[tuple[str, str]]:
 
 
 def bar_pages(plan: WorkshopPlan) -> list[Page]:
-    """All bars: their nodes, lengths and angles."""
+    """Return pages with the nodes, lengths and angles of all bars."""
     rows = bar_table(plan).rows
     per_page = ROWS * COLUMNS
     return [
@@ -100,12 +99,12 @@ def _bar_row(paper: Paper, at: tuple[float, float], row: Sequence[str | int | fl
 
 
 def bar_steps(plan: WorkshopPlan, up: Floats) -> tuple[AssemblyStep, ...]:
-    """Bars by the height of their middle, as many in each step; `BAR_RULE` says so. Plates are there with the first."""
+    """Return steps with equal numbers of bars, sorted by the height of their middle; see `BAR_RULE`."""
     assert plan.bars is not None
     found = plan.bars.found
     heights = np.array([float(bar.points.mean(axis=0) @ up) for bar in found.bars])
     order = heights.round(3).argsort(kind="stable").tolist()
-    together = max(int(np.ceil(len(order) / STEPS)), 1)
+    together = max(int(np.ceil(len(order) / MOST)), 1)
     return tuple(
         AssemblyStep(0, tuple(found.bars[k].bay.id for k in order[first : first + together]))
         for first in range(0, len(order), together)
@@ -113,12 +112,13 @@ def bar_steps(plan: WorkshopPlan, up: Floats) -> tuple[AssemblyStep, ...]:
 
 
 SHOWN = 1.7
-"""Of the length of an arm beyond the root, so much of each bar is shown."""
+"""Length of the bars on the page of a joint, over the length of an arm beyond its root."""
 
 
 def joint_pages(plan: WorkshopPlan) -> list[Page]:
-    """One node in full: the plate with most arms, its bars as they lie on it, and a bar seen from the side; and one
-    with a leg, if there are any."""
+    """Return pages of the node with the most arms: its plate and bars from above and from the side; another for
+    legs.
+    """
     assert plan.bars is not None
     joints = [joint for joint in plan.bars.found.joints if joint.node.joined]
     pages = list[Page]()
@@ -172,8 +172,7 @@ def _folded(arm: PlateArm) -> float:
 
 
 def bar_on_plate(part: FlatPart, arm: PlateArm, last: bool) -> Floats:
-    """(k, 2) the end of a bar, its last or its first one, as it lies on a plate that is not folded yet; metres from the
-    node."""
+    """(k, 2) the first or last end of a bar, as it lies on the unfolded plate; metres from the node."""
     hole = next(one for one in (reversed(part.holes) if last else part.holes))
     way = part.axis[1] - part.axis[0]
     way = way / np.linalg.norm(way) * (-1 if last else 1)
@@ -186,7 +185,6 @@ def bar_on_plate(part: FlatPart, arm: PlateArm, last: bool) -> Floats:
 
 
 def _arm_table(paper: Paper, box: PaperBox, arms: Sequence[PlateArm]) -> None:
-    """Of each arm where it points to, where it is folded, and its holes."""
     x, y = box.x, box.y + box.high - 4
     places = (0.0, 48.0, 72.0, 96.0, box.wide)
     heads = ("arm of bar", "along", "fold", "fold at", "holes at, mm")
@@ -211,8 +209,9 @@ def _arm_table(paper: Paper, box: PaperBox, arms: Sequence[PlateArm]) -> None:
 
 
 def _side_view(paper: Paper, box: PaperBox, plan: WorkshopPlan, arm: PlateArm, bars: Container[str]) -> None:
-    """The arm of a plate from the side, to scale: the plate's middle, its fold, the bar and its bolts. A leg has no
-    bar, and is drawn level, as it lies on the ground."""
+    """Draw an arm of a plate from the side, to scale: its fold, the bar and its bolts. A leg lies level, without a
+    bar.
+    """
     assert plan.bars is not None
     stock = plan.bars.stock
     c, s = float(np.cos(arm.dip)), float(np.sin(arm.dip))

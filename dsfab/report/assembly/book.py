@@ -1,4 +1,4 @@
-"""`assembly.pdf`: all that those who cut and build need on paper, A3, drawn in lines."""
+"""The book `assembly.pdf` for cutting and building, on A3, drawn in lines."""
 
 import io
 from collections.abc import Callable
@@ -39,11 +39,11 @@ UNCHECKED = (
     "moisture, grain and knots; edge and end distances of bolts after the material's standard",
     "bearings: what holds the structure at its supports",
 )
-"""What nobody looked at, for the last page."""
+"""Risks of bent layers that nobody checked, for the last page."""
 
 
 def assembly_pdf(plan: WorkshopPlan, design: Design) -> bytes:
-    """The whole file. The same plan gives the same bytes."""
+    """Return the whole book as a PDF. The same plan gives the same bytes."""
     from reportlab.pdfgen.canvas import Canvas
 
     name, file = design.preset.name, io.BytesIO()
@@ -62,7 +62,7 @@ def assembly_pdf(plan: WorkshopPlan, design: Design) -> bytes:
 
 
 def book_pages(plan: WorkshopPlan, design: Design) -> list[Page]:
-    """All pages in order. A flat design has no members to put up: its pieces are butted."""
+    """Return all pages in order. A flat design has no steps of assembly, because its pieces are butted."""
     flat = [*cut_list_pages(plan), *nest_pages(plan)]
     last = ("What was not checked", partial(_unchecked, plan=plan))
     if plan.graph is None:
@@ -91,7 +91,6 @@ def book_pages(plan: WorkshopPlan, design: Design) -> list[Page]:
 
 
 def _bar_book(plan: WorkshopPlan, design: Design, up: Floats) -> list[Page]:
-    """All pages of bars but the last: they have no layers, and are put up one by one."""
     parts = bar_faces(plan, PAPER)
     members = joined_faces(parts, plan)
     return [
@@ -108,7 +107,6 @@ def _bar_book(plan: WorkshopPlan, design: Design, up: Floats) -> list[Page]:
 
 
 def _plank_book(plan: WorkshopPlan, design: Design, up: Floats) -> list[Page]:
-    """All pages of planks but the last."""
     faces = plank_faces(plan, PAPER)
     return [
         ("Assembly", partial(cover, faces=faces, up=up, figures=_figures(plan, design), notes=list(plan.notes))),
@@ -123,7 +121,6 @@ def _plank_book(plan: WorkshopPlan, design: Design, up: Floats) -> list[Page]:
 
 
 def _panel_book(plan: WorkshopPlan, design: Design, up: Floats) -> list[Page]:
-    """All pages of a model of panels but the last: they are put together in one skin."""
     faces = skin_faces(plan, PAPER)
     return [
         ("Assembly", partial(cover, faces=faces, up=up, figures=_figures(plan, design), notes=list(plan.notes))),
@@ -189,7 +186,7 @@ PLANKS_UNCHECKED = (
     "moisture, grain and knots; edge and end distances of bolts after the material's standard",
     "bearings: what holds the structure at its supports",
 )
-"""What nobody looked at of upright planks."""
+"""Risks of upright planks that nobody checked."""
 
 
 def _unchecked_points(plan: WorkshopPlan) -> tuple[str, ...]:
@@ -202,7 +199,7 @@ def _unchecked(paper: Paper, plan: WorkshopPlan) -> None:
     x, y = PAGE.x, PAGE.y + PAGE.high - 8
     blocks = (
         ("Not checked by dsfab:", _unchecked_points(plan)),
-        ("Told of this plan:", plan.notes),
+        ("Notes on this plan:", plan.notes),
     )
     for head, notes in blocks:
         paper.text((x, y), head, 11, bold=True)
@@ -218,7 +215,6 @@ def _unchecked(paper: Paper, plan: WorkshopPlan) -> None:
 
 
 def _edges(paper: Paper, name: str, title: str, number: str) -> None:
-    """What stands above and below every page."""
     top, right = HIGH - 16, WIDE - MARGIN
     paper.text((MARGIN, top), name, 15, bold=True)
     paper.text((MARGIN + paper.width(name, 15, bold=True) + 6, top), title, 15, QUIET)

@@ -1,4 +1,4 @@
-"""The page for model makers: what is cut how, which layer lies on which, the base plate, and what to do in order."""
+"""The page for model makers: cutting, order of layers, base plate, and steps."""
 
 from collections.abc import Callable, Iterator
 
@@ -16,7 +16,7 @@ MODEL_UNCHECKED = (
     "the grain of the card: long strips bend more evenly along it",
     "members of one layer that run into each other, as at a crown: trim them with a knife",
 )
-"""What nobody looked at."""
+"""Risks of a card model that nobody checked."""
 PANEL_STEPS = (
     (
         "Sort",
@@ -37,16 +37,15 @@ PANEL_STEPS = (
     ),
     ("Plates", "Glue plates beneath, in the middle of what ends there."),
 )
-"""What to do with panels after they are cut: heads and words."""
-BASE = 2
-"""The number of that step that is left out where nothing stands on the ground."""
+"""Steps for panels after cutting: head and text."""
+
 WIDE = 150.0
-"""Millimetres of the page for words; the plate has the rest."""
+"""Width of the text, millimetres; the base plate takes the rest of the page."""
 NAMES = {"major": "A", "minor": "B", "rim": "rim", "keep": "what is kept around supports and loads (ring, band)"}
 
 
 def model_figures(plan: WorkshopPlan) -> list[tuple[str, str]]:
-    """Key figures of a model for its cover."""
+    """Return the key figures of a model for its cover."""
     assert plan.graph is not None
     size = MM_PER_M * np.ptp(plan.graph.sheet.surface.V, axis=0)
     pins = {hole.bolt for part in plan.parts for hole in part.holes}
@@ -72,7 +71,7 @@ def _millimetres(size: tuple[float, float]) -> str:
 
 
 def model_pages(plan: WorkshopPlan) -> list[Page]:
-    """The page, for a model of members; none of what is built at full size."""
+    """Return the page for a model of members; none for a structure at full size."""
     return [(f"Building the model at 1:{plan.model:g}", _page(plan))] if plan.model and plan.graph else []
 
 
@@ -95,7 +94,6 @@ def _page(plan: WorkshopPlan) -> Callable[[Paper], None]:
 
 
 def _steps(plan: WorkshopPlan) -> Iterator[tuple[str, str]]:
-    """What to do in order: a head and its words each."""
     yield (
         "Cut",
         f"Send sheet_1 and those after it (DXF or SVG, millimetres) to the laser, on card of {length(plan.thickness)}. "
@@ -104,7 +102,7 @@ def _steps(plan: WorkshopPlan) -> Iterator[tuple[str, str]]:
     )
     if plan.layering is None:
         stands = any(part.id.startswith("base") for part in plan.parts)
-        yield from (step for step in PANEL_STEPS if stands or step is not PANEL_STEPS[BASE])
+        yield from (step for step in PANEL_STEPS if stands or step[0] != "Build from the base")
         return
     pins = length(plan.layering.bolt)
     yield (
@@ -126,7 +124,6 @@ def _steps(plan: WorkshopPlan) -> Iterator[tuple[str, str]]:
 
 
 def _order(plan: WorkshopPlan, names: set[str]) -> str:
-    """Which layer lies on which, from below."""
     graph, layering = plan.graph, plan.layering
     assert graph is not None
     assert layering is not None
@@ -139,7 +136,6 @@ def _order(plan: WorkshopPlan, names: set[str]) -> str:
 
 
 def _packing(plan: WorkshopPlan) -> str:
-    """What to do with the packing of nodes, if there is any."""
     squares = [part.id for part in plan.parts if not part.member and part.holes]
     if not squares:
         return ""
@@ -147,7 +143,6 @@ def _packing(plan: WorkshopPlan) -> str:
 
 
 def _plate(paper: Paper, plates: list[FlatPart]) -> None:
-    """The pieces of the base plate at a usual scale, with what is engraved on them."""
     room = PaperBox(PAGE.x + WIDE + 12, PAGE.y, PAGE.wide - WIDE - 12, PAGE.high - 10)
     wide, high = max(part.size[0] for part in plates), max(part.size[1] for part in plates)
     across = min(len(plates), max(1, round(float(np.sqrt(len(plates) * high / wide * room.wide / room.high)))))

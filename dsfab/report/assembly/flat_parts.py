@@ -1,4 +1,4 @@
-"""Pages of parts: every part with its outline, the nested sheets, the nodes, and the members of each family."""
+"""Pages of parts: cut list, nested sheets, nodes, and the members of each family."""
 
 from collections.abc import Callable, Sequence
 
@@ -14,19 +14,19 @@ ACROSS, DOWN = 4, 13
 ROWS, COLUMNS = 62, 3
 """Nodes on a page."""
 LEGIBLE, LEGIBLE_MODEL = 40.0, 400.0
-"""Millimetres for a metre of a sheet, and of one of a model, if one can be had: names of parts are readable there."""
+"""Scale at which names of parts are legible, of a structure and of a model: millimetres of paper per metre."""
 Page = tuple[str, Callable[[Paper], None]]
 
 
 def sheet_figures(plan: WorkshopPlan, name: str = "Sheets") -> list[tuple[str, str]]:
-    """How many sheets of which size, how much of them becomes parts, and what they cost, if that is known."""
+    """Return number, size and use of the sheets, and their price, if known."""
     cost = stock_cost(plan.sheets)
     priced = [("Price of the sheets", money(cost))] if cost else []
     return [(name, f"{stock_words(plan.sheets)}, {plan.used:.0%} used"), *priced]
 
 
 def cut_list_pages(plan: WorkshopPlan) -> list[Page]:
-    """Parts that differ: outlines as large as they fit, sizes, how often they are cut and from which sheets."""
+    """Return pages of the distinct parts: outline, size, number of copies, and sheets."""
     pages = []
     per_page = ACROSS * DOWN
     for k in range(0, len(plan.same), per_page):
@@ -77,7 +77,7 @@ def _outline(paper: Paper, part: FlatPart, fitted: Fitted) -> None:
 
 
 def nest_pages(plan: WorkshopPlan) -> list[Page]:
-    """All sheets at one usual scale, as many as fit on a page, each part with its name."""
+    """Return pages of all sheets at one usual scale, each part with its name."""
     wide = max(sheet.size[0] for sheet in plan.sheets)
     high = max(sheet.size[1] for sheet in plan.sheets)
     legible = LEGIBLE_MODEL if plan.model else LEGIBLE
@@ -97,7 +97,7 @@ def nest_pages(plan: WorkshopPlan) -> list[Page]:
 
 
 def _room(across: int, down: int, wide: float, high: float) -> float:
-    """Millimetres per metre at which so many sheets fit on a page."""
+    """Millimetres per metre at which this many sheets fit on a page."""
     return min((PAGE.wide / across - 6) / wide, (PAGE.high / down - 12) / high)
 
 
@@ -123,7 +123,7 @@ def _nests(sheets: Sequence[NestedSheet], first: int, cells: list[PaperBox], sca
 
 
 def _part_name(paper: Paper, part: FlatPart, fitted: Fitted) -> None:
-    """On the middle line of a part, or of its box; white beneath it."""
+    """Write the name on the middle line of a part, or in its box, on white."""
     middle = (part.outline.min(axis=0) + part.outline.max(axis=0)) / 2
     x, y = fitted.of(part.axis[len(part.axis) // 2] if len(part.axis) else middle).tolist()
     long, high = paper.width(part.id, 5.5) / 2 + 0.3, 1.0
@@ -137,7 +137,7 @@ def _part_name(paper: Paper, part: FlatPart, fitted: Fitted) -> None:
 
 
 def node_pages(plan: WorkshopPlan) -> list[Page]:
-    """All nodes with a bolt: their members, the angle between these, and where they are."""
+    """Return pages of all nodes with a bolt: members, their angle, and place."""
     rows = node_table(plan).rows
     pages = []
     per_page = ROWS * COLUMNS
@@ -178,7 +178,7 @@ ROW = 24.0
 NAMES = 44.0
 """Millimetres for its name, to the left of its line."""
 APART = 2.1
-"""Millimetres between the names of two nodes, at least: of others the tick alone is drawn."""
+"""Least millimetres between the names of two nodes; a node closer than that has a tick alone."""
 SPLICED = (
     "Above each line the member that crosses there, below it millimetres along the middle surface from the beginning; "
     "red: splices. Bays of a layer are those of its drawing."
@@ -200,7 +200,7 @@ PER_PAGE = int(PAGE.high // ROW)
 
 
 def family_pages(plan: WorkshopPlan) -> list[tuple[str, Callable[[Paper], None]]]:
-    """Titles and what is drawn: the members of one family at one scale, in order."""
+    """Return pages with the members of one family in order, at one scale: title and drawing."""
     assert plan.graph is not None
     found = []
     built = {part.member for part in plan.parts}
@@ -235,7 +235,6 @@ def _said(plan: WorkshopPlan) -> str:
 
 
 def _row(paper: Paper, plan: WorkshopPlan, member: Member, y: float, scale: float) -> None:
-    """A member as a straight line with its nodes."""
     parts = [part for part in plan.parts if part.member == member.id]
     pieces = [part for part in parts if ".c" not in part.id]
     size = f"{MM_PER_M * member.length:,.0f} x {MM_PER_M * member.mean_width:.0f} mm" if member.axis else "plate"

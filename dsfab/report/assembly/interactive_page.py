@@ -18,14 +18,12 @@ from dsfab.report.html_pages import style
 from dsfab.surface import simplified_line
 from dsfab.workshop import FlatPart, WorkshopPlan, bar_table, file_stem, refolded
 
-KILO = 1e3
-
 
 def page_shades(plan: WorkshopPlan, names: list[str], judged: Design | None) -> list[dict[str, Any]]:
-    """By what members are coloured: a name, a unit, and a value for each of `names`; None where there is none.
+    """Return the scales by which the page colours members: name, unit, and a value or None for each of `names`.
 
-    judged : the design where its members' forces are to be shown too, which takes seconds. Raises StaticsError then
-    where it has no strength, or nothing carries its loads.
+    judged : design whose member forces give more scales, which takes seconds. Raises StaticsError then without a
+    strength, or if nothing carries its loads.
     """
     assert plan.graph is not None
     members = plan.graph.by_id
@@ -45,9 +43,9 @@ def page_shades(plan: WorkshopPlan, names: list[str], judged: Design | None) -> 
 
 
 def _judged(design: Design, names: list[str]) -> list[dict[str, Any]]:
-    """What members bear: the largest normal force of any case, and how much it is of what they can bear."""
+    """Scales of the largest normal force of any case, and of the utilisation."""
     normal = {
-        name: max((float(table[np.abs(table[:, 0]).argmax(), 0]) / KILO for table in one.forces.values()), key=abs)
+        name: max((float(table[np.abs(table[:, 0]).argmax(), 0]) / 1e3 for table in one.forces.values()), key=abs)
         for name, one in design.member_forces.items()
         if len(one.s)
     }
@@ -64,7 +62,7 @@ def _shade(name: str, unit: str, values: dict[str, float], names: list[str], dig
 
 
 def page_figures(plan: WorkshopPlan, design: Design, judged: bool) -> list[tuple[str, str]]:
-    """Names and values for people."""
+    """Return the key figures: names and values."""
     statics, box = design.preset.statics, np.ptp(design.surface.V, axis=0)
     sheet = design.sheet.surface
     mass = sheet.area * statics.thickness * statics.density  # making the solid would take longer than the page
@@ -81,15 +79,11 @@ def page_figures(plan: WorkshopPlan, design: Design, judged: bool) -> list[tuple
     return found
 
 
-TOLERANCE = 3e-4
-"""Metres that an outline on the page may be off the part's."""
-
-
 def assembly_page(plan: WorkshopPlan, design: Design, judged: bool = False) -> str:
-    """One file that fetches nothing; the same plan gives the same page. Only of a plan with members.
+    """Return the page as one HTML file that loads nothing from the network; the same plan gives the same page.
 
-    judged : whether members can be coloured by their forces and by what these are of what they can bear: a page for
-    clients, without the workshop's drawings beside it.
+    judged : also colour members by force and utilisation: a page for clients, without the workshop's drawings.
+    The plan must have members.
     """
     assert plan.graph is not None
     preset, graph = design.preset, plan.graph
@@ -125,7 +119,7 @@ def assembly_page(plan: WorkshopPlan, design: Design, judged: bool = False) -> s
 
 
 def _faces(plan: WorkshopPlan) -> list[MemberFaces]:
-    """What a click chooses: a member, or of bars a bar or a plate."""
+    """Clickable things: members, or bars and plates."""
     if plan.planks:
         return plank_faces(plan, PAPER)
     if plan.route == "panels":
@@ -138,7 +132,7 @@ def _faces(plan: WorkshopPlan) -> list[MemberFaces]:
 
 
 def _built(plan: WorkshopPlan, faces: list[MemberFaces]) -> list[dict[str, Any]]:
-    """Flat parts bent back into space, metres; none of plans whose members are shown as their parts anyway."""
+    """Flat parts bent back into space, metres; none if the page shows members as their parts anyway."""
     if plan.bars:
         return []
     piece = piece_length(faces)
@@ -153,12 +147,10 @@ def _built(plan: WorkshopPlan, faces: list[MemberFaces]) -> list[dict[str, Any]]
 
 
 def _chosen(part: FlatPart, plan: WorkshopPlan) -> str:
-    """The name of what a part is shown with."""
     return part.id if plan.bars else part.member
 
 
 def _bar_words(plan: WorkshopPlan) -> dict[str, str]:
-    """Of bars and plates, what is to be known of each."""
     assert plan.bars is not None
     found = {}
     for row in bar_table(plan).rows:
@@ -174,7 +166,6 @@ def _bar_words(plan: WorkshopPlan) -> dict[str, str]:
 
 
 def _words(plan: WorkshopPlan, name: str) -> str:
-    """Of a member: how long and wide it is, and what it meets."""
     assert plan.graph is not None
     member, nodes = plan.graph.by_id[name], plan.graph.along[name]
     size = f"{MM_PER_M * member.length:,.0f} x {MM_PER_M * member.mean_width:.0f} mm, " if member.axis else ""
@@ -183,7 +174,7 @@ def _words(plan: WorkshopPlan, name: str) -> str:
 
 
 def _part(plan: WorkshopPlan, number: int, drawn: bool) -> dict[str, Any]:
-    """A flat part; `drawn` says whether its drawing lies beside the page."""
+    """Facts of a flat part; `drawn`: a drawing lies beside the page."""
     part = plan.parts[number]
     same = next(group[0] for group in plan.same if number in group)
     return {
@@ -208,12 +199,12 @@ def _middle(part: FlatPart) -> Floats:
 def _loop(part: FlatPart, loop: Floats) -> list[float]:
     """x y of a closed line about the middle of the part's box, millimetres."""
     closed = np.pad(np.concatenate([loop, loop[:1]]) - _middle(part), ((0, 0), (0, 1)))
-    flat: list[float] = (MM_PER_M * simplified_line(closed, TOLERANCE)[:-1, :2]).round(1).ravel().tolist()
+    flat: list[float] = (MM_PER_M * simplified_line(closed, 3e-4)[:-1, :2]).round(1).ravel().tolist()
     return flat
 
 
 def _sheets(plan: WorkshopPlan) -> list[dict[str, Any]]:
-    """Each with its parts: number, turn in degrees, and where the middle of its box comes to lie, millimetres."""
+    """Sheets with their parts: number, turn in degrees, and place of the middle of the box, millimetres."""
     number = {part.id: k for k, part in enumerate(plan.parts)}
     found = []
     for sheet in plan.sheets:

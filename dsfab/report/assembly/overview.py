@@ -1,4 +1,4 @@
-"""The first pages: the structure, its key figures and named views, and its parts bent back into space."""
+"""The first pages of the book: cover, named views, and parts bent back into space."""
 
 from collections.abc import Callable
 
@@ -12,18 +12,12 @@ from dsfab.report.assembly.paper import HAIR, INK, PAGE, QUIET, RED, Fitted, Pap
 from dsfab.surface import simplified_line
 from dsfab.workshop import RefoldedStrip, WorkshopPlan, refolded
 
-LETTER = 2.5
-"""Millimetres; height of the names of members, less where there are very many."""
-MANY = 120
-"""So many members are very many."""
 FINE = 8.0
-"""Cells of the grid on which names find their places, per millimetre."""
-PLACES = 15
-"""Places along a member at which its name may stand."""
+"""Cells per millimetre of the grid on which names find their places."""
 
 
 def cover(paper: Paper, faces: list[MemberFaces], up: Floats, figures: list[tuple[str, str]], notes: list[str]) -> None:
-    """The whole structure, its figures beside it, and below them what is possible and what is not."""
+    """Draw the structure, its key figures beside it, and the notes below them."""
     wide = 128.0
     drawing = PaperBox(PAGE.x, PAGE.y, PAGE.wide - wide - 10, PAGE.high)
     structure(paper, faces, Axonometry.of(up), drawing, {})
@@ -52,9 +46,9 @@ def structure(
     colours: dict[str, tuple[float, float, float]],
     extent: Floats | None = None,
 ) -> Fitted:
-    """Members in a box of the page; those named in `colours` in these.
+    """Draw members into a box of the page; `colours` replaces the colours of the members that it names.
 
-    extent : (k, 2) what the drawing is to have room for; that of the members where nothing is said.
+    extent : (k, 2) region to fit into the box, metres; None fits the members.
     """
     drawn = painted(faces, view, colours)
     extent = drawn.corners.reshape(-1, 2) if extent is None else extent
@@ -64,10 +58,10 @@ def structure(
 
 
 def named_view(paper: Paper, faces: list[MemberFaces], view: Axonometry) -> None:
-    """All members of a structure with their names, on one page."""
+    """Draw all members of a structure with their names, on one page."""
     box = PaperBox(PAGE.x + 6, PAGE.y + 8, PAGE.wide - 12, PAGE.high - 14)
     fitted = structure(paper, faces, view, box, {})
-    letter = LETTER * min(1.0, float(np.sqrt(MANY / len(faces))))
+    letter = 2.5 * min(1.0, float(np.sqrt(120 / len(faces))))  # millimetres, less for over 120 members
     plates = [_nameplate(one, fitted.of(view.flat(_places(one)))) for one in faces]
     size = (int(FINE * (PAGE.wide + 2 * PAGE.x)), int(FINE * (PAGE.high + PAGE.y + 10)))
     names = placed_names(plates, size, FINE * letter)
@@ -86,26 +80,20 @@ def named_view(paper: Paper, faces: list[MemberFaces], view: Axonometry) -> None
 
 
 def _places(one: MemberFaces) -> Floats:
-    """(k, 3) places on a member, from its middle outwards."""
+    """(k, 3) about 15 places for the name on a member, from its middle outwards."""
     middles = one.quads.mean(axis=1)
     away = np.abs(np.arange(len(middles)) - len(middles) / 2).argsort(kind="stable")
-    return np.asarray(middles[away[:: max(len(away) // PLACES, 1)]])
+    return np.asarray(middles[away[:: max(len(away) // 15, 1)]])
 
 
 def _nameplate(one: MemberFaces, places: Floats) -> Nameplate:
     return Nameplate(one.id, (0, 0, 0), FINE * places, np.ones(len(places), dtype=bool))
 
 
-DRAWN = 1e-3
-"""Metres that edges of planks may be off on the drawing."""
-WORDS = 24.0
-"""Millimetres below the pictures, at least."""
-
-
 def refolded_pages(
     plan: WorkshopPlan, faces: list[MemberFaces], up: Floats
 ) -> list[tuple[str, Callable[[Paper], None]]]:
-    """The page; none where no strip is cut, or of a model."""
+    """Return the page of the parts bent back into space; none without strips, or for a model."""
     found = refolded(plan)
     if not found.strips:
         return []
@@ -126,17 +114,17 @@ def refolded_pages(
 
 
 def piece_length(faces: list[MemberFaces]) -> float:
-    """Metres of the pieces in which parts are drawn."""
+    """Return the length of the pieces in which parts are drawn, metres."""
     return float(np.linalg.norm(np.ptp(np.concatenate([one.quads.reshape(-1, 3) for one in faces]), axis=0))) / PIECES
 
 
 def strip_quads(strip: RefoldedStrip, piece: float, slotted: bool = False) -> Floats:
-    """(q, 4, 3) a strip in pieces of about so many metres; of one with slots at every corner of these."""
+    """Return (q, 4, 3) a strip in pieces about `piece` metres long; a slotted strip breaks at every corner."""
     middle = strip.edges.mean(axis=1)
     long = float(np.linalg.norm(np.diff(middle, axis=0), axis=1).sum())
     count = max(int(np.ceil(long / piece)), 1)
     if slotted:
-        rows = simplified_line(strip.edges.reshape(-1, 6), DRAWN).reshape(-1, 2, 3)
+        rows = simplified_line(strip.edges.reshape(-1, 6), 1e-3).reshape(-1, 2, 3)
     else:
         rows = strip.edges[np.unique(np.linspace(0, len(strip.edges) - 1, count + 1).round().astype(int))]
     right, left = rows[:, 0], rows[:, 1]
@@ -148,7 +136,8 @@ def _page(faces: list[MemberFaces], parts: list[MemberFaces], up: Floats, said: 
     extent = np.concatenate([view.flat(one.quads).reshape(-1, 2) for one in (*faces, *parts)])
 
     def draw(paper: Paper) -> None:
-        room = PaperBox(PAGE.x, PAGE.y + WORDS, PAGE.wide, PAGE.high - WORDS)
+        foot = 24.0  # millimetres for the captions
+        room = PaperBox(PAGE.x, PAGE.y + foot, PAGE.wide, PAGE.high - foot)
         captions = ("Members, as they are designed", said)
         for some, cell, words in zip((faces, parts), room.cells(2, 1, 10.0), captions, strict=True):
             fitted = structure(paper, some, view, cell, {}, extent)

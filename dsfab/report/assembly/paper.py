@@ -1,4 +1,4 @@
-"""A sheet of paper to draw on, millimetres from its lower left corner, by reportlab."""
+"""Drawing on a sheet of paper with reportlab, millimetres from its lower left corner."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -11,13 +11,13 @@ from dsfab.report.assembly.axonometry import FaceList
 from dsfab.report.html_pages import COLOURS
 
 MM = 72 / 25.4
-"""Points."""
+"""Points per millimetre."""
 WIDE, HIGH = 420.0, 297.0
 """A3, millimetres."""
 MARGIN, HEAD, FOOT = 14.0, 26.0, 18.0
-"""Paper left free at the sides, and for what stands above and below every page."""
+"""Margins at the sides, above and below every page."""
 STEPS = (1.0, 2.0, 2.5, 5.0)
-"""Usual scales are these times a power of ten."""
+"""Usual scales over a power of ten."""
 
 Colour = tuple[float, float, float]
 
@@ -32,7 +32,7 @@ INK, QUIET, HAIR, RED = _ink("text"), _ink("quiet"), _ink("hair"), _ink("bad")
 
 @dataclass(frozen=True)
 class PaperBox:
-    """A part of a page: its lower left corner, its width and height, millimetres."""
+    """A part of a page: its lower left corner, width and height, millimetres."""
 
     x: float
     y: float
@@ -40,38 +40,38 @@ class PaperBox:
     high: float
 
     def cells(self, across: int, down: int, gap: float = 0.0) -> "list[PaperBox]":
-        """The box in rows and columns, from the upper left, with a gap between them."""
+        """Divide the box into rows and columns, from the upper left, with a gap between them."""
         w, h = (self.wide - gap * (across - 1)) / across, (self.high - gap * (down - 1)) / down
         tops = [self.y + self.high - h - k * (h + gap) for k in range(down)]
         return [PaperBox(self.x + k * (w + gap), y, w, h) for y in tops for k in range(across)]
 
 
 PAGE = PaperBox(MARGIN, FOOT, WIDE - 2 * MARGIN, HIGH - HEAD - FOOT)
-"""What a page's own drawing has."""
+"""The region for a page's own drawing."""
 
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """How metres of a drawing become millimetres of paper: points @ scale + shift (2,)."""
+    """Map from metres of a drawing to millimetres of paper: points * scale + shift (2,)."""
 
     scale: float
     shift: Floats
 
     @classmethod
     def into(cls, low: Floats, high: Floats, box: PaperBox, scale: float = 0.0) -> "Fitted":
-        """A box of (2,) metres in the middle of a box of paper, at a scale, or as large as it fits."""
+        """Centre a box of (2,) metres in a box of paper, at a scale, or as large as it fits."""
         size = np.maximum(high - low, 1e-9)
         scale = scale or float(min(box.wide / size[0], box.high / size[1]))
         middle = np.array([box.x + box.wide / 2, box.y + box.high / 2])
         return cls(scale, middle - scale * (low + high) / 2)
 
     def of(self, points: Floats) -> Floats:
-        """(..., 2) millimetres."""
+        """Return points as (..., 2) millimetres."""
         return np.asarray(points * self.scale + self.shift)
 
 
 def usual_scale(most: float) -> tuple[float, str]:
-    """The largest usual scale that is not larger than `most`, millimetres per metre, and its name, "1:20"."""
+    """Return the largest usual scale up to `most`, millimetres per metre, and its name, "1:20"."""
     least = 1000 / most
     power = 10.0 ** np.floor(np.log10(least) - 1)
     step = next(float(f"{k * power * 10**j:.6g}") for j in range(3) for k in STEPS if k * power * 10**j >= least)
@@ -79,7 +79,7 @@ def usual_scale(most: float) -> tuple[float, str]:
 
 
 class Paper:
-    """The pages of a document, the one that is open last."""
+    """The pages of a document; the last one is open."""
 
     def __init__(self, canvas: Any, fonts: tuple[str, str]) -> None:
         self.canvas, self.fonts = canvas, fonts
@@ -93,14 +93,14 @@ class Paper:
         side: Literal["left", "middle", "right"] = "left",
         bold: bool = False,
     ) -> None:
-        """Words in points of type, from, about or up to a place on their base line."""
+        """Write words from, about or up to a place on their base line; size in points."""
         self.canvas.setFont(self.fonts[bold], size)
         self.canvas.setFillColorRGB(*colour)
         draw = {"left": "drawString", "middle": "drawCentredString", "right": "drawRightString"}[side]
         getattr(self.canvas, draw)(float(at[0]) * MM, float(at[1]) * MM, words)
 
     def upright(self, at: tuple[float, float], words: str, size: float, colour: Colour = INK) -> None:
-        """Words that are read from the right, beginning at a place."""
+        """Write words upwards, so that they are read from the right, beginning at a place."""
         self.canvas.saveState()
         self.canvas.translate(at[0] * MM + size * 0.35, at[1] * MM)  # half the height of a capital
         self.canvas.rotate(90)
@@ -110,17 +110,17 @@ class Paper:
         self.canvas.restoreState()
 
     def width(self, words: str, size: float, bold: bool = False) -> float:
-        """Millimetres that words are long."""
+        """Return the length of words, millimetres."""
         return float(self.canvas.stringWidth(words, self.fonts[bold], size)) / MM
 
     def wrapped(self, words: str, wide: float, size: float) -> list[str]:
-        """Words in lines of so many millimetres."""
+        """Break words into lines of this width, millimetres."""
         from reportlab.lib.utils import simpleSplit
 
         return list(simpleSplit(words, self.fonts[0], size, wide * MM))
 
     def lines(self, some: Sequence[Floats], colour: Colour, width: float, closed: bool = False) -> None:
-        """Polylines (k, 2), millimetres, so many points wide."""
+        """Draw polylines (k, 2), millimetres; width in points."""
         path = self.canvas.beginPath()
         for points in some:
             (x, y), *rest = (points * MM).tolist()
@@ -134,7 +134,7 @@ class Paper:
         self.canvas.drawPath(path)
 
     def filled(self, points: Floats, colour: Colour) -> None:
-        """A polygon (k, 2), millimetres."""
+        """Fill a polygon (k, 2), millimetres."""
         path = self.canvas.beginPath()
         (x, y), *rest = (points * MM).tolist()
         path.moveTo(x, y)
@@ -145,14 +145,14 @@ class Paper:
         self.canvas.drawPath(path, stroke=0, fill=1)
 
     def circles(self, places: Floats, diameter: float, colour: Colour) -> None:
-        """Circles about places (k, 2), millimetres."""
+        """Draw circles about places (k, 2), millimetres."""
         self.canvas.setStrokeColorRGB(*colour)
         self.canvas.setLineWidth(0.3)
         for x, y in (places * MM).tolist():
             self.canvas.circle(x, y, diameter / 2 * MM)
 
     def faces(self, drawn: FaceList, fitted: Fitted) -> None:
-        """Thousands of them at once: one string of operators, where a call for each takes ten times as long."""
+        """Draw thousands of faces as one string of operators, because a call for each takes ten times as long."""
         P = (fitted.of(drawn.corners) * MM).reshape(-1, 8)
         dark = 0.55 * drawn.colours
         rows = np.concatenate([drawn.colours, P, dark, P[:, :4], P[:, 4:]], axis=1)
@@ -166,7 +166,7 @@ class Paper:
         self.canvas.restoreState()
 
     def scale_bar(self, at: tuple[float, float], scale: float) -> None:
-        """A bar of a round length, from a place to the right; `scale` millimetres per metre."""
+        """Draw a bar of a round length, from a place to the right; `scale` in millimetres per metre."""
         metres = float(f"{10.0 ** np.floor(np.log10(45 / scale)):.6g}")
         metres = max(metres * k for k in (1, 2, 5) if metres * k * scale <= 45) if metres * scale <= 45 else metres
         x, y = at

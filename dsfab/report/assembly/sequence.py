@@ -16,27 +16,25 @@ from dsfab.workshop import Layering, WorkshopPlan, is_strip, layer_numbers
 
 MOST = 12
 """Pictures of steps, about."""
-LEVEL = 0.02
-"""Members that begin as high, within this share of the structure's height, follow each other by name."""
 
 RULE = (
     "The lower layer goes up before the one above it: at every node the upper member is bolted on the lower one. "
     "Within a layer members go up from the supports upwards: by the height of their lowest point, those of one height "
     "in the order of their names. Members that nothing holds yet need props until the next layer is bolted on."
 )
-"""What `assembly_steps` does, for those who build by it."""
+"""Order of `assembly_steps` in words, for the builders."""
 
 
 @dataclass(frozen=True)
 class AssemblyStep:
-    """Members that are put up together: names, and how many layers lie above them."""
+    """Members that go up together: names, and the number of layers above them."""
 
     layer: int
     members: tuple[str, ...]
 
 
 def assembly_steps(graph: MemberGraph, layering: Layering, up: Floats) -> tuple[AssemblyStep, ...]:
-    """Every member that is built, once for each layer that it is in; `RULE` says in which order.
+    """Return the steps: every built member once for each of its layers, in the order of `RULE`.
 
     up : (3,) unit vector.
     """
@@ -48,12 +46,12 @@ PLANK_RULE = (
     "along the middle of the normals at its slots. Within a family members go up by the height of their lowest point, "
     "those of one height in the order of their names. Splices are closed when both pieces sit."
 )
-"""What `plank_steps` does, for those who build by it."""
+"""Order of `plank_steps` in words, for the builders."""
 FAMILIES = {"major": "family A", "minor": "family B", "rim": "edges", "keep": "those around supports and loads"}
 
 
 def plank_rule(plan: WorkshopPlan) -> str:
-    """`PLANK_RULE` with the families of a plan."""
+    """Return `PLANK_RULE` with the families of a plan."""
     assert plan.graph is not None
     assert plan.planks is not None
     there = {member.family for member in plan.graph.members if is_strip(member)}
@@ -62,7 +60,7 @@ def plank_rule(plan: WorkshopPlan) -> str:
 
 
 def plank_steps(plan: WorkshopPlan, up: Floats) -> tuple[AssemblyStep, ...]:
-    """Every member of a plan of planks, families in the order in which they are put on each other, plates last."""
+    """Return the steps of a plan of planks: families in their order on each other, plates last."""
     assert plan.graph is not None
     assert plan.planks is not None
     built, order = {part.member for part in plan.parts}, plan.planks.found.order
@@ -81,8 +79,9 @@ def _ordered_steps(
     """Steps by numbers of layers from the top: the largest goes up first."""
     heights = _heights(graph, up)
     span = max(max(heights.values()) - min(heights.values()), 1e-9)
+    level = 0.02  # share of the height within which members follow by name
     every = [
-        (number, round(heights[member.id] / span / LEVEL), k, member.id)
+        (number, round(heights[member.id] / span / level), k, member.id)
         for k, member in enumerate(graph.members)
         for number in numbers(member)
     ]
@@ -105,15 +104,13 @@ def _heights(graph: MemberGraph, up: Floats) -> dict[str, float]:
 ACROSS, DOWN = 3, 2
 """Steps on a page."""
 STANDING = (0.82, 0.81, 0.79)
-"""The colour of what stands already."""
-LINES = 3
-"""Of names below a picture."""
+"""Colour of members that stand already."""
 
 
 def step_pages(
     steps: tuple[AssemblyStep, ...], faces: list[MemberFaces], up: Floats, rule: str
 ) -> list[tuple[str, Callable[[Paper], None]]]:
-    """Pages of pictures: what is new is in its colour, what stands is grey; above them by which rule."""
+    """Return pages of pictures below the rule: new members in their colours, standing ones in grey."""
     per_page = ACROSS * DOWN
     return [
         (
@@ -151,16 +148,16 @@ def _step(
     cell: PaperBox,
     seen: tuple[Axonometry, Floats],
 ) -> None:
-    view, extent = seen
+    (view, extent), count = seen, 3  # lines of names below a picture
     new = set(steps[k].members)
     before = {name for step in steps[:k] for name in step.members} - new
     there = [one for one in faces if one.id in new or one.id in before]
-    below = 5.0 + 3.4 * LINES
+    below = 5.0 + 3.4 * count
     picture = PaperBox(cell.x, cell.y + below, cell.wide, cell.high - below)
     structure(paper, there, view, picture, dict.fromkeys(before, STANDING), extent)
     paper.text((cell.x, cell.y + below - 3), f"{k + 1}", 12, bold=True)
     lines = paper.wrapped(", ".join(steps[k].members), cell.wide - 10, 8)
-    if len(lines) > LINES:
-        lines = [*lines[: LINES - 1], f"... to {steps[k].members[-1]}"]
+    if len(lines) > count:
+        lines = [*lines[: count - 1], f"... to {steps[k].members[-1]}"]
     for row, line in enumerate(lines):
         paper.text((cell.x + 8, cell.y + below - 3 - 3.4 * row), line, 8)

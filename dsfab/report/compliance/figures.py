@@ -165,9 +165,8 @@ def lettering(**more: Any) -> Iterator[None]:
 
     import matplotlib as mpl
 
-    logging.getLogger("matplotlib.font_manager").setLevel(
-        logging.ERROR
-    )  # a missing font is no fault: the next one serves
+    # a missing font is no fault, because the next one of the list serves
+    logging.getLogger("matplotlib.font_manager").setLevel(logging.ERROR)
     settings: dict[Any, Any] = {**FONT, **more}
     with mpl.rc_context(settings):
         yield

@@ -148,12 +148,12 @@ class Findings:
 
     @property
     def carries(self) -> bool:
-        """Whether the design carries the loads that its pattern follows."""
+        """True if the design carries the loads that its pattern follows."""
         return self.design.judgement is not None
 
     @property
     def drawn(self) -> bool:
-        """Whether the design has a structure that can be drawn."""
+        """True if the design has a structure for pictures."""
         return self.design.structure is not None
 
     @property
@@ -202,7 +202,7 @@ class Findings:
 
     @property
     def plane(self) -> bool:
-        """Whether the loads lie in the plane of a flat sheet, so that it was solved there."""
+        """True if the loads lie in the plane of a flat sheet, so that it was solved in this plane."""
         return flat_axis(self.task.surface, *self.task.all_loads.values()) is not None
 
     @property

@@ -343,7 +343,7 @@ def reactions_table(found: Findings, name: str, number: Numbers) -> Table:
 
 
 def rivals_table(found: Findings, number: Numbers) -> Table:
-    """All competitors with mass, compliance, displacement, stress and level of judgement."""
+    """Competitors with mass, compliance, displacement, stress and level of judgement."""
     rows = [_rival(found, one) for one in found.compared.competitors]
     _, unit = unit_for(found.unit_of, "J")
     head = (

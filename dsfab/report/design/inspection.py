@@ -244,7 +244,7 @@ def fabrication_lines(facts: Mapping[str, Any]) -> Iterator[str]:
 
 
 def _asked(check: Mapping[str, Any]) -> bool:
-    """Whether [fabrication] sets the limit; older files list such limits only."""
+    """True if [fabrication] sets the limit; older files list such limits only."""
     return bool(check.get("asked", True))
 
 

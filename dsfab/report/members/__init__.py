@@ -18,7 +18,7 @@ from dsfab.preset.file import preset_toml
 from dsfab.render import up_axis
 from dsfab.report.assembly import assembly_page
 from dsfab.report.compliance import tables
-from dsfab.report.compliance.figures import SIZE, WHITE, Chart, jpeg, lettering, png, trimmed
+from dsfab.report.compliance.figures import BANDS, SIZE, WHITE, Chart, jpeg, lettering, png, trimmed
 from dsfab.report.compliance.findings import length, nice, percent, unit_for
 from dsfab.report.design.facts import versions
 from dsfab.report.html_pages import (
@@ -46,30 +46,30 @@ if TYPE_CHECKING:
 
 
 UNITS = (*["N"] * 3, *["N m"] * 3)
-"""Of the components: forces, then moments."""
+"""Units of the components: forces, then moments."""
 SHOWN = tuple(enumerate(zip(COMPONENTS, UNITS, strict=True)))
-"""Component, its name and its unit."""
-ACROSS = 3
-"""Components in a row: forces above, moments below."""
+"""Number, name and unit of each component."""
+
 WIDE, HIGH = 6.8, 0.68
-"""Inches of a row; the axis below has half a row more."""
+"""Inches of a row of diagrams; the axis below has half a row more."""
 RISING, FALLING, INK = "#b84f38", "#21508c", "#3a3532"
-"""Colours of what is above and below zero, and of lines."""
+"""Colours of positive values, negative values, and lines."""
 
 
 def force_diagrams(design: Design, rows: list[tuple[str, str]]) -> Chart:
-    """Two rows for each member, with the case or combination that it is drawn for: N, Vy, Vz, and Mt, My, Mz below.
+    """Draw two rows for each member in its case or combination: N, Vy, Vz, and below Mt, My, Mz.
 
-    Grey lines are the least and the greatest of all cases; strokes at the bottom are nodes.
+    Grey lines are the least and the greatest value of all cases; strokes at the bottom are nodes.
     """
     from matplotlib.figure import Figure
     from matplotlib.layout_engine import ConstrainedLayoutEngine
 
-    lines = len(SHOWN) // ACROSS
+    across = 3  # forces above, moments below
+    lines = len(SHOWN) // across
     with lettering(**{"font.size": 7.5}):
         layout = ConstrainedLayoutEngine(hspace=0.06, h_pad=0.02)
         figure = Figure(figsize=(WIDE, HIGH * (lines * len(rows) + 0.4)), layout=layout)
-        grid = figure.subplots(lines * len(rows), ACROSS, squeeze=False)
+        grid = figure.subplots(lines * len(rows), across, squeeze=False)
         for number, (name, case) in enumerate(rows):
             block = grid[lines * number : lines * (number + 1)]
             forces = design.member_forces[name]
@@ -86,14 +86,12 @@ def force_diagrams(design: Design, rows: list[tuple[str, str]]) -> Chart:
 
 
 def _titled(axes: "Axes", name: str, case: str) -> None:
-    """The member and its case, above the titles of the diagrams."""
     above: dict[str, Any] = {"textcoords": "offset points", "va": "bottom", "fontsize": 8.5}
     bold = axes.annotate(name, (0, 1), (0, 10), xycoords="axes fraction", fontweight="bold", **above)
     axes.annotate(case, (1, 0), (6, 0), xycoords=bold, **above)
 
 
 def _drawn(axes: "Axes", forces: "MemberForces", case: str, shown: tuple[int, str, str]) -> None:
-    """One component along one member."""
     column, letter, unit = shown
     value, least, most = forces.forces[case][:, column], *np.moveaxis(forces.envelope[:, column], -1, 0)
     factor, name = unit_for(max(float(np.abs([least, most]).max()), 1e-9), unit)
@@ -114,15 +112,11 @@ def _drawn(axes: "Axes", forces: "MemberForces", case: str, shown: tuple[int, st
 
 
 WORST = 10
-"""Members that are listed, drawn and named."""
-BANDS = 10
-"""Of colour, or a few less."""
-SAMPLES = 8
-"""Points along a bay by which cells find it."""
+"""Members with a row, a diagram and a name in the report."""
 
 
 def rating_figure(design: Design, number: Numbers) -> ReportFigure:
-    """The picture, or why there is none."""
+    """Draw the structure in the colours of its utilisation; without graphics the figure has the reason."""
     from dsfab.render import band_colours, rated_members_picture
 
     found = design.member_utilisation
@@ -146,33 +140,29 @@ def rating_figure(design: Design, number: Numbers) -> ReportFigure:
 
 
 def bay_values(design: Design) -> Floats:
-    """(m,) utilisation: of the bay that each cell of the members' sheet is nearest to along its member. Where members
-    cross, the larger; NaN where there is none."""
+    """(m,) utilisation of the bay that each cell of the sheet of members is nearest to; NaN without a bay.
+
+    At a crossing the larger value counts.
+    """
     graph, found = design.members, design.member_utilisation
-    value = np.full(graph.sheet.surface.m, -np.inf)
+    value, samples = np.full(graph.sheet.surface.m, -np.inf), 8  # points along a bay
     for name in dict.fromkeys(found.bays.member):
         member, own = graph.by_id[name], [k for k, one in enumerate(found.bays.member) if one == name]
         assert member.axis is not None
-        s = np.array([np.linspace(found.bays.s[k, 0], found.bays.s[k, -1], SAMPLES) for k in own]).ravel()
+        s = np.array([np.linspace(found.bays.s[k, 0], found.bays.s[k, -1], samples) for k in own]).ravel()
         P = member.axis.at(s % member.axis.length if member.axis.closed else s)[0]
-        nearest = np.asarray(cKDTree(P).query(graph.sheet.surface.centroids[member.cells])[1]) // SAMPLES
+        nearest = np.asarray(cKDTree(P).query(graph.sheet.surface.centroids[member.cells])[1]) // samples
         value[member.cells] = np.maximum(value[member.cells], found.largest[np.array(own)[nearest]])
     return np.where(np.isinf(value), np.nan, value)
 
 
-LISTED = 400
-"""Members in the list of all of them, at most."""
-IN_A_FIGURE = 3
-"""Members in one figure of diagrams: two of these are a page."""
-
-
 def worst_words(found: Utilisation) -> str:
-    """'B10, 63 %'."""
+    """Return for example 'B10, 63 %'."""
     return f"{found.bays.member[found.order[0]]}, {percent(float(found.largest[found.order[0]]))}"
 
 
 def summary(found: Utilisation, picture: ReportFigure, number: Numbers) -> ReportSection:
-    """One page: a verdict of the members alone, and the structure."""
+    """The first page: a verdict on the members alone, and the structure."""
     over = sum(value > 1 for value in found.by_member.values())
     if found.standard.startswith("no standard"):
         status, title = "unknown", "No standard: stress over strength"
@@ -194,7 +184,7 @@ def summary(found: Utilisation, picture: ReportFigure, number: Numbers) -> Repor
 
 
 def worst(found: Utilisation, number: Numbers) -> ReportSection:
-    """The members that bear most of what they can, with the clause and the forces that decide."""
+    """The most used members, with the decisive clause and forces."""
     chosen = found.worst_bays(WORST)
     decisive = []
     for bay in chosen:
@@ -209,7 +199,7 @@ def worst(found: Utilisation, number: Numbers) -> ReportSection:
 
 
 def _forces_table(found: Utilisation, chosen: Sequence[int], number: Numbers) -> Table:
-    """Sections and forces of some bays, where the check that decides over them is largest."""
+    """Sections and forces of bays at the station where the decisive check is largest."""
     bays, at = found.bays, [(bay, *found.governing(bay)[1:]) for bay in chosen]
     forces = np.array([bays.forces[case][bay, station] for bay, case, station in at])
     scale = [_scale(forces[:, [unit == one for one in UNITS]], unit) for unit in UNITS]
@@ -227,8 +217,10 @@ def _forces_table(found: Utilisation, chosen: Sequence[int], number: Numbers) ->
 
 
 def _scale(values: Floats, unit: str) -> tuple[float, str, int]:
-    """One unit for all forces or all moments, so that columns can be compared: what to divide by, its name, and digits
-    behind the point, four of the largest and two at least."""
+    """Divisor, unit and decimals for all forces or all moments, so that columns can be compared.
+
+    The largest value has four digits; each has two decimals at least.
+    """
     largest = max(float(np.abs(values).max()), 1e-9)
     factor, name = unit_for(largest, unit)
     return factor, name, max(2, 3 - int(np.floor(np.log10(largest / factor))))
@@ -240,9 +232,9 @@ def along(design: Design, number: Numbers) -> ReportSection:
     rows = [(found.bays.member[bay], found.governing(bay)[1]) for bay in found.worst_bays(WORST)]
     several = len(found.bays.forces) > 1
     told = "Each in the case that decides, named beside it; grey: least and greatest of all cases. " if several else ""
-    figures = []
-    for first in range(0, len(rows), IN_A_FIGURE):
-        part = rows[first : first + IN_A_FIGURE]
+    figures, count = [], 3  # members in a figure, so that two figures fill a page
+    for first in range(0, len(rows), count):
+        part = rows[first : first + count]
         image, size = force_diagrams(design, part)
         names = ", ".join(name for name, _ in part)
         words = f"Section forces along {names}. {told}Strokes at the bottom are nodes."
@@ -251,7 +243,7 @@ def along(design: Design, number: Numbers) -> ReportSection:
 
 
 def checks(found: Utilisation, number: Numbers) -> ReportSection:
-    """The largest of each check."""
+    """The largest value of each check."""
     rows = []
     for column, check in enumerate(found.checks):
         values = found.worst[:, column]
@@ -264,7 +256,7 @@ def checks(found: Utilisation, number: Numbers) -> ReportSection:
 
 
 def scope(found: Utilisation) -> ReportSection:
-    """What was taken for granted, and what nobody looked at."""
+    """Assumptions, and questions that nobody checked."""
     assumed = [escaped(line) for line in found.assumed]
     missing = [escaped(line[0].upper() + line[1:]) + "." for line in found.unchecked]
     blocks: list[Block] = [
@@ -278,13 +270,13 @@ def scope(found: Utilisation) -> ReportSection:
 
 
 def members(found: Utilisation, number: Numbers) -> ReportSection:
-    """All members, those that bear most first, in three columns."""
-    ranked = sorted(found.by_member.items(), key=lambda one: -one[1])
-    shown = [(name, percent(value)) for name, value in ranked[:LISTED]]
+    """List of all members in three columns, the most used first."""
+    ranked, most = sorted(found.by_member.items(), key=lambda one: -one[1]), 400
+    shown = [(name, percent(value)) for name, value in ranked[:most]]
     third = -(-len(shown) // 3)
     columns = [[*shown[k * third : (k + 1) * third]] for k in range(3)]
     rows = [_across(columns, row) for row in range(third)]
-    more = f" {len(ranked) - LISTED} more are in member_utilisation.csv." if len(ranked) > LISTED else ""
+    more = f" {len(ranked) - most} more are in member_utilisation.csv." if len(ranked) > most else ""
     caption = number.table("All members with bays between nodes, the largest of each." + more)
     head = ("Member", "Utilisation") * 3
     return ReportSection("All members", [Table(caption, head, rows, 0, "", (1, 1, 1, 1, 1, 1))])
@@ -295,7 +287,7 @@ def _across(columns: Sequence[Sequence[tuple[str, str]]], row: int) -> list[str]
 
 
 def reproduction(design: Design, command: str, known: Mapping[str, str], number: Numbers) -> ReportSection:
-    """Everything that is needed to make it again."""
+    """Command, versions and preset of the report."""
     blocks: list[Block] = [
         Paragraph("Made by this command, with the preset below and these versions:"),
         Code(command),
@@ -308,13 +300,13 @@ def reproduction(design: Design, command: str, known: Mapping[str, str], number:
 
 FILES = ("report.html", "report.pdf")
 STRUCTURE = "structure.html"
-"""The structure to turn, cut and colour, for a client."""
+"""Interactive page of the structure, for clients."""
 
 
 def member_report(design: Design, command: str) -> Document:
-    """What members bear, over what they can. command : the line that makes it again.
+    """Return the report on the utilisation of members. command : the command line that makes it again.
 
-    Raises StaticsError where neither the material nor a strength is known, or nothing carries the loads.
+    Raises StaticsError without a code or strength of the material, or if nothing carries the loads.
     """
     found, number, known = design.member_utilisation, Numbers(), versions()
     facts = [
@@ -337,7 +329,7 @@ def member_report(design: Design, command: str) -> Document:
 
 
 def write_member_report(design: Design, command: str, folder: Path) -> tuple[list[str], list[str]]:
-    """Write the report and the page of the structure; returns their names, and what could not be done, in sentences."""
+    """Write the report and the page of the structure; return their names, and a sentence for each step that failed."""
     document, files, told = member_report(design, command), [FILES[0]], list[str]()
     (folder / FILES[0]).write_text(page(document), encoding="utf-8")
     try:
@@ -348,7 +340,7 @@ def write_member_report(design: Design, command: str, folder: Path) -> tuple[lis
     try:
         plan = workshop_plan(design, up_axis(design.surface.V, design.surface, design.load))
     except DsfabError as error:
-        return files, [*told, f"{STRUCTURE} is left out, for the design has no flat parts: {error}"]
+        return files, [*told, f"{STRUCTURE} is left out, because the design has no flat parts: {error}"]
     if plan.graph is None:
         return files, told
     (folder / STRUCTURE).write_text(assembly_page(plan, design, judged=True), encoding="utf-8")

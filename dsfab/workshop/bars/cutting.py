@@ -69,10 +69,7 @@ def bar_part(bar: LatticeBar, nodes: tuple[str, str], stock: BarStock) -> FlatPa
 
 
 def _mitres(end: BarEnd, stock: BarStock, clear: float) -> Iterator[tuple[Floats, float]]:
-    """Yield half planes a . x <= b, x along the bar from its root and to the left, that clear the neighbours.
-
-    Each ends at the plane between both bars that stands on the plate, over the full thickness.
-    """
+    """Yield half planes a . x <= b, x along and left of the bar, up to the plane halfway to each neighbour."""
     for side, gap in ((1, end.after), (-1, end.before)):
         if 0 < gap < np.pi:
             c, s = np.cos(gap / 2), np.sin(gap / 2)
@@ -101,7 +98,6 @@ def half_plane_clip(P: Floats, a: Floats, b: float) -> Floats:
 
 
 def _bar_marks(bar: LatticeBar, nodes: tuple[str, str], inner: tuple[float, float], height: float) -> Iterator[Floats]:
-    """Yield strokes of a bar's name in its middle, and of node names close to its ends."""
     room = inner[1] - inner[0]
     names = [nodes[0], bar.bay.id, nodes[1]]
     long = sum(text_length(name, height) for name in names) + 4 * height
@@ -173,9 +169,7 @@ class PlateArm:
 
     @classmethod
     def of(cls, joint: Joint, bar: LatticeBar, side: int, stock: BarStock) -> "PlateArm":
-        """Return the arm of a bar; on a plate below the bars, folds are closer to the node than roots of bars that
-        dip.
-        """
+        """Return the arm of a bar; below dipping bars, folds are closer to the node than the roots."""
         end, (at, last) = bar.ends[side], stock.bolts(bar)
         nearer = stock.lever * np.tan(end.dip / 2)
         holes = tuple(end.root - 2 * nearer + r for r in at)
@@ -189,7 +183,6 @@ class PlateArm:
 
 
 def _plate_outline(joint: Joint, arms: Sequence[PlateArm]) -> Floats:
-    """Return the outline (k, 2) counter-clockwise: the end of each arm, and the corner to the next arm."""
     a, found = joint.half, list[Floats]()
     for arm, after in zip(arms, [*arms[1:], arms[0]], strict=True):
         found += [arm.at(arm.end, -a), arm.at(arm.end, a)]
@@ -202,7 +195,6 @@ def _plate_outline(joint: Joint, arms: Sequence[PlateArm]) -> Floats:
 
 
 def _plate_marks(joint: Joint, arms: Sequence[PlateArm], stock: BarStock) -> Iterator[Floats]:
-    """Yield strokes of bar names and fold angles (degrees) on each arm, and of the node's name on the first."""
     height = min(stock.letters, WORKSHOP_SMALL, 0.5 * joint.half)
     for k, arm in enumerate(arms):
         stops = [arm.fold, *arm.holes]

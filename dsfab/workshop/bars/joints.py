@@ -34,9 +34,7 @@ ANCHORS = (3.0, 4.0, 3.0)
 
 @dataclass(frozen=True, eq=False)
 class Leg:
-    """Leg of a plate: unit direction (3,) in the plate, fold angle towards the normal (radians), anchor diameter
-    (m).
-    """
+    """Leg of a plate: unit direction (3,) in the plate, fold towards the normal (radians), anchor diameter (m)."""
 
     way: Floats
     fold: float
@@ -96,10 +94,7 @@ class Footing:
 def leg_plates(
     graph: MemberGraph, layering: Layering, footing: Footing, thickness: float
 ) -> tuple[list[FlatPart], list[str]]:
-    """Return plates with legs below strips at supported nodes, and the names of nodes on too flat a surface.
-
-    thickness : of the plates (m).
-    """
+    """Return plates of a thickness (m) with legs below strips at supports, and names of nodes that are too flat."""
     nodes = [node for node in graph.nodes if node.kind != "grazing"]
     members = [[graph.by_id[name] for name in node.members] for node in nodes]
     widths = [max(one.mean_width for one in some) for some in members]
@@ -237,9 +232,7 @@ class BarLattice:
     lattice: Lattice
 
     def azimuth(self, joint: Joint, way: Floats) -> float:
-        """Return the angle from a joint's first bar to a direction (3,), counter-clockwise about its normal, 0 to 2
-        pi.
-        """
+        """Return the angle, 0 to 2 pi, from a joint's first bar to a direction (3,), counter-clockwise."""
         (k, side), n = joint.bars[0], joint.node.normal
         x = _level((self.bars[k].direction * (1 - 2 * side))[None], n[None])[0]
         return float(np.mod(np.arctan2(way @ np.cross(n, x), way @ x), 2 * np.pi))
@@ -261,7 +254,6 @@ class BarLattice:
         return replace(self, joints=tuple(joints)), without
 
     def _is_free(self, joint: Joint, azimuth: float) -> bool:
-        """Return whether an arm at an azimuth would be clear of other arms at its fold."""
         others = np.array([self.bars[k].ends[side].azimuth for k, side in joint.bars])
         gap = float(np.abs(np.angle(np.exp(1j * (others - azimuth)))).min())
         return bool(joint.half <= joint.root * np.tan(gap / 2))
@@ -276,9 +268,7 @@ class _Ways:
     other: Ints
 
     def dip(self, way: Floats, N: Floats) -> Floats:
-        """Return angles (2 b,) of directions (2 b, 3) below the planes of their nodes with normals N (n, 3)
-        (radians).
-        """
+        """Return angles (2 b,) of directions (2 b, 3) below the planes of nodes with normals N (n, 3)."""
         return np.asarray(-np.arcsin(np.einsum("qi,qi->q", way, N[self.node]) / np.linalg.norm(way, axis=1)))
 
 
@@ -323,7 +313,6 @@ def _level(way: Floats, N: Floats) -> Floats:
 
 
 def _around(ends: Ints, level: Floats, normal: Floats) -> tuple[Ints, Floats, Floats]:
-    """Return ends counter-clockwise about a node, their azimuths, and the angle from each to the next."""
     x = level[ends[0]]
     y = np.cross(normal, x)
     azimuth = np.mod(np.arctan2(level[ends] @ y, level[ends] @ x), 2 * np.pi)
@@ -350,10 +339,7 @@ def _arms(gaps: Floats, width: Floats, lean: Floats, long: Floats, bolt: float) 
 
 
 def _roots(P: Floats, N: Floats, ways: _Ways, root: Floats, rounds: int = 30) -> Floats:
-    """Return bar roots (2 b, 3) in the planes of their nodes, each towards its opposite root.
-
-    Directions start at nodes, because directions from roots do not converge for short bars.
-    """
+    """Return bar roots (2 b, 3) in the planes of their nodes; directions between roots would not converge."""
     here = P[ways.node]
     found = here
     for _ in range(rounds):  # each round moves the roots e / (distance - e) times as far as the one before

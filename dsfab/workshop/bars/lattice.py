@@ -71,8 +71,6 @@ class Lattice:
 
 @dataclass(frozen=True)
 class _Way:
-    """Bay before nodes are merged: its member, keys of its ends, span and width."""
-
     member: str
     ends: tuple[str, str]
     span: tuple[float, float]
@@ -80,10 +78,7 @@ class _Way:
 
 
 def member_lattice(graph: MemberGraph, bolt: float) -> Lattice:
-    """Return the lattice of all members with an axis; bolt : diameter (m).
-
-    Raises PatternError if too many nodes are too close for bars.
-    """
+    """Return the lattice of members with an axis for bolts (m). Raises PatternError for too many short bays."""
     places = {node.id: (node.point, _smooth_normal(graph, node)) for node in graph.nodes}
     members = [member for member in graph.members if is_barred(member)]
     ways = [way for member in members for way in _member_ways(graph, member, places, bolt)]
@@ -103,10 +98,7 @@ def member_lattice(graph: MemberGraph, bolt: float) -> Lattice:
 
 
 def _smooth_normal(graph: MemberGraph, node: Node) -> Floats:
-    """Return the mean normal (3,) of the members' axes, which are fitted over many faces; else the node's normal.
-
-    On a sphere with 0.1 m edges its error is 0.006 degrees, that of a face normal 0.34 degrees.
-    """
+    """Return the mean normal (3,) of the fitted axes, whose error is 0.006 degrees in place of 0.34 for a face."""
     members = [(graph.by_id[name].axis, s) for name, s in zip(node.members, node.at, strict=True)]
     found = [axis.at(np.array([s]))[2][0] for axis, s in members if axis is not None and np.isfinite(s)]
     total = np.sum([n * np.sign(n @ node.normal) for n in found], axis=0) if found else node.normal
@@ -147,10 +139,7 @@ def _member_ways(
 def _grouped(
     keys: list[str], ways: list[_Way], places: dict[str, tuple[Floats, Floats]], bolt: float
 ) -> tuple[Ints, int]:
-    """Return the group number (n,) of each place, and the number of bays that vanish.
-
-    Free ends of members join if they overlap, as at corners of a surface.
-    """
+    """Return the group number (n,) of each place, and the number of vanished bays; overlapping free ends join."""
     number = {key: k for k, key in enumerate(keys)}
     half = np.zeros(len(keys))
     ends = np.array([[number[key] for key in way.ends] for way in ways], dtype=np.int64).reshape(-1, 2)
@@ -185,7 +174,6 @@ def _node(keys: list[str], places: dict[str, tuple[Floats, Floats]]) -> LatticeN
 
 
 def _named(ways: Sequence[_Way], number: dict[str, int]) -> tuple[list[Bay], list[str]]:
-    """Return bays between different places, numbered along members, and names of parallel bays."""
     bays, parallel = list[Bay](), list[str]()
     counted: dict[str, int] = {}
     there = set[frozenset[int]]()

@@ -85,7 +85,6 @@ def _possible(plan: BarPlan) -> Iterator[str]:
 
 
 def _sharp_angles(plan: BarPlan) -> Iterator[str]:
-    """Yield sentences on the sharpest angle, and on bars that lose most of a side."""
     bars, stock = plan.found.bars, plan.stock
     angle, node, one, other = min(
         (bars[k].ends[side].after, joint.node.id, bars[k].bay.id, bars[beside].bay.id)
@@ -129,7 +128,6 @@ def _left_out(plan: BarPlan) -> Iterator[str]:
 
 
 def _names(names: tuple[str, ...]) -> str:
-    """Return "A01.2 and 3 others are"."""
     return f"{some_names(names)} {'is' if len(names) == 1 else 'are'}"
 
 
@@ -188,7 +186,6 @@ def _plate_quads(joint: Joint, found: BarLattice, stock: BarStock) -> Floats:
 
 
 def _leg_quads(joint: Joint, middle: Floats) -> list[Floats]:
-    """Return the quad (4, 3) of a plate's leg, and the triangle between it and the middle."""
     leg, n = joint.leg, joint.node.normal
     assert leg is not None
     aside = joint.half * np.cross(n, leg.way)

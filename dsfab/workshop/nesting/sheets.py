@@ -69,7 +69,6 @@ def _orders(stock: Sequence[Size]) -> list[list[Size]]:
 
 
 def _costs(stock: Sequence[Size], prices: Sequence[float]) -> dict[Size, float]:
-    """Return the cost of a sheet of each size: its least price, or without prices its area."""
     priced = zip(stock, prices or [a * b for a, b in stock], strict=True)
     return dict(sorted(priced, key=lambda one: -one[1]))
 
@@ -81,7 +80,6 @@ def _cheaper(
     costs: Mapping[Size, float],
     ask: Raster,
 ) -> list[NestedSheet] | None:
-    """Return the trial, with sheets of the cheapest possible sizes, if it costs less than the cheapest nest so far."""
     if tried is None:
         return best
     tried = [_on_cheapest(sheet, boxes, costs, ask) for sheet in tried]
@@ -93,7 +91,6 @@ def _cost(sheets: list[NestedSheet], costs: Mapping[Size, float]) -> float:
 
 
 def _on_cheapest(sheet: NestedSheet, boxes: bool, costs: Mapping[Size, float], ask: Raster) -> NestedSheet:
-    """Return a sheet's parts on a cheaper size, if all of them fit there."""
     for size in sorted(costs, key=lambda one: costs[one]):
         if costs[size] >= costs[sheet.size]:
             break
@@ -131,16 +128,12 @@ def _by_value(
 def stacked(
     parts: Sequence[FlatPart], stock: Sequence[Size], gap: float, most: int, grain: bool = False
 ) -> list[NestedSheet] | None:
-    """Nest parts by piling alone, the first stock size first; None for more than `limit` sheets.
-
-    This is faster than `nested`, and may need more sheets.
-    """
+    """Nest parts by piling alone, faster than `nested`; None for more than `limit` sheets."""
     ask = raster(stock, gap, grain)
     return _filled(parts, False, stock, ask, most)
 
 
 def _boxes(parts: Sequence[FlatPart], gap: float) -> float:
-    """Return the area of the boxes around parts, half of the gap larger on each side (m2)."""
     return float(sum((part.size[0] + gap) * (part.size[1] + gap) for part in parts))
 
 
@@ -160,10 +153,7 @@ def _filled(
     ask: Raster,
     most: int,
 ) -> list[NestedSheet] | None:
-    """Fill sheets: each part goes on the first sheet with room, where its upper edge is lowest.
-
-    None for more than `limit` sheets, as soon as the remaining area exceeds the free area.
-    """
+    """Fill sheets: each part goes on the first sheet with room; None for more than `limit` sheets."""
     opened = list[OpenSheet]()
     left, largest = sum(part.area for part in parts), max(a * b for a, b in stock) + NEAR
     for part in _in_order(parts):
@@ -207,7 +197,6 @@ def polygon_distance(P: Floats, Q: Floats) -> float:
 
 
 def _from_sides(points: Floats, polygon: Floats) -> float:
-    """Return the least distance from points (p, 2) to the sides of a polygon (q, 2) (m)."""
     a, side = polygon, np.roll(polygon, -1, axis=0) - polygon
     way = points[:, None] - a
     t = np.clip((way * side).sum(axis=2) / np.maximum((side**2).sum(axis=1), 1e-30), 0, 1)
@@ -225,7 +214,6 @@ def _inside(points: Floats, polygon: Floats) -> Bools:
 
 
 def _cross(P: Floats, Q: Floats) -> bool:
-    """Return whether a side of one polygon crosses a side of the other."""
     a, b, c, d = P[:, None], np.roll(P, -1, axis=0)[:, None], Q[None], np.roll(Q, -1, axis=0)[None]
     return bool(((_turn(a, b, c) * _turn(a, b, d) < 0) & (_turn(c, d, a) * _turn(c, d, b) < 0)).any())
 
@@ -245,10 +233,7 @@ def require_spyrrow() -> None:
 
 
 def emptied(sheets: Sequence[NestedSheet], gap: float, grain: bool = False) -> list[NestedSheet]:
-    """Return the same parts on as many sheets or fewer, `gap` metres apart and from the edges.
-
-    grain : whether parts of members lie along the sheets only.
-    """
+    """Return the same parts on as many sheets or fewer; grain : parts of members lie along the sheets only."""
     # trials are counted, because a limit in seconds would give other sheets on other machines
     found, tries = list(sheets), iter(range(24))
     while len(found) > 1:
@@ -283,7 +268,6 @@ def _area(sheet: NestedSheet) -> float:
 
 
 def _with_part(sheet: NestedSheet, part: FlatPart, gap: float, grain: bool) -> NestedSheet | None:
-    """Nest a sheet anew with another part; None if spyrrow finds no nest, or its nest does not keep the gap."""
     parts = [*(one.part for one in sheet.parts), part]
     placed = _by_spyrrow(parts, sheet.size, gap, grain)
     if sorted(one.part.id for one in placed) != sorted(one.id for one in parts):
@@ -295,8 +279,7 @@ def _with_part(sheet: NestedSheet, part: FlatPart, gap: float, grain: bool) -> N
 
 
 def _by_spyrrow(parts: Sequence[FlatPart], size: tuple[float, float], gap: float, grain: bool) -> list[NestedPart]:
-    """Return all parts on a sheet; empty if spyrrow finds no nest or fails."""
-    # spyrrow computes in single precision, and `contours` leave out corners within `TOLERANCE` of a line
+    # spyrrow computes in single precision, and `contours` leave out corners within `OUTLINE_TOLERANCE` of a line
     apart = gap + 1e-5 + 2 * TOLERANCE
     job = {
         "items": [[part.contours[0].tolist(), _turns(part, size[1] - 2 * gap, grain)] for part in parts],
@@ -316,6 +299,5 @@ def _by_spyrrow(parts: Sequence[FlatPart], size: tuple[float, float], gap: float
 
 
 def _turns(part: FlatPart, tallest: float, grain: bool) -> list[float]:
-    """Return the turns of a part (degrees): across the sheet only if it is short enough."""
     across = part.size[0] <= tallest and not (grain and part.member)
     return [0.0, 90.0, 180.0, 270.0] if across else [0.0, 180.0]

@@ -77,7 +77,6 @@ def _count(size: Floats, ask: Raster) -> int:
 
 
 def _box_columns(size: Floats, ask: Raster) -> tuple[Floats, Floats]:
-    """Return the lower and upper edge (k,) of a box (2,), half of the gap beyond it."""
     k = _count(size, ask)
     return np.full(k, -ask.gap / 2), np.full(k, size[1] + ask.gap / 2)
 
@@ -85,9 +84,7 @@ def _box_columns(size: Floats, ask: Raster) -> tuple[Floats, Floats]:
 def _columns(outline: Floats, size: Floats, ask: Raster) -> tuple[Floats, Floats]:
     """Return the lowest and highest value (k,) of a polygon (q, 2) in each column, half of the gap beyond it.
 
-    Sides move by vectors to a regular polygon around the circle of half the gap. For the lower edge only sides below
-    the
-    polygon move, downwards, because all other sides stay above them.
+    Sides move by the corners of a regular polygon around the circle of half the gap.
     """
     reach = ask.gap / 2
     count = 16
@@ -109,9 +106,7 @@ def _moved(points: Floats, ways: Floats) -> Floats:
 
 
 def _extreme(f: np.ufunc, corner: Floats, p: Floats, q: Floats) -> Floats:
-    """Return the minimum or maximum (k,) of segments p to q (s, 2) in columns between corners (k + 1,); p is left
-    of q.
-    """
+    """Return the minimum or maximum (k,) of segments p to q (s, 2), p left of q, between corners (k + 1,)."""
     found = np.full(len(corner) - 1, np.inf if f is np.minimum else -np.inf)
     wide = np.maximum(q[:, 0] - p[:, 0], 1e-15)
     i = np.clip(np.searchsorted(corner, p[:, 0], side="right") - 1, 0, len(found) - 1)
@@ -218,7 +213,6 @@ def placed(sheet: OpenSheet, turns: list[PartShape], ask: Raster) -> bool:
 
 
 def _on_skyline(sheet: OpenSheet, turns: list[PartShape], ask: Raster) -> _Place | None:
-    """Return the place with the lowest upper edge and least lost area below; None without room."""
     best: _Place | None = None
     gap, step, top = ask.gap, ask.step, sheet.size[1] - ask.gap / 2
     known: dict[int, tuple[Floats, Floats]] = {}
@@ -245,7 +239,6 @@ def _on_skyline(sheet: OpenSheet, turns: list[PartShape], ask: Raster) -> _Place
 
 
 def _in_gap(sheet: OpenSheet, number: int, turns: list[PartShape], ask: Raster) -> bool:
-    """Put a part into a gap, as low as possible, and return whether it has room."""
     gap, best = sheet.gaps[number], None
     for shape in turns:
         k = len(shape.lower)
@@ -277,7 +270,6 @@ def _nested(shape: PartShape, column: int, rise: float, ask: Raster) -> NestedPa
 
 
 def _room(sheet: OpenSheet, ask: Raster) -> float:
-    """Return the area of the gaps (m2)."""
     return ask.step * float(sum((gap.ceiling - gap.floor).sum() for gap in sheet.gaps))
 
 

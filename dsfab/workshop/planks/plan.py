@@ -106,7 +106,6 @@ def plank_parts(
 
 
 def _reached(crossings: list[Crossing], courses: Mapping[str, StripCourse]) -> tuple[list[Crossing], list[str]]:
-    """Return crossings within both courses, and the node names of other crossings."""
     there = [
         all(
             courses[name].begin <= s <= courses[name].end or courses[name].closed
@@ -282,6 +281,5 @@ def _left_out(plan: PlankPlan) -> Iterator[str]:
 
 
 def _rounded_down(metres: float) -> str:
-    """Return two digits, rounded down."""
     power = 10.0 ** (np.floor(np.log10(metres)) - 1)
     return f"{np.floor(metres / power) * power:.2g}"

@@ -55,10 +55,7 @@ class PlankStock:
 
 
 def level_cut(layer: Development, ground: Ground, at: float, last: bool, depth: float) -> tuple[float, float] | None:
-    """Return arc lengths at the right and left edge where a plank's end near a support is cut along the ground.
-
-    None without a support nearby, or if the plank comes down at less than 25 degrees.
-    """
+    """Return arc lengths at the right and left edge of a level end at a support; None for others and flat ends."""
     point = layer.course.at(np.array([at]))[0][0]
     height = ground.height_near(point, depth)
     way = layer.frame(np.array([at]))[1][0] * (1 if last else -1)
@@ -164,7 +161,6 @@ class Plank:
             self.ways.append(middle(some) if len(some) and angle <= SLIDE * (1 + 1e-9) else None)
 
     def _is(self, one: Crossing, k: int) -> bool:
-        """Return whether this is the lower (0) or upper (1) plank of a crossing."""
         return one.members[k] == self.member.id
 
     @property
@@ -183,7 +179,6 @@ class Plank:
         return next((way for way, (a, b) in zip(self.ways, self.spans, strict=True) if a <= s <= b), None)
 
     def _fits(self, begin: float, end: float, room: list[tuple[float, float]]) -> bool:
-        """Return whether the piece of a span lies on the stock, along its middle line."""
         layer, (a, b) = Development(self.course, 0.0), self._lapped((begin, end))
         x, angle = layer.at(np.linspace(a, b, 9))
         outline = plank_outline(layer, self._piece_ends((a, b)), (), self.stock.depth)
@@ -197,7 +192,6 @@ class Plank:
         return lapped(span, (course.begin, course.end), self.stock.lap / 2, course.closed)
 
     def _piece_ends(self, long: tuple[float, float]) -> Ends:
-        """Return the ends of a piece with laps: square, except at ends of the member."""
         course, (begin, end) = self.course, self.ends
         return (
             begin if long[0] == course.begin and not course.closed else (long[0], long[0]),
@@ -230,7 +224,6 @@ class Plank:
             found.covers.append(self._cover(f"{self.member.id}.c{k}", joint, some))
 
     def _note(self, found: PlankParts) -> None:
-        """Record the bending strain, and the elongation of the edges."""
         course, y = self.course, self.stock.depth / 2
         past = 0.0 if course.closed else min(CALM * self.member.mean_width, (course.end - course.begin) / 3)
         inside = (course.s >= course.begin + past) & (course.s <= course.end - past)
@@ -272,7 +265,6 @@ class Plank:
         return [(joint + x, y, name) for x, y in self.stock.layering.splice_bolts(self.stock.depth)]
 
     def _cover(self, name: str, joint: float, holes: Sequence[tuple[float, float, str]]) -> FlatPart:
-        """Return the plate beside a splice, on the right of the plank."""
         stock, reach = self.stock, self.stock.layering.half_cover
         layer, drilled = Development(self.course, stock.thickness), list[Hole]()
         for s, y, bolt in holes:

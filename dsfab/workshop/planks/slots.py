@@ -71,18 +71,14 @@ class Crossing:
         lock(self, "ways", np.float64, (2, 3))
 
     def leans(self, way: Floats) -> tuple[float, float]:
-        """Return the openings of the lower and of the upper slot, along each plank for a metre of height.
-
-        With these the upper plank can be put on along a unit vector (3,).
-        """
+        """Return the openings of the lower and upper slot for a unit assembly direction (3,), per metre of height."""
         one, two, up = np.linalg.solve(np.stack([*self.ways, self.normal], axis=1), way)
         return float(one / up), float(-two / up)
 
 
 @dataclass(frozen=True)
 class Slot:
-    """Slot of a plank at an arc length: half its width, the height `y` of its bottom over the axis (m), and its open
-    side.
+    """Slot at an arc length: half its width, the height `y` of its bottom over the axis (m), and its open side.
 
     lean : length along the plank by which the mouth opens to a side, for a metre of depth.
     """
@@ -114,10 +110,7 @@ def slot_width(thickness: float, angle: float) -> float:
 
 
 def standing_order(graph: MemberGraph, up: Floats) -> tuple[str, ...]:
-    """Return the families, those that begin lowest first, as arches and meridians do.
-
-    They stand on the ground and carry the others.    up : (3,) unit vector.
-    """
+    """Return the families, the lowest first: they stand on the ground and carry others.    up : (3,) unit vector."""
     z = graph.sheet.surface.V @ up
     begins: dict[str, list[float]] = {family: [] for family in ORDER}
     for member in graph.members:
@@ -132,10 +125,7 @@ def standing_order(graph: MemberGraph, up: Floats) -> tuple[str, ...]:
 def plank_crossings(
     graph: MemberGraph, courses: Mapping[str, StripCourse], order: Sequence[str] = ORDER
 ) -> PlankCrossings:
-    """Return all nodes between two planks, by their courses along the surface.
-
-    order : families, from the lowest planks to the uppermost.
-    """
+    """Return all nodes between two planks, by their courses; order : families from the lowest to the uppermost."""
     found = PlankCrossings()
     for node in graph.nodes:
         if node.kind == "grazing" or not all(name in courses for name in node.members):
