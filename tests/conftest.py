@@ -20,22 +20,19 @@ if "PYTEST_XDIST_WORKER" in os.environ:
 gc.disable()
 
 from tests import designs  # noqa: E402
+from tests.durations import Recorder, longest_first  # noqa: E402
 
-LONGEST = (
-    *("test_docs.py", "test_members.py", "test_targets.py", "test_pipeline_method.py", "test_docs_pictures.py"),
-    *("test_study_sweep.py", "test_study_even.py", "test_thickening_zoo.py", "test_study_sweep_folder.py"),
-    *("test_app_cli.py", "test_paper_presets.py", "test_workshop_unrolling.py", "test_slicing_fillet.py"),
-    *("test_fabrication.py", "test_pattern_width.py", "test_pattern_regions.py", "test_pattern_steering.py"),
-    *("test_app_compliance.py", "test_app_reproduce.py", "test_app_explore.py", "test_app_editor_stripes.py"),
-    *("test_pipeline.py", "test_study_calculix.py", "test_study_alternatives.py", "test_pattern_keep.py"),
-    *("test_surface_remesh.py", "test_surface_figures.py"),
-)
-"""test_frame.py and test_proposal.py find designs that test_members.py has made: they come long after it."""
+
+def pytest_addoption(parser: pytest.Parser) -> None:
+    parser.addoption("--record-durations", action="store_true", help="write how long each file of tests takes")
 
 
 def pytest_configure(config: pytest.Config) -> None:
-    if not hasattr(config, "workerinput"):
-        designs.begin()
+    if hasattr(config, "workerinput"):
+        return
+    designs.begin()
+    if config.getoption("record_durations"):
+        config.pluginmanager.register(Recorder(), "recorder")
 
 
 def pytest_unconfigure(config: pytest.Config) -> None:
@@ -43,8 +40,9 @@ def pytest_unconfigure(config: pytest.Config) -> None:
         designs.end()
 
 
+@pytest.hookimpl(trylast=True)  # of the tests that are left
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    items.sort(key=lambda item: LONGEST.index(item.path.name) if item.path.name in LONGEST else len(LONGEST))
+    longest_first(items)
 
 
 @pytest.hookimpl(wrapper=True)

@@ -126,7 +126,7 @@ def test_the_command_shows_what_is_built_and_what_is_not_cut_where_that_cannot_b
     monkeypatch.setattr(Design, "until", uncut)
     capsys.readouterr()
     assert main(words(path)) == 0
-    assert "drawn before it is cut, for it cannot be: a piece reaches no support" in capsys.readouterr().err
+    assert "drawn before it is cut, because cutting failed: a piece reaches no support" in capsys.readouterr().err
     assert not np.array_equal(np.asarray(Image.open(path)), shown)
 
 

@@ -1,4 +1,4 @@
-"""The drawings of docs/concepts.md: one plate, held on the left and pulled down on the right, solved by dsfab.
+"""Drawings of docs/concepts.md: a plate, held on the left and pulled down on the right, solved by dsfab.
 
 `concept(name)` draws one of `CONCEPTS`; `python -m docs._build.make` writes them all.
 """
@@ -18,7 +18,7 @@ from dsfab.study.verdict import check
 
 RED, BLUE, INK, PALE, MATERIAL = "#b5453a", "#3a6ea5", "#333333", "#e9e6e0", "#c9a36b"
 WIDE = 11.2
-"""Inches; at 100 dots per inch."""
+"""Width of a figure in inches, at 100 dots per inch."""
 
 
 @cache
@@ -27,7 +27,7 @@ def plate(fine: bool = False) -> Design:
 
 
 def panels(*titles: str, tall: float = 3.2, widths: tuple[float, ...] | None = None) -> tuple[Figure, list[Axes]]:
-    """A figure so many inches tall, with a place for each title, without axes."""
+    """Return a figure of a height in inches, with a panel without axes for each title."""
     figure = Figure((WIDE, tall), dpi=100, layout="constrained", facecolor="white")
     places = list(figure.subplots(1, len(titles), width_ratios=widths, squeeze=False)[0])
     for place, title in zip(places, titles, strict=True):
@@ -37,7 +37,7 @@ def panels(*titles: str, tall: float = 3.2, widths: tuple[float, ...] | None = N
 
 
 def sheet(place: Axes, V: Any, F: Any, colour: Any, **more: Any) -> None:
-    """Triangles in the plane, each in its colour."""
+    """Draw triangles in the plane, each in its colour."""
     place.add_collection(PolyCollection(V[F][:, :, :2], facecolors=colour, edgecolors=colour, linewidths=0.3, **more))
     place.set_aspect("equal")
     place.autoscale()
@@ -49,7 +49,7 @@ def arrow(place: Axes, start: Any, end: Any, colour: str) -> None:
 
 
 def square(place: Axes, degrees: float) -> Any:
-    """A small square of the sheet, turned; how to turn a vector with it is returned."""
+    """Draw a turned square of the sheet and return its rotation matrix, (2, 2)."""
     c, s = np.cos(np.radians(degrees)), np.sin(np.radians(degrees))
     turn = np.array([[c, -s], [s, c]])
     corners = np.array([[-1, -1], [1, -1], [1, 1], [-1, 1]]) @ turn.T
@@ -59,7 +59,7 @@ def square(place: Axes, degrees: float) -> Any:
 
 
 def stress_directions() -> Figure:
-    """A square that shears, the same square turned until it does not, and all of the plate."""
+    """Draw a square with shear, the same square turned until it has none, and stress crosses on the plate."""
     titles = ("Sides that slide", "Turned: no side slides", "Everywhere on a plate")
     figure, (sliding, turned, whole) = panels(*titles, widths=(1, 1, 1.9))
     square(sliding, 0)
@@ -84,7 +84,7 @@ def stress_directions() -> Figure:
 
 
 def _apart(points: Any, distance: float) -> list[int]:
-    """Some of the points, no two nearer than a distance."""
+    """Return indices of points that are at least a distance apart."""
     kept: list[int] = []
     for i, point in enumerate(points):
         if not kept or np.min(np.linalg.norm(points[kept] - point, axis=1)) >= distance:
@@ -93,7 +93,7 @@ def _apart(points: Any, distance: float) -> list[int]:
 
 
 def mode() -> Figure:
-    """The first modes of the family that is pulled."""
+    """Draw the first three modes of the major family."""
     figure, places = panels("mode 1", "mode 2", "mode 3", tall=2.2)
     design = plate()
     V, F = design.surface.V, design.surface.F
@@ -107,7 +107,7 @@ def mode() -> Figure:
 
 
 def stripes() -> Figure:
-    """The wave over one mode and where it is cut; what is kept by both families."""
+    """Draw a wave, its cut at a height, and the material of both families."""
     figure, (wave, kept) = panels("A wave over the surface, cut at a height", "Both families, and what they keep")
     x = np.linspace(0, 4, 801)
     y, height = np.cos(2 * np.pi * x), 0.3
@@ -126,14 +126,14 @@ def stripes() -> Figure:
 
 
 def _structure(place: Axes, design: Design) -> None:
-    """What is kept, in the colours of its families."""
+    """Draw the material in the colours of its families."""
     names = np.array(design.pattern.names)[design.sheet.family]
     colour = np.where(names == "major", RED, np.where(names == "minor", BLUE, "#8a8a8a"))
     sheet(place, design.sheet.surface.V, design.sheet.surface.F, colour)
 
 
 def phase() -> Figure:
-    """One family, shifted."""
+    """Draw a family with three phases."""
     values = (0.0, 0.25, 0.5)
     figure, places = panels(*(f"phase {value:g}" for value in values), tall=2.2)
     for value, place in zip(values, places, strict=True):
@@ -145,7 +145,7 @@ def phase() -> Figure:
 
 
 def compliance() -> Figure:
-    """How far the load moves the plate's end, by stripes that follow the stress and by those that ignore it."""
+    """Draw load over displacement for stripes that follow the stress and for stripes that ignore it."""
     found = dsfab.compare(plate(), against=("isotropic",), level="quick")
     rival = next(one for one in found.competitors if one.name == "isotropic")
     force = 1000.0
@@ -165,7 +165,7 @@ def compliance() -> Figure:
 
 
 def verdict() -> Figure:
-    """Compliance on finer and finer meshes, and the interval that is told of it."""
+    """Draw the compliance on finer and finer meshes, and the interval of the verdict."""
     design = plate()
     told = check(design)
     values = [1e3 * next(iter(level.compliance.values())) for level in told.levels]
@@ -189,4 +189,4 @@ def verdict() -> Figure:
 CONCEPTS: dict[str, Callable[[], Figure]] = {
     drawing.__name__: drawing for drawing in (stress_directions, mode, stripes, phase, compliance, verdict)
 }
-"""Each drawing by its name, which is that of its file."""
+"""Drawings by name; the name is that of the file."""

@@ -1,4 +1,4 @@
-"""Links on the site from the words of the glossary to what they mean: the first time that a page uses one."""
+"""Links from the first use of a word on a page of the site to its entry in the glossary."""
 
 import re
 from pathlib import Path
@@ -13,7 +13,7 @@ TERMS = re.findall(
 )
 
 EVERYDAY = {"case", "keep", "sheet", "widths", "guide"}
-"""Terms that are everyday words too: a sheet of plywood is not what the glossary means."""
+"""Terms without links, because they are everyday words too, for example a sheet of plywood."""
 
 PAGES = {
     *("index.md", "ten-minutes.md", "gallery.md", "case-studies.md"),
@@ -21,22 +21,22 @@ PAGES = {
     *("many-designs.md", "report.md", "python.md", "grasshopper.md", "blender.md", "messages.md", "trust.md"),
     "paper-figures.md",
 }
-"""For those who begin; engineers' theory and the tables of keys have words of their own."""
+"""Pages with links: pages for beginners, without the theory and the tables of keys."""
 
 NO_PROSE = re.compile(
     r"```.*?```|`[^`\n]+`|<!--.*?-->|!?\[[^]]*\]\([^)]*\)|^#.*?$|^\|.*?$|<[^>]+>|\{[^}\n]*\}",
     flags=re.DOTALL | re.MULTILINE,
 )
-"""Code, links, headings, tables, marks: nothing is linked inside them."""
+"""Code, links, headings, tables and marks, which get no links."""
 
 
 def anchor(term: str) -> str:
-    """'dead end' -> 'dead-end'."""
+    """Return the anchor of a term: 'dead end' -> 'dead-end'."""
     return term.replace(" ", "-")
 
 
 def linked(markdown: str) -> str:
-    """A page with the first use of each term linked."""
+    """Return a page with a link at the first use of each term."""
     for term in sorted(set(TERMS) - EVERYDAY, key=len, reverse=True):
         many = rf"{term[:-1]}(?:y|ies)" if term.endswith("y") and term[-2] not in "aeiou" else rf"{term}(?:es|s)?"
         word = re.compile(rf"(?<![\w-]){many}(?![\w-])", flags=re.IGNORECASE)
@@ -51,7 +51,7 @@ def linked(markdown: str) -> str:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """A page's text with links to the glossary, and the glossary with the places that they lead to."""
+    """Return a page with links to the glossary, or the glossary with anchors (hook of mkdocs)."""
     if page.file.src_uri == GLOSSARY:
         for term in TERMS:
             markdown = markdown.replace(f"**{term}**\n:", f"**{term}**{{ #{anchor(term)} }}\n:")

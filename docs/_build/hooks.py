@@ -1,7 +1,7 @@
-"""Pages of the site that are made from the code when it is built: no page can name an option that does not exist.
+"""Pages of the site that mkdocs generates from the code, so that every option on them exists.
 
 on_files          adds the home page, the tables of keys and commands, the Python names, the examples
-on_page_markdown  turns links that hold in the repository into links that hold on the site
+on_page_markdown  changes links of the repository to links of the site
 """
 
 import ast
@@ -40,11 +40,11 @@ SECTIONS = {
     "workshop": sections.Workshop,
     "eurocode": sections.Eurocode,
 }
-"""The sections of a preset whose keys are values; supports, loads, guides and regions are shown by example."""
+"""Sections of a preset with tables of keys; pages show supports, loads, guides and regions by examples."""
 
 
 def on_files(files: Files, config: MkDocsConfig) -> Files:
-    """The files of the site, with those that are made here."""
+    """Add the generated pages to the files of the site (hook of mkdocs)."""
     made = {
         "reference-presets.md": preset_keys(),
         "reference-commands.md": commands(),
@@ -58,7 +58,7 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
 
 
 def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
-    """A page's text with the links of the site."""
+    """Return a page with formulas, inserted tables and links of the site (hook of mkdocs)."""
     text = markdown
     if page.file.src_uri == "contributing.md":
         text = re.sub("<!-- drawing: [^>]*-->", lambda _: architecture(), text)
@@ -70,7 +70,7 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
 
 
 def architecture() -> str:
-    """The drawing at the head of the test that holds it."""
+    """Return the drawing of the rooms in the docstring of tests/test_architecture.py."""
     told = ast.get_docstring(
         ast.parse((ROOT / "tests" / "test_architecture.py").read_text(encoding="utf-8")), clean=False
     )
@@ -78,7 +78,7 @@ def architecture() -> str:
 
 
 def benchmarks() -> str:
-    """Each script of tests/benchmarks, and what it says of itself in its first line."""
+    """Return a table of the scripts of tests/benchmarks with the first line of each docstring."""
     rows = []
     for path in sorted((ROOT / "tests" / "benchmarks").glob("*.py")):
         told = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8"))) or ""
@@ -88,14 +88,14 @@ def benchmarks() -> str:
 
 
 def formula(latex: str, display: str) -> str:
-    """LaTeX as MathML, which browsers draw by themselves; a repository's page shows the LaTeX."""
+    """Convert LaTeX to MathML, which browsers draw without a script."""
     drawn = convert(latex.strip(), display=display)
     return f'<div class="formula">{drawn}</div>' if display == "block" else f"<span>{drawn}</span>"
 
 
 def examples() -> str:
-    """Each script of docs/examples: what it is, its picture, its text."""
-    parts = ["# Examples", "Scripts that run as they stand: `python cloud_roof.py`. They lie in `docs/examples/`."]
+    """Return the page of examples: docstring, picture and code of each script of docs/examples."""
+    parts = ["# Examples", "These scripts of `docs/examples/` run without changes: `python cloud_roof.py`."]
     for path in sorted((ROOT / "docs" / "examples").glob("*.py")):
         text = path.read_text(encoding="utf-8")
         about = ast.get_docstring(ast.parse(text)) or ""
@@ -106,16 +106,16 @@ def examples() -> str:
 
 
 def preset_keys() -> str:
-    """A table for each section of a preset: key, what it may be, default, what it says."""
+    """Return a table for each section of a preset: key, allowed values, default, meaning."""
     parts = [
         "# Preset keys",
-        "Units are metres, newtons and pascals. Every key may be changed in a command: `--set key=value`.",
+        "Units are metres, newtons and pascals. A command changes a key by `--set key=value`.",
     ]
     for name, model in SECTIONS.items():
         also = " and [pattern.minor]" if name == "pattern.major" else ""
         parts += [
             f"## [{name}]{also}",
-            "| key | what it may be | default | |\n|---|---|---|---|\n" + "\n".join(_rows(model)),
+            "| key | allowed values | default | meaning |\n|---|---|---|---|\n" + "\n".join(_rows(model)),
         ]
     return "\n\n".join(parts) + "\n"
 
@@ -132,7 +132,7 @@ def _rows(model: type[BaseModel]) -> list[str]:
 
 
 def _said(model: type[BaseModel]) -> list[tuple[str, str]]:
-    """What is written below each field of a class."""
+    """Return the fields of a class with the text below each field."""
     if model is BaseModel:
         return []
     body = ast.parse(inspect.cleandoc("\n" + inspect.getsource(model))).body[0].body  # type: ignore[attr-defined]
@@ -144,7 +144,7 @@ def _said(model: type[BaseModel]) -> list[tuple[str, str]]:
 
 
 def _allowed(field: Any) -> str:
-    """'number, 0 to 1', 'modes, stripes, auto': the type and its limits in words."""
+    """Return type and limits in words: 'number, at least 0, at most 1' or 'modes, stripes, auto'."""
     limits = [re.sub(r"^(\w+)\(\w+=(.*)\)$", r"\1 \2", repr(x)) for x in field.metadata]
     signs = {"Ge": "at least", "Gt": "over", "Le": "at most", "Lt": "under"}
     told = [f"{signs[sign]} {value}" for sign, _, value in (x.partition(" ") for x in limits) if sign in signs]
@@ -170,7 +170,7 @@ def _default(field: Any) -> str:
 
 
 def commands() -> str:
-    """What each command says of itself."""
+    """Return the page of commands with the help of each command."""
     names = sorted(name for name in app if not name.startswith("-"))
     parts = ["# Commands", "Every command, as `dsfab COMMAND --help` shows it."]
     for name in names:
@@ -182,14 +182,14 @@ def commands() -> str:
 
 
 def python_names() -> str:
-    """What `dsfab` offers, each with its docstring."""
+    """Return the page of public names with their docstrings."""
     things = [thing for thing in (getattr(dsfab, name) for name in dsfab.__all__) if callable(thing)]
-    parts = ["# Python", "What `import dsfab` offers. Inside, units are metres, newtons and pascals."]
+    parts = ["# Python", "Names of `import dsfab`. Units are metres, newtons and pascals."]
     return "\n\n".join([*parts, *(_named(thing) for thing in things)])
 
 
 def _named(thing: Any) -> str:
-    """The place of a thing's docstring, under the name that is imported."""
+    """Return the mkdocstrings directive of a public name."""
     name = f"dsfab.{thing.__name__}"
     return (
         f"::: {thing.__module__}.{thing.__qualname__}\n    options: {{ heading: {name}, toc_label: {thing.__name__} }}"
@@ -197,14 +197,14 @@ def _named(thing: Any) -> str:
 
 
 SHIM = ("https://unpkg.com/iframe-worker/shim", "vendor/iframe-worker.js")
-"""The script by which search works without a server (MIT, its licence beside it): from here, not from another host."""
+"""Script for the search without a server (MIT, licence beside it), and its local copy."""
 
 
 def on_post_page(output: str, page: Page, config: MkDocsConfig) -> str:
-    """A page that fetches nothing from elsewhere."""
+    """Replace the remote script by the local copy (hook of mkdocs)."""
     return output.replace(*SHIM)
 
 
 def on_post_template(output_content: str, template_name: str, config: MkDocsConfig) -> str:
-    """The page for addresses that do not exist, likewise."""
+    """Replace the remote script in the page for unknown addresses (hook of mkdocs)."""
     return output_content.replace(*SHIM)

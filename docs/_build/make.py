@@ -1,8 +1,8 @@
-"""The pictures of the README and of the site, made anew: `python -m docs._build.make [NAME...]`.
+"""Pictures of the README and of the site: `python -m docs._build.make [NAME...]`.
 
-Of each design its finished solid, and a page of four: what presses on the surface, its principal stresses, the sheet by
-families, the solid. Besides: pages of dsfab in a browser, options side by side, drawings of concepts, pictures of the
-examples. Bob's mesh is looked for in DSFAB_MESHES; without it his pictures stay as they are.
+A design has a picture of its solid, and a page of four: loads, principal stresses, the sheet by families, the solid.
+Other pictures are pages of dsfab in a browser, options side by side, drawings of concepts, and pictures of the
+examples. Bob's mesh must be in the folder DSFAB_MESHES; without it his pictures do not change.
 """
 
 import os
@@ -45,7 +45,7 @@ SHIPPED = (
     *("gridshell", "slab"),
 )
 OURS = ("canopy", "arena", "four_feet", "trumpet", "saddle", "ring", "tealight")
-"""Designs of the gallery whose presets lie among the examples."""
+"""Designs of the gallery with presets in docs/examples."""
 
 DESIGNS = {
     **{name: (name, {}) for name in SHIPPED},
@@ -54,24 +54,24 @@ DESIGNS = {
     "figurine": ("figurine", {"surface.file": "bob.obj", "surface.unit": "m"}),
 }
 ALONE = ("dome", "globe", "barrel_vault", "tower", "snow_vault", "cantilever", "canopy", "figurine", "my_roof")
-"""Designs that have a large picture of their solid, too."""
+"""Designs with a large picture of the solid."""
 
 PANEL = (800, 600)
 WHOLE = (1600, 1200)
 OPTION = (640, 480)
 GUIDED = (960, 600)
 WIDEST = 1280
-"""Pixels: a page is 800 wide, and fine screens have more than one for each of these."""
+"""Largest width of a picture in pixels, because a page is 800 wide and fine screens double the pixels."""
 ROW = 1600
-"""Of pictures beside each other, whose texts are small."""
+"""Largest width of a row of pictures in pixels, because its texts are small."""
 QUALITY = 82
-"""Of renderings, in WebP's hundred: texts on them stay sharp."""
+"""WebP quality of renderings, of 100, at which texts stay sharp."""
 SETTLED = 8.0
-"""Seconds until the editor has drawn its finest picture, in software."""
+"""Seconds until the editor shows its finest picture with software rendering."""
 
 
 def write(pixels, name: str, widest: int = WIDEST) -> None:
-    """As WebP, in full or by its quality, whichever is smaller: line drawings are smaller in full."""
+    """Write a picture as WebP, lossless or at `QUALITY`, whichever is smaller; line drawings are smaller lossless."""
     image = Image.fromarray(np.asarray(pixels))
     image.thumbnail((widest, widest), Image.Resampling.LANCZOS)
     made = []
@@ -82,7 +82,7 @@ def write(pixels, name: str, widest: int = WIDEST) -> None:
 
 
 def by_family(design):
-    """The sheet in the colours of its families: what is kept besides them is neither."""
+    """Return a picture of the sheet in the colours of its families; other kept parts have a third colour."""
     names = list(design.pattern.names)
     colour = np.array([{"major": 0, "minor": 1}.get(name, 2) for name in names])
     family = design.sheet.family
@@ -119,12 +119,12 @@ def draw(name: str) -> None:
 
 
 def editor() -> None:
-    """The editor as it opens on the dome."""
+    """Picture the editor with the dome."""
     _in_the_editor(dsfab.load_preset("dome"), "editor")
 
 
 def my_roof_editor() -> None:
-    """The editor as it opens on what `dsfab new` proposes for the canopy's mesh."""
+    """Picture the editor with the proposal of `dsfab new` for the canopy's mesh."""
     _in_the_editor(dsfab.preset_for(OWN / "canopy.obj").model_copy(update={"name": "my_roof"}), "my_roof_editor")
 
 
@@ -143,7 +143,7 @@ def _in_the_editor(preset: dsfab.Preset, name: str) -> None:
 
 
 def explore() -> None:
-    """A contact sheet of domes."""
+    """Picture a contact sheet of domes."""
     with tempfile.TemporaryDirectory() as folder:
         vary = ["--vary", "pattern.major.spacing=0.8,1.6", "--vary", "pattern.minor.spacing=0.5,0.8"]
         main(["explore", "dome", *vary, "-o", folder])
@@ -151,7 +151,7 @@ def explore() -> None:
 
 
 def report() -> None:
-    """The first page of a report, as a browser shows it."""
+    """Picture the first page of a report in a browser."""
     width, height = 1200, 1010
     with tempfile.TemporaryDirectory() as folder, opened(Path(folder) / "browser", (width, height)) as tab:
         main(["compare", "dome", "-o", folder])
@@ -162,12 +162,12 @@ def report() -> None:
 
 
 def workshop() -> None:
-    """The page of a gridshell's workshop, with a member chosen."""
+    """Picture the page of a gridshell's workshop with a selected member."""
     _page_of_parts(["workshop", "gridshell"], "B10", "workshop")
 
 
 def card() -> None:
-    """The page of a dome's card model, with a ring chosen."""
+    """Picture the page of a dome's card model with a selected ring."""
     _page_of_parts(CARD.split(), "A03", "card")
 
 
@@ -202,7 +202,7 @@ OPTIONS = {
 
 
 def options() -> None:
-    """One dome by six ways of drawing its pattern."""
+    """Picture a dome with six patterns."""
     told = []
     for words, changes in OPTIONS.items():
         design = dsfab.run(dsfab.load_preset("dome", changes))
@@ -213,14 +213,14 @@ def options() -> None:
 
 
 CURVE = [[-5.0, -3.6], [-3.9, -2.9], [-2.5, -2.0], [-1.2, -1.35], [0.0, -1.2], [1.2, -1.5], [2.5, -2.2], [5.0, -3.8]]
-"""In plan over the canopy, metres."""
+"""Curve in plan over the canopy, metres."""
 CANOPY = OWN / "canopy.toml"
 NEAR = 0.16
-"""Metres from it that are red in the picture."""
+"""Distance from the curve (m) that is red in the picture."""
 
 
 def guides() -> None:
-    """A canopy as it is, and with a member on a curve."""
+    """Picture a canopy without a guide, and with a member on a curve."""
     told, canopy = [], dsfab.load_preset(CANOPY)
     V = dsfab.Design.of(canopy).surface.V
     plan = CubicSpline(range(len(CURVE)), CURVE)(np.linspace(0, len(CURVE) - 1, 30))
@@ -237,7 +237,7 @@ def guides() -> None:
 
 
 def grasshopper() -> None:
-    """The component on its canvas, and the structure that comes back for the canopy's mesh."""
+    """Picture the component on its canvas with the structure of the canopy's mesh."""
     with tempfile.TemporaryDirectory() as folder:
         drawn(OWN / "canopy.obj").savefig(Path(folder) / "wires.png")
         write(Image.open(Path(folder) / "wires.png").convert("RGB"), "grasshopper")
@@ -259,7 +259,7 @@ EXAMPLES = {path.stem: path for path in sorted(OWN.glob("*.py"))}
 
 
 def example(name: str) -> None:
-    """The picture that an example draws."""
+    """Run an example and write its picture."""
     with tempfile.TemporaryDirectory() as folder:
         with chdir(folder):
             runpy.run_path(str(EXAMPLES[name]), run_name="__main__")
@@ -267,14 +267,14 @@ def example(name: str) -> None:
 
 
 def concept(name: str) -> None:
-    """A drawing of docs/concepts.md."""
+    """Write a drawing of docs/concepts.md."""
     with tempfile.TemporaryDirectory() as folder:
         CONCEPTS[name]().savefig(Path(folder) / "drawing.png")
         write(Image.open(Path(folder) / "drawing.png").convert("RGB"), f"concepts/{name}")
 
 
 def files(name: str) -> tuple[str, ...]:
-    """The pictures that a name of the table makes, from docs/media on."""
+    """Return the files of a name in `MAKERS`, relative to docs/media."""
     if name in DESIGNS:
         return tuple(
             f"{name}{end}.webp" for end, is_drawn in (("", name in ALONE), ("_steps", name != "my_roof")) if is_drawn
@@ -289,12 +289,12 @@ MAKERS = {
     **dict.fromkeys(EXAMPLES, example),
     **dict.fromkeys(CONCEPTS, concept),
 }
-"""Who makes the pictures of a name."""
+"""Functions that write the pictures of a name."""
 
 if __name__ == "__main__":
     for name in sys.argv[1:] or MAKERS:
         if name == "figurine" and "DSFAB_MESHES" not in os.environ:
-            print("  figurine: left as it is, for DSFAB_MESHES names no folder with bob.obj")
+            print("  figurine: not drawn, because DSFAB_MESHES names no folder with bob.obj")
             continue
         MAKERS[name](name)
         print(*(f"  {MEDIA / file}" for file in files(name)), sep="\n")

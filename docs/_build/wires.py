@@ -1,6 +1,6 @@
-"""The drawing of docs/grasshopper.md: the component *structure* on a canvas, what it is fed, and what it answers.
+"""Drawing of docs/grasshopper.md: the component *structure* on a canvas with its inputs and outputs.
 
-Sockets are those of the server's own description; numbers and the structure are its answer to this very request.
+The sockets come from the server's own description; the numbers and the structure are its answer to this request.
 """
 
 import json
@@ -19,16 +19,16 @@ from dsfab.render.picture import Look, picture
 
 INK, WIRE, CANVAS, BOX, DARK, NOTE = "#2b2b2b", "#5c5c5c", "#d6d6d0", "#f2f2ee", "#4a4a4a", "#f6edb8"
 ROW = 0.42
-"""From one socket to the next, inches."""
+"""Distance between sockets, inches."""
 
 FED = {"snow": 1200.0, "spacing": 0.6, "share": 0.45}
-"""Numbers of the sliders: Pa, metres, and the share of material."""
+"""Values of the sliders: Pa, metres, and the share of material."""
 
 PRESET = 'statics.material = "GL28h"'
 
 
 def body(V: Any, F: Any) -> dict[str, Any]:
-    """What Hops sends, of a model in metres."""
+    """Return the request that Hops sends for a model in metres."""
     values = [("mesh", "Rhino.Geometry.Mesh", mesh_json(V, F)), ("preset", "System.String", json.dumps(PRESET))]
     values += [(name, "System.Double", str(number)) for name, number in FED.items()]
     trees = [{"ParamName": name, "InnerTree": {"{0}": [{"type": kind, "data": one}]}} for name, kind, one in values]
@@ -36,7 +36,7 @@ def body(V: Any, F: Any) -> dict[str, Any]:
 
 
 def drawn(file: Any) -> Figure:
-    """The canvas of the component for the surface of a mesh file."""
+    """Draw the canvas of the component for the surface of a mesh file."""
     surface = dsfab.read_surface(file, "m")
     done, answer = answered("structure", body(surface.V, surface.F))
     if not done:
@@ -67,7 +67,7 @@ def wire(place: Axes, start: tuple[float, float], end: tuple[float, float]) -> N
 
 
 def socket(name: str, side: str) -> tuple[float, float]:
-    """Where a socket of the component lies."""
+    """Return the position of a socket of the component, inches."""
     one = COMPONENTS["structure"]
     names = [each.name for each in (one.inputs if side == "in" else one.outputs)]
     return (4.2 if side == "in" else 6.9), 3.95 - ROW * (names.index(name) + 0.5)
@@ -88,7 +88,7 @@ def component(place: Axes) -> None:
 
 
 def sources(place: Axes, triangles: int) -> None:
-    """What is connected: a mesh, sliders, a panel."""
+    """Draw the sources: a mesh, sliders and a panel."""
     sliders = {"snow": (0, 3000, "Pa"), "spacing": (0.2, 2, "m"), "share": (0.2, 0.7, "")}
     top = 3.72
     box(place, 0.3, top, 2.3, 0.36)
@@ -109,7 +109,7 @@ def sources(place: Axes, triangles: int) -> None:
 
 
 def answers(place: Axes, given: dict[str, Any]) -> None:
-    """What comes out: how many curves and names, and two numbers."""
+    """Draw the outputs: counts of curves and names, compliance and mass."""
     numbers = {name: float(given[name][0]["data"]) for name in ("compliance", "mass")}
     told = {
         "lines": f"{len(given['lines'])} curves",

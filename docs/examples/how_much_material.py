@@ -1,4 +1,4 @@
-"""Half of the material, how much of the stiffness? A vault's compliance over the share of it that is kept."""
+"""Stiffness of a vault with less material: its compliance over the share of the surface that is kept."""
 
 import matplotlib
 import matplotlib.pyplot as plt

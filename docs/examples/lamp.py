@@ -1,4 +1,4 @@
-"""A lamp shade to print: a shape of revolution from trimesh, 240 mm high, as STL."""
+"""A lamp shade for a 3D printer: a shape of revolution from trimesh, 240 mm high, as STL."""
 
 from pathlib import Path
 

@@ -1,4 +1,4 @@
-"""Snow all over, or on one half: which case bends a vault most? Section forces of its cut structure, case by case."""
+"""Snow all over a vault, or on one half: thrust and bending of the cut structure in each load case."""
 
 import matplotlib
 import matplotlib.pyplot as plt
@@ -8,7 +8,7 @@ import dsfab
 
 matplotlib.use("agg")
 design = dsfab.run(dsfab.load_preset("snow_vault", {"surface.edge": 0.8}))
-forces = design.section_forces  # of each case and of each combination
+forces = design.section_forces  # by case and by combination
 thrust = [np.percentile(np.abs(one.n).max(axis=1), 99) / 1e3 for one in forces.values()]
 bending = [np.percentile(np.abs(one.m).max(axis=1), 99) / 1e3 for one in forces.values()]
 

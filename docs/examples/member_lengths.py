@@ -1,4 +1,4 @@
-"""How many different bars is it? The bays of all members, from node to node, as a list and as a picture."""
+"""Lengths of the bays of a dome, from node to node, as a histogram of both families."""
 
 import matplotlib
 import matplotlib.pyplot as plt

@@ -1,4 +1,4 @@
-"""The shadow that a dome casts at three in the afternoon: its sheet, moved along the sun onto the ground."""
+"""The shadow of a dome at three in the afternoon: its sheet, projected along the sunlight onto the ground."""
 
 import matplotlib
 import matplotlib.pyplot as plt
@@ -9,7 +9,7 @@ import dsfab
 
 matplotlib.use("agg")
 sheet = dsfab.run(dsfab.load_preset("dome", {"surface.edge": 0.45})).sheet.surface
-sun = np.array([-0.6, -0.35, -1.0])  # the way that light goes
+sun = np.array([-0.6, -0.35, -1.0])  # direction of the light
 ground = sheet.V - sheet.V[:, 2:] / sun[2] * sun
 
 figure, axes = plt.subplots(figsize=(7, 5.5))

@@ -1,4 +1,4 @@
-"""One dome, three spacings: what is revised is not solved again."""
+"""A dome with three spacings: `dsfab.revise` keeps the statics and computes the pattern again."""
 
 import io
 

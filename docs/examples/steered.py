@@ -1,4 +1,4 @@
-"""Ribs that follow a curve of yours: a vault as the stress would have it, and with a guide across it."""
+"""Ribs that follow a curve: a vault with members along the stress, and the same vault with a guide."""
 
 import io
 
