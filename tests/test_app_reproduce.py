@@ -181,28 +181,6 @@ def test_a_mesh_too_coarse_for_its_shape_is_made_finer_and_told(tmp_path, monkey
         figures.coarsened(load_preset("hanging_bar"), 4.0)
 
 
-STAND_INS = (
-    "pavilion",
-    "bridge",
-    "camel_head",
-    "camel_ears",
-    "pirate",
-    "climbing_hold",
-    "bob",
-    "mouse",
-    "boys_surface",
-)
-
-
-@pytest.mark.slow
-@pytest.mark.parametrize("name", [*STAND_INS, "twisty_tower", "turkey"])
-@pytest.mark.parametrize("coarser", [8.0])  # .ci/run makes the whole page four times coarser
-def test_every_stand_in_can_be_made_coarser(name, coarser):
-    design, used = figures.coarsened(load_preset(name), coarser)
-    assert 1 <= used <= coarser
-    assert design.load.force.any()
-
-
 @pytest.mark.slow
 def test_a_figure_that_fails_is_told_in_its_place_and_the_old_page_leaves_nothing(tmp_path, capsys, monkeypatch):
     def failing(preset, *arguments, **others):

@@ -140,8 +140,9 @@ def test_stressed_members_are_drawn_as_wide_as_a_workshop_makes():
 def test_figures_of_the_paper_become_what_a_workshop_makes_if_asked(name, words):
     """Slits of .16 mm and tips in a sheet of 2 mm; members of 5.5 mm in one of 12."""
     given = dsfab.load_preset(name)
-    assert fabrication(dsfab.run(given)).checks == ()
-    design = dsfab.run(overridden(given, {"pattern.workshop": True}))
+    plain = dsfab.run(given)
+    assert fabrication(plain).checks == ()
+    design = dsfab.revise(plain, overridden(given, {"pattern.workshop": True}))
     made = fabrication(design)
     assert [(check.name, check.verdict) for check in made.checks] == [("min_member", "pass"), ("min_gap", "pass")]
     (told,) = [note.text for note in design.notes if "(slicing.min_gap, min_member)" in note.text]

@@ -551,7 +551,6 @@ def test_round_corners_and_filled_specks_are_in_the_share():
         pytest.param("barrel_vault", 0.35, 0.8, marks=pytest.mark.slow),
         pytest.param("dome", 0.45, 0.7, marks=pytest.mark.slow),
         pytest.param("globe", 0.12, 0.8, marks=pytest.mark.slow),
-        pytest.param("snow_vault", 0.6, 0.6, marks=pytest.mark.slow),
     ],
 )
 def test_a_share_holds_where_members_are_wider_than_openings(name, edge, asked):
@@ -559,7 +558,7 @@ def test_a_share_holds_where_members_are_wider_than_openings(name, edge, asked):
 
     The dome's close by rings, each of over 1 % of it: .706 is the nearest to .7.
     """
-    made = dsfab.run(dsfab.load_preset(name, {"surface.edge": edge, "pattern.width.solid_fraction": asked}))
+    made = draft(dsfab.load_preset(name, {"surface.edge": edge, "pattern.width.solid_fraction": asked}))
     assert made.sheet.surface.area / made.surface.area == pytest.approx(asked, abs=0.0065 if name == "dome" else 0.006)
 
 

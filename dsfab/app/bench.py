@@ -87,22 +87,18 @@ def bench(
 ) -> int:
     """Time presets stage by stage, as the paper's Table 2 does, with peak memory.
 
-    Export writes and reads back the preset's formats, without STEP unless asked for.
+    Export writes and reads back the preset's formats, without STEP unless --step is set.
     """
     if preview:
         return _previewed(presets, json_)
     sizes = work.sizes()
-    reporter = Reporter(quiet=json_)
     results = []
     jobs = [(name, more) for name in presets or ("sphere",) for more in _edges(name, source, sizes)]
-    for name, more in jobs:
-        reporter("bench", f"{' '.join((name, *more))}, {repeat} {'run' if repeat == 1 else 'runs'}")
-        try:
+    with Reporter(quiet=json_) as reporter:
+        for name, more in jobs:
+            reporter("bench", f"{' '.join((name, *more))}, {repeat} {'run' if repeat == 1 else 'runs'}")
             runs = [_in_own_process(name, source.also(*more), step, work.stages) for _ in range(max(1, repeat))]
-        finally:
-            reporter.stop()
-        results.append(_median(runs))
-    reporter.done()
+            results.append(_median(runs))
     out(json.dumps(results, indent=2) if json_ else _table(results))
     return 0
 
@@ -114,11 +110,8 @@ def _previewed(presets: Sequence[str], as_json: bool) -> int:
         raise DsfabError(f"bench --preview draws a surface of its own, leave {presets[0]!r} away")
     reporter = Reporter(quiet=as_json)
     reporter("bench", f"drawing {', '.join(f'{n:,}' for n in SIZES)} triangles at {PIXELS[0]} x {PIXELS[1]}")
-    try:
+    with reporter:
         rows = frame_rates()
-    finally:
-        reporter.stop()
-    reporter.done()
     out(json.dumps(rows, indent=2) if as_json else rates_table(rows))
     return 0
 

@@ -35,7 +35,7 @@ class Files:
 
     accept: Annotated[
         bool,
-        Parameter(negative=(), help="Write it in spite of loads that nothing carries, or of a film."),
+        Parameter(negative=(), help="Write it although nothing carries a load, or although it is as thin as a film."),
     ] = False
 
     def overrides(self) -> tuple[str, ...]:
@@ -90,7 +90,7 @@ def build(
 ) -> int:
     """Build a preset: solid, sheet, picture and numbers, in one folder.
 
-    For a mesh file a preset is proposed as by `dsfab new`, each decision told.
+    For a mesh file, dsfab proposes a preset as `dsfab new` does, and prints each decision.
 
     Parameters
     ----------
@@ -110,7 +110,7 @@ def build(
         return estimate_step(given, reporter)
     drawn, folder = pictures.possible(reporter), files.output or Path("outputs") / given.name
     require_writable(folder)
-    try:
+    with reporter:
         with ready_to_draw(drawn.picture):
             design = run(given, reporter)
             if fix:
@@ -119,8 +119,6 @@ def build(
         reporter.done()
         for text in saved.told:
             reporter.say(f"export      {text}")
-    finally:
-        reporter.stop()
     if not quiet:
         _summary(design, folder, saved.facts)
     if saved.refused:
@@ -130,7 +128,6 @@ def build(
 
 
 def _format(word: str) -> str:
-    """Format of `export.formats` for a word of --format. Raises ExportError for an unknown word."""
     suffix = format_suffix(word)
     if suffix == SUFFIX:
         raise ExportError(f"{word!r} is a check and no file of a build; dsfab export --to {CALCULIX} writes it")
@@ -138,7 +135,6 @@ def _format(word: str) -> str:
 
 
 def _read(name: str, source: Source, quiet: bool) -> "tuple[Proposal | None, Preset]":
-    """Preset, and for a mesh file its proposal, with each decision printed."""
     proposal = source.proposal(name)
     for line in proposal.lines if proposal and not quiet else ():
         out(line)
@@ -174,7 +170,6 @@ def _fixed(design: "Design", reporter: Reporter) -> "Design":
 
 
 def _require(formats: Sequence[str]) -> None:
-    """Raise ExportError before the work begins if a format needs a missing library."""
     from dsfab.export import FORMATS
 
     for suffix in formats:
@@ -199,11 +194,7 @@ def _summary(design: "Design", folder: Path, facts: Mapping[str, Any]) -> None:
         f"{pieces} {'piece' if pieces == 1 else 'pieces'}, closed"
     )
     measures = (*quality_lines(facts["pattern"]), *fabrication_lines(facts["fabrication"]))
-    tried = (
-        *attempt_lines(design.pattern.attempts),
-        *choice_lines(design.pattern.choice),
-        *alternative_lines(facts),
-    )
+    tried = (*attempt_lines(design.pattern.attempts), *choice_lines(design.pattern.choice), *alternative_lines(facts))
     for line in (*acting_lines(facts), *tried, *case_lines(design), *answer_lines(design), *measures):
         out(line)
     for note in design.notes:

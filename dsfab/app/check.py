@@ -36,8 +36,7 @@ class Expected:
     """The design that a file should hold."""
 
     preset: Annotated[
-        str | None,
-        Parameter(help="What it should be: a preset, or a built folder [preset.toml beside the file]."),
+        str | None, Parameter(help="The expected design: a preset, or a built folder [preset.toml beside the file].")
     ] = None
     set_: Set = ()
 
@@ -100,13 +99,9 @@ def check(
     from dsfab.study.file_check import check_contents
 
     name = expected.name(file)
-    reporter = Reporter(quiet or json_)
-    try:
+    with Reporter(quiet or json_) as reporter:
         found, design = _read(file, expected.of(name) if name is not None else None, reading, reporter)
         checked = check_contents(found, design, reading.unit is not None, reading.density, solid, reporter)
-        reporter.done()
-    finally:
-        reporter.stop()
     if json_:
         out(json.dumps(facts(checked, name), indent=2))
     elif not quiet:
@@ -118,7 +113,6 @@ def check(
 def _read(
     file: Path, preset: "Preset | None", reading: Reading, reporter: Reporter
 ) -> "tuple[FileContents, Design | None]":
-    """Content of a file, and the design of the preset, computed while OCCT reads."""
     from dsfab.design import run
     from dsfab.export import meanwhile
     from dsfab.study.file_check import deflection_for
@@ -231,7 +225,6 @@ def _numbers(checked: "FileCheck") -> Iterator[tuple[str, str]]:
 
 
 def _small(metres: float) -> str:
-    """A distance without digits of rounding."""
     return length(metres) if metres >= 1e-6 else "under 0.001 mm"
 
 

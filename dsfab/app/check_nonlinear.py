@@ -25,8 +25,8 @@ class Nonlinear:
         bool,
         Parameter(
             negative=(),
-            help="Of a preset or built folder in place of a file: load the cut sheet by CalculiX (ccx, which you "
-            "install) until it gives way, with large displacements and an imperfection. Takes minutes.",
+            help="Check a preset or built folder in place of a file: load the cut sheet by CalculiX (install ccx "
+            "yourself) until it gives way, with large displacements and an imperfection. Takes minutes.",
         ),
     ] = False
     case: Annotated[
@@ -38,11 +38,11 @@ class Nonlinear:
     check_edge: Annotated[
         float | None,
         Parameter(
-            help="Metres, of the triangles that it is cut out of anew for it, without fillets, where the design's are "
-            "shorter; 0: the sheet as it is [the design's, without fillets]."
+            help="Edge of the triangles, metres. If the design's edges are shorter, it is cut again with these, "
+            "without fillets; 0: the sheet as it is [the design's, without fillets]."
         ),
     ] = None
-    minutes: Annotated[float, Parameter(help="That each of the two or three runs of CalculiX may take.")] = 60.0
+    minutes: Annotated[float, Parameter(help="Limit of each of the two or three runs of CalculiX.")] = 60.0
 
 
 AS_A_FILE = Nonlinear()
@@ -56,14 +56,9 @@ def check_nonlinear(name: str, source: Source, asked: Nonlinear, as_json: bool, 
 
     require_ccx()
     given, _ = source_of(name, source)
-    reporter = Reporter(quiet or as_json)
-    try:
-        with signals_as_interrupts():  # so that CalculiX and its files end too
-            design = built_design(name, given) or Design.of(given, progress=reporter).until("slicing")
-            found = nonlinear_check(design, asked.case, asked.imperfection, asked.minutes, reporter, asked.check_edge)
-        reporter.done()
-    finally:
-        reporter.stop()
+    with Reporter(quiet or as_json) as reporter, signals_as_interrupts():  # so that CalculiX and its files end too
+        design = built_design(name, given) or Design.of(given, progress=reporter).until("slicing")
+        found = nonlinear_check(design, asked.case, asked.imperfection, asked.minutes, reporter, asked.check_edge)
     if as_json:
         out(json.dumps(facts(found), indent=2))
     elif not quiet:

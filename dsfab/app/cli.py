@@ -37,7 +37,9 @@ app = App(
 app.command(
     "dsfab.app.build:build", name="build", help="Build a preset: solid, sheet, picture and numbers, in one folder."
 )
-app.command("dsfab.app.new:new", name="new", help="Write a preset for a surface of your own, each decision told.")
+app.command(
+    "dsfab.app.new:new", name="new", help="Write a preset for a surface of your own, with a line for each decision."
+)
 app.command("dsfab.app.export:export", name="export", help="Write one file: solid, lines, drawing, fields or model.")
 app.command(
     "dsfab.app.workshop:workshop", name="workshop", help="Cut a design from sheets: flat parts, nested on the stock."
@@ -55,9 +57,9 @@ app.command("dsfab.app.listing:presets", name="presets", help="List the presets 
 app.command(
     "dsfab.app.listing:materials", name="materials", help="List the materials that a preset may name, with sources."
 )
-app.command("dsfab.app.listing:inspect", name="inspect", help="Say what a mesh file is, and whether it is sound.")
+app.command("dsfab.app.listing:inspect", name="inspect", help="Describe a mesh file, and check whether it is sound.")
 app.command(
-    "dsfab.app.verify:verify", name="verify", help="Solve structures with known answers: can the statics be trusted?"
+    "dsfab.app.verify:verify", name="verify", help="Solve structures with published answers to test the statics."
 )
 app.command("dsfab.app.reproduce:reproduce", name="reproduce", help="Make the figures of the paper, on one page.")
 app.command("dsfab.app.bench:bench", name="bench", help="Time presets stage by stage, as the paper's Table 2 does.")
@@ -98,7 +100,6 @@ def _given_twice(words: Sequence[str], option: str) -> str:
 
 
 def _details(words: Sequence[str], error: BaseException) -> str:
-    """Write a report of a bug into the temporary folder; return words that name the file."""
     text = "\n".join(
         [
             f"dsfab {__version__}, Python {platform.python_version()}, {platform.system()} {platform.machine()}",

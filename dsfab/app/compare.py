@@ -66,14 +66,12 @@ def comparison_text(share: float | None, result: "Comparison") -> str:
 
 
 def _theory(result: "Comparison") -> list[str]:
-    """Softening of solids beside thin-shell theory, for structures with a full check."""
     judged = {one.name: one.judgement.theory for one in result.competitors if one.judgement}
     known = [f"{name} by up to {percent(theory)}" for name, theory in judged.items() if theory]
     return [f"thin-shell theory: solids are softer, {', '.join(known)}"] if known else []
 
 
 def _modes(one: "Competitor") -> list[str]:
-    """Lowest buckling factor and lowest frequency of a competitor, if requested."""
     cases = list(one.judgement.cases.values()) if one.judgement else []
     pressed = [case for case in cases if case.buckling is not None]
     told = []
@@ -214,7 +212,7 @@ def compare_one(given: "Preset", task: Task, folder: Path, command: str, quiet: 
     """Compare, write all files and print the result; return 1 if the design does not carry its loads, else 0."""
     reporter, asked = Reporter(quiet or as_json), task.questions
     files = ["results.csv", "results.json", *(("chart.svg", "chart.png") if len(asked.shares) > 1 else ())]
-    try:
+    with reporter:
         found = _compared(given, asked, reporter)
         subject = _findings(found, command) if task.report else None
         with whole_or_nothing(folder) as partial_folder:
@@ -223,9 +221,6 @@ def compare_one(given: "Preset", task: Task, folder: Path, command: str, quiet: 
             if subject:
                 reporter("report", "drawing and writing report.html and report.pdf")
                 files = [*_reported(subject, found, partial_folder, reporter), *files]
-        reporter.done()
-    finally:
-        reporter.stop()
     if as_json:
         out(document)
     elif not quiet:
@@ -283,7 +278,6 @@ def _findings(found: list[Compared], command: str) -> "Findings":
 
 
 def _reported(subject: "Findings", found: list[Compared], folder: Path, reporter: Reporter) -> list[str]:
-    """Write the report; print problems; return the names of its files."""
     from dsfab.report.compliance import write_report
 
     rows = [
@@ -415,15 +409,15 @@ def compare(
 
     Each is solved on its own cut mesh under the same loads. The smaller the compliance, the stiffer. Writes a report
     for an engineer (report.html, report.pdf), results.csv and results.json, and with --volumes a chart of compliance
-    over mass. Several presets are compared one after the other, whatever happens to one of them; a page with one line
-    for each stands at the end. Exit code 1 where a design does not carry its loads.
+    over mass. Several presets are compared in turn, also after an error, and summary.html has a line for each. The
+    exit code is 1 if a design does not carry its loads.
 
     Parameters
     ----------
     preset
         Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote.
     more
-        Further ones.
+        Further presets.
     """
     _ = questions.names, questions.shares  # raises for wrong options before the preset is read
     task = Task(source, questions, results.report)

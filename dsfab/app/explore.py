@@ -141,7 +141,7 @@ def explore(
     *,
     vary: Annotated[
         tuple[str, ...],
-        Parameter(negative=(), help="KEY=LOW:HIGH:COUNT or KEY=ONE,TWO,... (repeatable: all combinations)."),
+        Parameter(negative=(), help="KEY=LOW:HIGH:COUNT or KEY=ONE,TWO,... (repeatable, for all combinations)."),
     ],
     source: Source = UNCHANGED,
     tile: TileOptions = TileOptions(),
@@ -171,11 +171,8 @@ def explore(
     require_rendering()
     reporter = Reporter(quiet)
     variants = Variants(given, values, ["dsfab", "build", *source.words(preset)], tile.view, tile.show, pixels)
-    try:
+    with reporter:
         tiles = _drawn(variants, folder, film, yes, reporter)
-        reporter.done()
-    finally:
-        reporter.stop()
     if not quiet:
         _summary(tiles, folder, folder / f"{given.name}.{film.animate}" if film.animate else None)
     return 0

@@ -89,8 +89,8 @@ def export(
     Parameters
     ----------
     preset
-        Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote: what is
-        kept there is not made again, unless --set or an edit of its preset.toml changes the design.
+        Name of a shipped preset (see `dsfab presets`), a TOML file, or a folder that `dsfab build` wrote. Its design
+        is reused, unless --set or an edit of its preset.toml changes the design.
     """
     given, folder = source_of(preset, source.also(*step.overrides()))
     reporter, built = Reporter(quiet), built_design(preset, given)
@@ -100,11 +100,8 @@ def export(
 
     ask = _asked(to, output, folder, given.name, sheet)
     require_writable_file(ask.path)
-    try:
+    with reporter:
         told = write_file(given, built, ask, reporter)
-        reporter.done()
-    finally:
-        reporter.stop()
     if not quiet:
         for line in told:
             out(line)
@@ -181,7 +178,6 @@ def format_suffix(word: str) -> str:
 
 
 def _asked(to: str | None, output: Path | None, folder: Path, name: str, sheet: Which | None) -> ExportRequest:
-    """Check the request before the work begins."""
     from dsfab.export.formats import FORMATS, suffix_of
 
     if to is None and output is None:

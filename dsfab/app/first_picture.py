@@ -118,12 +118,10 @@ class FirstPicture:
             self._talking.join()
 
     def _talk(self, asked: bytes | None, then: Callable[[], None] | None) -> None:
-        """Send a request; call `then` when the picture is ready."""
         self._talking = threading.Thread(target=self._ask, args=(asked, then), daemon=True)
         self._talking.start()
 
     def _ask(self, asked: bytes | None, then: Callable[[], None] | None) -> None:
-        """Send a request and read the answers; a failed process sends none."""
         given, answer = self._process.stdin, self._process.stdout
         assert given
         assert answer
@@ -142,7 +140,6 @@ class FirstPicture:
             self._window = None
 
     def _undo(self) -> None:
-        """Restore the file from before the sketch."""
         from dsfab.export import replacing
 
         if not self._before:

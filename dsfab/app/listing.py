@@ -58,19 +58,18 @@ def inspect(
     *,
     source: Source = UNCHANGED,
     output: Annotated[
-        Path | None, Parameter(name=["-o", "--output"], help="PNG file with the places of what is smallest.")
+        Path | None, Parameter(name=["-o", "--output"], help="PNG file that marks the smallest member, gap and wall.")
     ] = None,
     report: Annotated[
         bool, Parameter(negative=(), help="Exit with 0 also for a mesh that `dsfab build` refuses.")
     ] = False,
 ) -> int:
-    """Say what a mesh file is: size, pieces, boundary, whether it is manifold or why not, and its likely unit.
+    """Describe a mesh file: size, pieces, boundary, likely unit, and whether it is manifold or why not.
 
-    Also what was read of it, what was repaired and what was dropped, and whether `dsfab build` takes it: exit code 1 if
-    not.
+    It also lists what dsfab reads, repairs and drops, and whether `dsfab build` takes the mesh: exit code 1 if not.
 
-    Of a preset, or of a folder that `dsfab build` made: what holds it and what acts on it, also where it cannot be
-    built; how even its pattern is and how it ends; and members, gaps and walls, against the limits of [fabrication].
+    For a preset or a built folder: supports and loads, also of a design that cannot be built; evenness and dead ends
+    of its pattern; and members, gaps and walls, against the limits of [fabrication].
 
     Parameters
     ----------
@@ -120,8 +119,7 @@ def _made(preset: str, source: Source, picture: Path | None) -> dict[str, Any]:
     from dsfab.render.fabrication import write_workshop_picture
     from dsfab.study.fabrication import fabrication
 
-    reporter = Reporter()
-    try:
+    with Reporter() as reporter:
         design = Design.of(source.read(preset), None, reporter).until("surface")
         try:
             design.until("statics")
@@ -132,14 +130,10 @@ def _made(preset: str, source: Source, picture: Path | None) -> dict[str, Any]:
         if picture is not None:
             reporter("preview", f"drawing {picture.name}")
             write_workshop_picture(picture, design, made, (1600, 1200))
-        reporter.done()
-    finally:
-        reporter.stop()
     return {**fabrication_facts(made), "pattern": quality_facts(design.quality())}
 
 
 def _show_mesh(path: Path, source: Source) -> bool:
-    """Print the facts of a mesh; return whether `dsfab build` takes it."""
     from dsfab.surface import DEFAULT_TRIANGLES, mesh_facts, raw_mesh
 
     raw = raw_mesh(path, source.max_triangles or DEFAULT_TRIANGLES)
@@ -153,7 +147,6 @@ def _show_mesh(path: Path, source: Source) -> bool:
 
 
 def _verdict(path: Path, source: Source, raw: "RawMesh") -> tuple[bool, str]:
-    """Whether `dsfab build` takes the mesh, and its repairs or the reason of a refusal."""
     from dsfab.preset.proposal import propose
 
     try:
@@ -170,7 +163,6 @@ def _verdict(path: Path, source: Source, raw: "RawMesh") -> tuple[bool, str]:
 
 
 def _unit(facts: "MeshFacts") -> str:
-    """Unit of the file, or the likely one with sizes in other units."""
     from dsfab.preset.proposal import size_doubt, sizes_in_other_units
 
     if facts.unit_said:
@@ -180,7 +172,6 @@ def _unit(facts: "MeshFacts") -> str:
 
 
 def _lines(facts: "MeshFacts") -> list[tuple[str, str]]:
-    """Facts as labels and texts; rows without text are left out."""
     loops = facts.boundary_lengths
     counted = f"{len(loops)} {'loop' if len(loops) == 1 else 'loops'}: {', '.join(length(x) for x in loops[:6])}"
     return [

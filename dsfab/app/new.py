@@ -23,13 +23,13 @@ def new(
     unit: Unit = None,
     up: Up = None,
     max_triangles: MaxTriangles = None,
-    material: Annotated[str | None, Parameter(help="What it is made of; `dsfab materials` lists names.")] = None,
-    force: Annotated[bool, Parameter(negative=(), help="Write over a file that is there.")] = False,
+    material: Annotated[str | None, Parameter(help="Material; `dsfab materials` lists names.")] = None,
+    force: Annotated[bool, Parameter(negative=(), help="Overwrite an existing file.")] = False,
 ) -> int:
-    """Write a preset for a surface of your own: what a sensible architect would decide, a line for each decision.
+    """Write a preset for a surface of your own, with sensible values and a line for each decision.
 
-    It reads the mesh, guesses its unit and its vertical axis, finds where it stands, and chooses loads, thickness,
-    pattern and widths by its size. `dsfab build` takes the preset, and the mesh itself as well.
+    It reads the mesh, guesses its unit, its vertical axis and its supports, and chooses loads, thickness, pattern and
+    widths by its size. `dsfab build` takes the preset, and the mesh itself as well.
 
     Parameters
     ----------
@@ -89,7 +89,6 @@ def bearing(proposal: "Proposal") -> str:
 
 
 def _from(preset: Path, mesh: Path) -> Path:
-    """The mesh's path relative to the preset's folder."""
     try:
         return Path(os.path.relpath(mesh.absolute(), preset.absolute().parent))
     except ValueError:  # a path on another drive

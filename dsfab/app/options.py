@@ -24,14 +24,13 @@ SMALLEST, LARGEST = 64, 8000
 
 Set = Annotated[tuple[str, ...], Parameter(name="--set", negative=(), help="Override a value: KEY=VALUE (repeatable).")]
 Mesh = Annotated[Path | None, Parameter(name="--mesh", help="Mesh file that takes the place of the preset's surface.")]
-Quiet = Annotated[bool, Parameter(name=["--quiet", "-q"], negative=(), help="Say nothing but errors.")]
+Quiet = Annotated[bool, Parameter(name=["--quiet", "-q"], negative=(), help="Print errors only.")]
 Unit = Annotated[str | None, Parameter(name="--unit", help="Unit of the mesh file: mm, cm, m, in, ft.")]
 Up = Annotated[
     str | None, Parameter(name="--up", help="Axis of the mesh file that points to the sky: x, y, z, -x, -y, -z.")
 ]
 MaxTriangles = Annotated[
-    int | None,
-    Parameter(name="--max-triangles", help="Triangles that the mesh file may have; 4 million where left out."),
+    int | None, Parameter(name="--max-triangles", help="Largest number of triangles of the mesh file [4 million].")
 ]
 
 
@@ -41,8 +40,8 @@ Show = Annotated[
     Parameter(
         help="structure, families, stress, major, minor; of the uncut sheet: loads, directions, major_mode, "
         "minor_mode, vonmises, utilisation, energy, displacement, buckling, frequency; fabrication (preview only): the "
-        "finished solid and where its smallest member, gap, wall and edge are; members (preview only): the finished "
-        "sheet with every member named."
+        "finished solid with marks at its smallest member, gap, wall and edge; members (preview only): the finished "
+        "sheet with the names of its members."
     ),
 ]
 
@@ -186,13 +185,10 @@ def estimate_step(given: "Preset", reporter: Reporter, built: "Design | None" = 
     """Print the cost of a design's STEP file; write nothing."""
     from dsfab.design import run
 
-    try:
+    with reporter:
         design = built or run(given, reporter)
         reporter("export", "estimating STEP")
         lines = list(estimate_lines(design))
-        reporter.done()
-    finally:
-        reporter.stop()
     for line in lines:
         out(line)
     return 0

@@ -202,7 +202,6 @@ def _drawing(
 
 
 def _layers(text: str) -> tuple[str, ...]:
-    """Names of layers; raises DsfabError for unknown ones."""
     from dsfab.render.drawing import EVERY_LAYER
 
     if text in ("all", "none"):
@@ -216,13 +215,11 @@ def _layers(text: str) -> tuple[str, ...]:
 def _draw(
     previewers: "Previewers", preset: "Preset", page: Page, reporter: Reporter, first: FirstPicture | None
 ) -> None:
-    """Draw one picture, or several on one page, into the file."""
     if page.names != ("structure",) or not _draw_structure(previewers, preset, page, reporter, first):
         _draw_pattern(previewers, preset, page, reporter)
 
 
 def _draw_pattern(previewers: "Previewers", preset: "Preset", page: Page, reporter: Reporter) -> None:
-    """Draw the pattern before cutting."""
     from dsfab.render.colouring import asking
     from dsfab.render.picture import write_png
     from dsfab.render.previewer import panels
@@ -276,7 +273,6 @@ def _draw_structure(
 
 
 def _draw_finished(preset: "Preset", page: Page, reporter: Reporter, built: Path | None) -> None:
-    """Draw the finished design, from the archive in `built` if possible."""
     from dsfab.design import Design
     from dsfab.design.output.archive import read_archive
     from dsfab.render.picture import write_png
@@ -294,7 +290,6 @@ def _draw_finished(preset: "Preset", page: Page, reporter: Reporter, built: Path
 
 
 def _measured(design: "Design", page: Page, reporter: Reporter) -> "NDArray[Any]":
-    """Picture of the solid and its smallest features."""
     from dsfab.render.fabrication import workshop_picture
     from dsfab.study.fabrication import fabrication
 
@@ -305,7 +300,6 @@ def _measured(design: "Design", page: Page, reporter: Reporter) -> "NDArray[Any]
 
 
 def _members(design: "Design", page: Page, reporter: Reporter) -> "NDArray[Any]":
-    """Picture of the sheet with the names of its members."""
     from dsfab.render import members_picture
 
     reporter("members", f"naming members, and drawing {page.path.name}")
@@ -313,7 +307,6 @@ def _members(design: "Design", page: Page, reporter: Reporter) -> "NDArray[Any]"
 
 
 def _watch(file: Path, draw: Callable[[], None], reporter: Reporter) -> int:
-    """Draw now and after each change of the file; print an error and go on."""
     seen: tuple[int, int] | None = None
     reporter.say(f"watch       {file}; Ctrl-C ends it")
     try:
@@ -332,7 +325,6 @@ def _watch(file: Path, draw: Callable[[], None], reporter: Reporter) -> int:
 
 
 def _stamp(file: Path) -> tuple[int, int] | None:
-    """Time and size of a file, to notice a change; None while it is missing."""
     try:
         found = file.stat()
     except OSError:

@@ -28,8 +28,8 @@ def report(
 ) -> int:
     """Report what each member bears against Eurocode 3 or 5: the worst ones on the structure, diagrams, clauses.
 
-    The material of the preset decides which code it is; `[eurocode]` has its factors. Of other materials stress is
-    compared with their strength.
+    The material of the preset decides the code; `[eurocode]` has its factors. For materials without a code, the
+    report compares stress with strength.
 
     Parameters
     ----------
@@ -43,13 +43,9 @@ def report(
     given.statics.require_strength()
     folder = output or folder / "members"
     require_writable(folder)
-    reporter = Reporter(quiet)
-    try:
+    with Reporter(quiet) as reporter:
         design = built_design(preset, given) or Design.of(given, progress=reporter).until("slicing")
         files, told = write_members(design, shlex.join(["dsfab", "report", *source.words(preset)]), folder, reporter)
-        reporter.done()
-    finally:
-        reporter.stop()
     if not quiet:
         for line in told:
             out(line)

@@ -69,12 +69,8 @@ def reproduce(
         raise DsfabError(f"--workers {workers} must be 1 or more")
     require_rendering()
     count = fitting_processes(len(chosen)) if workers is None else min(workers, len(chosen))
-    reporter = Reporter(quiet)
-    try:
+    with Reporter(quiet) as reporter:
         figures = _write(chosen, output, coarser, count, reporter, volumes, small)
-        reporter.done()
-    finally:
-        reporter.stop()
     failed = [f"{made.figure.preset} ({made.error})" for made in figures if made.error]
     if not quiet:
         _summary(figures, output, small)
@@ -134,7 +130,6 @@ def _write(
 
 
 def _volumes(folder: Path) -> list[dict[str, Any]]:
-    """Rows of sphere_volumes.json in a folder with its chart; else none."""
     try:
         told = json.loads((folder / "sphere_volumes.json").read_text(encoding="utf-8"))
         return list(told["competitors"]) if (folder / "sphere_volumes.svg").exists() else []
@@ -143,7 +138,6 @@ def _volumes(folder: Path) -> list[dict[str, Any]]:
 
 
 def _machine() -> str:
-    """Machine and versions behind the measured seconds."""
     known = versions()
     cores = os.cpu_count() or 1
     return (
@@ -153,7 +147,6 @@ def _machine() -> str:
 
 
 def _processor() -> str:
-    """Name of the processor if the system has it, else its kind."""
     with suppress(OSError):
         for line in Path("/proc/cpuinfo").read_text(encoding="utf-8").splitlines():
             if line.startswith("model name"):

@@ -27,8 +27,8 @@ class PlanOptions:
     """Options that override keys of a sweep file."""
 
     sample: Annotated[str | None, Parameter(help="grid, sobol:N, lhs:N or csv:FILE [grid].")] = None
-    seed: Annotated[int | None, Parameter(help="Of the sampling [0].")] = None
-    metric: Annotated[tuple[str, ...], Parameter(negative=(), help="What to measure (comma list, repeatable).")] = ()
+    seed: Annotated[int | None, Parameter(help="Seed of the sampling [0].")] = None
+    metric: Annotated[tuple[str, ...], Parameter(negative=(), help="Metrics to measure (comma list, repeatable).")] = ()
     constraint: Annotated[
         tuple[str, ...], Parameter(name=["--constraint", "--subject-to"], negative=(), help="Such as 'pieces == 1'.")
     ] = ()
@@ -74,10 +74,10 @@ class Work:
     ] = None
     workers: Annotated[int | None, Parameter(help="Processes [cores, as memory allows].")] = None
     scheduler: Annotated[str | None, Parameter(help="Address of a Dask scheduler, tcp://HOST:8786.")] = None
-    extend: Annotated[bool, Parameter(negative=(), help="Add what is new to an existing sweep.")] = False
+    extend: Annotated[bool, Parameter(negative=(), help="Add new runs to an existing sweep.")] = False
     retry: Annotated[
         Literal["killed", "failed", "all"],
-        Parameter(help="Which runs of an existing sweep are tried again: whose worker was killed, failed ones, both."),
+        Parameter(help="Runs of an existing sweep to retry: those whose worker was killed, failed ones, or both."),
     ] = "killed"
 
     @property
@@ -120,8 +120,8 @@ def sweep(
 ) -> int:
     """Make many designs of a preset: numbers, pictures and a page to choose from, in one folder.
 
-    It may be stopped at any time, even by a power cut: the same command, or `dsfab sweep FOLDER`, goes on. The exit
-    code is 3 where runs are missing, and the last line says how many.
+    You may stop it at any time, and a power cut may: the same command, or `dsfab sweep FOLDER`, goes on. The exit
+    code is 3 if runs are missing, and the last line has their number.
 
     Parameters
     ----------
@@ -150,7 +150,6 @@ def _goes_on(what: str, varied: bool) -> bool:
 
 
 def _given(what: str, varied: bool) -> tuple[dict[str, Any], str]:
-    """Tables that the command line starts from, and their title for messages."""
     from dsfab.study.sweeps.folder import SWEEP
     from dsfab.study.sweeps.plan import read_plan
 
@@ -237,7 +236,6 @@ def _run_all(found: "SweepFolder", crew: "Workers", line: Any, retry: "Collectio
 
 
 def _drawer(plan: "Plan") -> "Drawer | None":
-    """Drawer of the runs' pictures; raises DsfabError before the work begins if this machine cannot draw."""
     from dsfab.render.opengl import require_rendering
     from dsfab.report.sweep_pages import SheetDrawer, require_view
 

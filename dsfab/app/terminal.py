@@ -6,19 +6,26 @@ import threading
 import time
 from collections.abc import Iterator
 from contextlib import contextmanager
+from typing import Self
 
 from rich.console import Console
 from rich.status import Status
 
 
 class Reporter:
-    """Prints stages and their seconds on standard error; nothing if `quiet`."""
+    """Prints stages and their seconds on standard error; nothing if `quiet`. As a context it ends the last stage."""
 
     def __init__(self, quiet: bool = False) -> None:
         self.quiet = quiet
         self._console = Console(stderr=True, highlight=False, soft_wrap=True, quiet=quiet)
         self._stage: tuple[str, str, float] | None = None
         self._status: Status | None = None
+
+    def __enter__(self) -> Self:
+        return self
+
+    def __exit__(self, error: object, *_: object) -> None:
+        self.stop() if error else self.done()
 
     @property
     def watched(self) -> bool:

@@ -40,12 +40,8 @@ def calibrate(folder: Path, as_json: bool) -> int:
     from dsfab.study.verdict.calibration import calibrate as measured
     from dsfab.study.verdict.calibration import summary, table_text
 
-    reporter = Reporter(quiet=as_json)
-    try:
+    with Reporter(quiet=as_json) as reporter:
         rows = list(measured(told=lambda kind, seed: reporter("calibration", f"{kind} {seed}")))
-    finally:
-        reporter.stop()
-    reporter.done()
     folder.mkdir(parents=True, exist_ok=True)
     text = json.dumps({"summary": asdict(summary(rows)), "designs": [_record(row) for row in rows]}, indent=2)
     (folder / "calibration.json").write_text(text, encoding="utf-8")
@@ -112,8 +108,7 @@ PAGE = Path("outputs/verification")
 def verify(
     *tests: str,
     elements: Annotated[
-        tuple[str, ...],
-        Parameter(name=["--elements", "-e"], negative=(), help="Pair such as hybrid+hhj (repeatable)."),
+        tuple[str, ...], Parameter(name=["--elements", "-e"], negative=(), help="Pair such as hybrid+hhj (repeatable).")
     ] = (),
     list_: Annotated[bool, Parameter(name="--list", negative=(), help="List tests and sources only.")] = False,
     json_: Annotated[bool, Parameter(name="--json", negative=(), help="Print a JSON list instead of a table.")] = False,
@@ -123,9 +118,9 @@ def verify(
     ] = False,
     out_: Annotated[Path, Parameter(name=["--out", "-o"], help="Folder of the page and the calibration.")] = PAGE,
 ) -> int:
-    """Solve plates, beams, shells and vessels with known answers, and say how near each pair of elements comes.
+    """Solve plates, beams, shells and vessels with published answers, and print the error of each pair of elements.
 
-    Exit code 1 when a pair that something is reported from (README, "Can I trust it?") is off on a test's finest mesh.
+    The exit code is 1 when a pair behind dsfab's own results (README, "Can I trust it?") is off on a finest mesh.
 
     Parameters
     ----------
@@ -142,8 +137,7 @@ def verify(
         out("\n".join(f"{test.name:<41} {test.source}" for test in chosen))
         return 0
     pairs = [Elements.named(name) for name in elements] or verification.PAIRS
-    reporter = Reporter(quiet=json_)
-    try:
+    with Reporter(quiet=json_) as reporter:
         told = lambda test, cells: reporter("verify", f"{test}, {cells}")  # noqa: E731
         rows = list(verification.verify(chosen, pairs, told))
         if page:
@@ -151,9 +145,6 @@ def verify(
 
             reporter("page", str(out_ / "index.html"))
             write_page(out_, chosen, rows)
-    finally:
-        reporter.stop()
-    reporter.done()
     if json_:
         out(json.dumps([asdict(row) for row in rows], indent=2))
     else:

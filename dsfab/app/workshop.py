@@ -54,8 +54,8 @@ def workshop(
 ) -> int:
     """Cut a design from sheets: flat parts with holes and names, nested on the stock, as DXF, SVG and a cut list.
 
-    What is possible and what is not is told first, in numbers. Stock, thickness, bolts and gap are those of [workshop].
-    With --model it is a model in card for a laser cutter, with a base plate that its feet stand in.
+    Notes on possible problems come first. Stock, thickness, bolts and gap are those of [workshop]. With --model it is
+    a model in card for a laser cutter, with a base plate for its feet.
 
     Parameters
     ----------
@@ -72,16 +72,12 @@ def workshop(
         _check_ifc(given)
     target = output or folder / ("model" if given.workshop.model else "workshop")
     require_writable(target)
-    reporter = Reporter(quiet)
-    try:
+    with Reporter(quiet) as reporter:
         design = built_design(preset, given) or Design.of(given, progress=reporter).until("slicing")
         reporter("export", "developing and nesting")
         load = design.load if design.has("statics") else None
         plan = workshop_plan(design, up_axis(design.surface.V, design.surface, load))
         documents = _documents(plan, design, flags.ifc)
-        reporter.done()
-    finally:
-        reporter.stop()
     if not quiet:
         for note in plan.notes:
             out(note)
@@ -92,7 +88,6 @@ def workshop(
 
 
 def _documents(plan: "WorkshopPlan", design: "Design", ifc: bool) -> dict[str, bytes]:
-    """Files beside drawings and tables, by name."""
     from dsfab.report.assembly import assembly_page, assembly_pdf
 
     found = {"assembly.pdf": assembly_pdf(plan, design)}
@@ -106,7 +101,6 @@ MEMBERS = "members.ifc"
 
 
 def _check_ifc(given: "Preset") -> None:
-    """Raise before the work begins if IFC cannot be written."""
     from dsfab.export import FORMATS
 
     FORMATS[f".{MEMBERS}"].ready()
@@ -203,7 +197,6 @@ def _stock(text: str) -> tuple[float, float]:
 
 
 def _metres(text: str, option: str) -> float:
-    """A length with its unit, by default metres."""
     number = text.strip().rstrip("abcdefghijklmnopqrstuvwxyz ")
     unit = text.strip()[len(number) :].strip() or "m"
     try:

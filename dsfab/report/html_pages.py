@@ -1,6 +1,7 @@
 """The page kit: a document as plain blocks, and HTML pages that load nothing from the network."""
 
 import base64
+import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from html import escape
@@ -277,16 +278,15 @@ def _figure(figure: ReportFigure) -> str:
     if figure.missing:
         return f"<figure>{why(figure.missing)}{caption}</figure>"
     data = base64.b64encode(figure.image).decode("ascii")
-    inside = image(f"data:image/{figure.kind};base64,{data}", _plain(figure.caption), figure.size, lazy=False)
+    inside = image(f"data:image/{figure.kind};base64,{data}", without_markup(figure.caption), figure.size, lazy=False)
     width = "" if figure.width == 1 else f' style="width: {100 * figure.width:.0f}%"'
     scale = _scale(figure.scale) if figure.scale else ""
     return f"<figure{width}>{inside}{scale}{caption}</figure>"
 
 
-def _plain(markup: str) -> str:
-    from re import sub
-
-    return sub(r"<[^>]+>", "", markup)
+def without_markup(markup: str) -> str:
+    """Return a text without its tags."""
+    return re.sub(r"<[^>]+>", "", markup)
 
 
 def _scale(scale: Scale) -> str:

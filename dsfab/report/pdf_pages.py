@@ -96,7 +96,6 @@ def fonts(text: str) -> tuple[str, str, str]:
 
 
 def _dejavu() -> tuple[str, str, str]:
-    """Register the fonts that come with matplotlib."""
     import matplotlib
     from reportlab.lib.fonts import addMapping
     from reportlab.pdfbase.pdfmetrics import registerFont
@@ -351,7 +350,6 @@ def _together(parts: list[Any]) -> Any:
 
 
 def _figure(figure: ReportFigure, styles: Styles, width: float) -> list[Any]:
-    """A figure with its caption. width : mm."""
     from reportlab.platypus import Image
 
     caption = styles.text(figure.caption, "figure_caption")

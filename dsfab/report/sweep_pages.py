@@ -145,7 +145,6 @@ class SweepPages:
 
 
 def _sheet(folder: SweepFolder, rows: list[RunRow]) -> "Image":
-    """Contact sheet of the runs in the order of their numbers; the best 240 of more."""
     plan, most = folder.plan, 240
     shown = [row for row in rows if row.state in ("done", "failed", "killed")]
     which = f"{len(shown)} runs"

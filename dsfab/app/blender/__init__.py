@@ -24,7 +24,7 @@ def blender(
     output: Annotated[Path, Parameter(name=["-o", "--output"], help="Python file to write.")] = Path(
         "dsfab_blender.py"
     ),
-    force: Annotated[bool, Parameter(negative=(), help="Write over a file that is there.")] = False,
+    force: Annotated[bool, Parameter(negative=(), help="Overwrite an existing file.")] = False,
 ) -> int:
     """Write an add-on for Blender: it builds the mesh of the active object, by the dsfab that wrote it."""
     from dsfab.export import replacing

@@ -191,7 +191,6 @@ class Build(bpy.types.Operator):
         return context.mode == "OBJECT" and context.active_object is not None
 
     def _begin(self, context: bpy.types.Context) -> bool:
-        """Start the program; report an error and return False on failure."""
         self._folder = tempfile.TemporaryDirectory(prefix="dsfab-")
         self._source = context.active_object.name
         self._metres = context.scene.unit_settings.scale_length  # metres in a unit of the scene
@@ -199,9 +198,7 @@ class Build(bpy.types.Operator):
         entry = context.preferences.addons.get(__name__)
         python = entry.preferences.python if entry and entry.preferences else PYTHON
         try:
-            mesh = (
-                folder / f"{re.sub(r'[^A-Za-z0-9]+', '_', self._source)}.obj"
-            )  # the name of the file becomes that of the design
+            mesh = folder / f"{re.sub(r'[^A-Za-z0-9]+', '_', self._source)}.obj"  # it names the design
             mesh_file(context.active_object, self._metres, mesh)
             words = command(python, mesh, context.scene.dsfab, folder / "built")
             # into a file, because a full pipe would stop the program
@@ -222,7 +219,6 @@ class Build(bpy.types.Operator):
         return False
 
     def _end(self) -> set[str]:
-        """Show the result of the program, or report its error."""
         folder = Path(self._folder.name)
         said = (folder / "said.txt").read_text(encoding="utf-8", errors="replace")
         source = bpy.data.objects.get(self._source)

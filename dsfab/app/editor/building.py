@@ -140,7 +140,7 @@ class BuilderError(RuntimeError):
 
 
 def built_apart(request: BuildRequest, folder: Path, progress: JobProgress) -> EditorBuild:
-    """Run `built`, or `exported` for a single format, in another process.
+    """Run `build_files`, or `export_file` for a single format, in another process.
 
     Raises what they raise, and Cancelled within a fraction of a second. On any error the process and its children end,
     and the folder is removed.

@@ -64,14 +64,14 @@ def _directions() -> list[Control]:
         Control(flow, "diffusion.r", "follow stress", low=1, high=1e4, log=True, live=False, hint="r: 1 ignores it."),
         Control(flow, "diffusion.gamma", "load factor", low=0.01, high=100, log=True, live=False, hint=_GAMMA),
         Control(flow, "diffusion.labelling", "major follows", "choice", choices=get_args(Labelling), live=False),
-        Control(flow, "diffusion.modes", "modes", "whole", low=1, high=20, step=1, live=False, hint="How many."),
+        Control(flow, "diffusion.modes", "modes", "whole", low=1, high=20, step=1, live=False, hint="Number of modes."),
         Control(
             flow, "diffusion.symmetry", "symmetry", "words", live=False, hint=_CONTROLS_GIVEN_ALIKE, method="modes"
         ),
     ]
 
 
-_GAMMA = "gamma: multiplies the loads before faces are told isotropic or not."
+_GAMMA = "gamma: factor on the loads before each face is classed as isotropic or not."
 _CONTROLS_GIVEN_ALIKE = (
     "Symmetry that the modes must have: x, y or z for a mirror, rot:6:z for sixths of a turn; several with commas."
 )
@@ -90,7 +90,7 @@ def _sheet(surface: Surface) -> list[Control]:
 
 
 _YOUNG = "Young's modulus."
-_STRENGTH = "What the largest stress is compared with, in reports; off compares nothing."
+_STRENGTH = "Strength beside the largest stress in reports; off for none."
 
 
 def _mesh(surface: Surface) -> list[Control]:
@@ -108,9 +108,9 @@ _SMOOTH = "Dividing also rounds the facets (Loop subdivision)."
 def _workshop(surface: Surface) -> list[Control]:
     group, thin = "workshop", one_digit(surface.size / 3000)
     limits = {
-        "min_member": ("min. member", "The narrowest member that can be made; narrower ones are told."),
-        "min_gap": ("min. gap", "The narrowest opening that can be made; narrower ones are told."),
-        "min_wall": ("min. wall", "The thinnest wall of the solid that can be made; thinner ones are told."),
+        "min_member": ("min. member", "The narrowest member that can be made; narrower ones are reported."),
+        "min_gap": ("min. gap", "The narrowest opening that can be made; narrower ones are reported."),
+        "min_wall": ("min. wall", "The thinnest wall of the solid that can be made; thinner ones are reported."),
     }
     return [
         *(
@@ -130,11 +130,12 @@ _NO_SLITS = (
 _BED = "Metres along x, y and z that fit into the machine, 0.25 x 0.21 x 0.2 for instance; empty checks nothing."
 
 
-_ACCEPT = "Also with loads that nothing carries, a sheet that was thinned to a film, or what is under 1 mm and fails."
+_ACCEPT = (
+    "Build although nothing carries a load, the sheet is as thin as a film, or a feature under 1 mm fails its limit."
+)
 
 
 def _limit(control: Control) -> Control:
-    """A logarithmic control that is off at 0."""
     return replace(control, log=True, live=False, word="off", worth=0.0)
 
 
@@ -225,7 +226,7 @@ _RULE = (
 )
 _STEPS = "How often the rule stressed cuts, solves and widens; the best is kept."
 _FRACTION = "Share of the surface to keep: widths are solved for. 0 leaves them as they are."
-_MISSED = "Where the share jumps past the wanted one: the nearest is taken if it misses by no more, and told."
+_MISSED = "Tolerance: if the share jumps past the solid fraction, the nearest value within it is taken and reported."
 _NONE = "0 sets no limit."
 _THINNEST = (
     "0 sets no limit. auto: evenly spaced members of graded width are as wide as the sheet is thick, or as half of "

@@ -271,7 +271,6 @@ def figures(made: Design, cut: SlicingResult, notes: list[str]) -> dict[str, Any
 
 
 def _pattern(made: Design, cut: SlicingResult) -> dict[str, Any]:
-    """Dead ends, slits, and the range of clear openings on nine tenths of the area, metres."""
     found = measured_pattern(made, False, cut.cells, cut.sheet)
     open_ = [family.opening for _, family in found.families if family.opening[2] > 0]
     between = [min(one[0] for one in open_), max(one[2] for one in open_)] if open_ else None

@@ -127,7 +127,6 @@ def _drop(session: Session, given: Given) -> Given:
 
 
 def _compare(session: Session, given: Given) -> Given:
-    """Differences of two variants, or of one and the current state."""
     numbers = _typed(given, "variants", list)
     if len(numbers) not in (1, 2) or not all(isinstance(number, int) for number in numbers):
         raise AskError("variants are one or two numbers")

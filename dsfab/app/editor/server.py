@@ -90,7 +90,6 @@ class Handler(BaseHTTPRequestHandler):
             self.close_connection = True
 
     def _answered(self, act: Callable[[], None]) -> None:
-        """Handle a request; refusals and bugs become answers too."""
         try:
             act()
         except (Refused, ConnectionError, TimeoutError):
@@ -186,7 +185,6 @@ class Handler(BaseHTTPRequestHandler):
         )
 
     def _events(self) -> None:
-        """Send records of jobs as server-sent events, until either side closes."""
         jobs = self.server.session.jobs
         listener = jobs.listen()
         try:
@@ -210,7 +208,6 @@ class Handler(BaseHTTPRequestHandler):
         self._bytes(json.dumps(told).encode(), "application/json", status=status)
 
     def _some(self, content: bytes) -> None:
-        """Send bytes, or the status for no content."""
         self._bytes(content, "application/octet-stream", status=HTTPStatus.OK if content else HTTPStatus.NO_CONTENT)
 
     def _bytes(

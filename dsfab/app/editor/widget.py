@@ -101,6 +101,5 @@ class Editor(anywidget.AnyWidget):
         return ASKS[name](self._session, given)
 
     def _tell(self, news: "queue.Queue[dict[str, Any] | None]") -> None:
-        """Send records of jobs, until the session ends."""
         while (told := news.get()) is not None:
             self.send({"news": told})

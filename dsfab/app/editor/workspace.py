@@ -229,7 +229,6 @@ def _spelled(value: Any) -> str:
 
 
 def _inline(value: Any) -> str:
-    """A value as TOML on one line."""
     if isinstance(value, dict):
         return "{" + ", ".join(f"{key} = {_inline(part)}" for key, part in value.items()) + "}"
     if isinstance(value, list):
@@ -240,7 +239,6 @@ def _inline(value: Any) -> str:
 
 
 def _drawings(preset: Preset) -> set[Path]:
-    """Files of curves that pickers of the preset name."""
     listed = (*preset.surface.support, *preset.surface.load, *preset.pattern.guide, *preset.pattern.region)
     pickers = (getattr(thing, "at", None) for thing in (*listed, *preset.thickening.extra))
     return {file for at in pickers if (file := getattr(at, "file", None)) is not None}
@@ -261,7 +259,7 @@ LARGEST = 2 * 2**20
 """Characters of a picture, at most."""
 
 FIGURES = ("share", "area", "mass", "pieces", "narrowest", "compliance")
-"""Measures that a variant keeps (see `drafts.figures`)."""
+"""Measures that a variant keeps (see `drafts.sheet_figures`)."""
 
 
 @dataclass(frozen=True)

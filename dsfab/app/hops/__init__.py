@@ -12,9 +12,9 @@ from dsfab.core.errors import DsfabError
 def hops(
     *,
     port: Annotated[int, Parameter(help="Port on this machine; 0 takes a free one.")] = 5000,
-    seconds: Annotated[float, Parameter(help="After which a component that is still at work is ended.")] = 300.0,
+    seconds: Annotated[float, Parameter(help="Time limit of a component.")] = 300.0,
 ) -> int:
-    """Serve components to Grasshopper on this machine: give a Hops component one of the addresses that are printed."""
+    """Serve components to Grasshopper on this machine; a Hops component takes one of the printed addresses."""
     from dsfab.app.hops.components import COMPONENTS
     from dsfab.app.hops.server import HopsServer, Solver
     from dsfab.export import require_rhino

@@ -22,14 +22,14 @@ from dsfab.workshop import workshop_plan
 
 INPUTS = (
     Parameter("mesh", "M", "The surface, as a mesh.", "Mesh", wanted=True),
-    Parameter("supports", "S", "Points that hold what is near; left out: feet that are found.", "Point", many=True),
+    Parameter("supports", "S", "Points that hold the surface near them; left out: its feet.", "Point", many=True),
     Parameter("snow", "Sn", "Pa on the plan; left out: 750, a placeholder for your code.", "Number"),
     Parameter("spacing", "Sp", "From one member to the next, in the unit of the model.", "Number"),
     Parameter("thickness", "T", "Of the sheet, in the unit of the model.", "Number"),
     Parameter("share", "Sh", "Of the surface that is material, 0 to 1.", "Number"),
     Parameter("preset", "P", "Lines of a preset, such as pattern.rotate = 45; metres and pascals.", "Text", many=True),
 )
-NOTES = Parameter("notes", "N", "What you should know.", "Text", many=True)
+NOTES = Parameter("notes", "N", "Notes on the design.", "Text", many=True)
 LINES = Parameter("lines", "L", "Middles of the members.", "Curve", many=True)
 
 _DESIGNS: OrderedDict[str, Design] = OrderedDict()
@@ -158,7 +158,7 @@ COMPONENTS = {
             (
                 Parameter("solid", "So", "The watertight solid.", "Mesh"),
                 LINES,
-                Parameter("edges", "E", "Where material ends.", "Curve", many=True),
+                Parameter("edges", "E", "Edges of the material.", "Curve", many=True),
                 Parameter("names", "Na", "Of the lines.", "Text", many=True),
                 Parameter("compliance", "C", "J, by one solve: less is stiffer.", "Number"),
                 Parameter("mass", "Ma", "kg.", "Number"),
@@ -191,9 +191,9 @@ COMPONENTS = {
             INPUTS,
             (
                 Parameter("stock", "St", "The sheets.", "Curve", many=True),
-                Parameter("cut", "Cu", "What is cut.", "Curve", many=True),
-                Parameter("holes", "Ho", "What is drilled.", "Curve", many=True),
-                Parameter("marks", "En", "What is engraved, letters too.", "Curve", many=True),
+                Parameter("cut", "Cu", "Lines to cut.", "Curve", many=True),
+                Parameter("holes", "Ho", "Holes to drill.", "Curve", many=True),
+                Parameter("marks", "En", "Lines and letters to engrave.", "Curve", many=True),
                 Parameter("names", "Na", "Of the parts.", "Text", many=True),
                 NOTES,
             ),

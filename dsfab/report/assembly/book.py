@@ -25,9 +25,9 @@ from dsfab.report.assembly.bar_pages import BAR_RULE, BARS_UNCHECKED, bar_figure
 from dsfab.report.assembly.card_model import MODEL_UNCHECKED, model_figures, model_pages
 from dsfab.report.assembly.flat_parts import cut_list_pages, family_pages, nest_pages, node_pages, sheet_figures
 from dsfab.report.assembly.overview import cover, named_view, refolded_pages
-from dsfab.report.assembly.paper import HAIR, HIGH, INK, MARGIN, MM, PAGE, QUIET, WIDE, Paper
+from dsfab.report.assembly.paper import HAIR, HIGH, INK, MARGIN, PAGE, QUIET, WIDE, Paper
 from dsfab.report.assembly.sequence import RULE, assembly_steps, plank_rule, plank_steps, step_pages
-from dsfab.report.pdf_pages import fonts
+from dsfab.report.pdf_pages import MM, fonts
 from dsfab.workshop import WorkshopPlan
 
 Page = tuple[str, Callable[[Paper], None]]
@@ -197,10 +197,7 @@ def _unchecked_points(plan: WorkshopPlan) -> tuple[str, ...]:
 
 def _unchecked(paper: Paper, plan: WorkshopPlan) -> None:
     x, y = PAGE.x, PAGE.y + PAGE.high - 8
-    blocks = (
-        ("Not checked by dsfab:", _unchecked_points(plan)),
-        ("Notes on this plan:", plan.notes),
-    )
+    blocks = (("Not checked by dsfab:", _unchecked_points(plan)), ("Notes on this plan:", plan.notes))
     for head, notes in blocks:
         paper.text((x, y), head, 11, bold=True)
         y -= 7

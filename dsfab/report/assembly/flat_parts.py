@@ -4,6 +4,7 @@ from collections.abc import Callable, Sequence
 
 import numpy as np
 
+from dsfab.core.messages import counted
 from dsfab.core.units import MM_PER_M
 from dsfab.members import Member
 from dsfab.report.assembly.paper import HAIR, INK, PAGE, QUIET, RED, Fitted, Paper, PaperBox, usual_scale
@@ -123,7 +124,6 @@ def _nests(sheets: Sequence[NestedSheet], first: int, cells: list[PaperBox], sca
 
 
 def _part_name(paper: Paper, part: FlatPart, fitted: Fitted) -> None:
-    """Write the name on the middle line of a part, or in its box, on white."""
     middle = (part.outline.min(axis=0) + part.outline.max(axis=0)) / 2
     x, y = fitted.of(part.axis[len(part.axis) // 2] if len(part.axis) else middle).tolist()
     long, high = paper.width(part.id, 5.5) / 2 + 0.3, 1.0
@@ -218,12 +218,7 @@ def _page(plan: WorkshopPlan, members: list[Member], scale: float) -> Callable[[
     def draw(paper: Paper) -> None:
         for k, member in enumerate(members):
             _row(paper, plan, member, PAGE.y + PAGE.high - (k + 1) * ROW, scale)
-        paper.text(
-            (PAGE.x, PAGE.y - 4),
-            _said(plan),
-            7,
-            QUIET,
-        )
+        paper.text((PAGE.x, PAGE.y - 4), _said(plan), 7, QUIET)
 
     return draw
 
@@ -241,7 +236,7 @@ def _row(paper: Paper, plan: WorkshopPlan, member: Member, y: float, scale: floa
     paper.text((PAGE.x, y + 13), member.id, 12, bold=True)
     paper.text((PAGE.x, y + 9), size, 7)
     covers = len(parts) - len(pieces)
-    words = _count(len(pieces), "bar" if plan.bars else "piece") + (f", {_count(covers, 'cover')}" if covers else "")
+    words = counted(len(pieces), "bar" if plan.bars else "piece") + (f", {counted(covers, 'cover')}" if covers else "")
     paper.text((PAGE.x, y + 5.5), words, 7, QUIET)
     if pieces and plan.layering:
         paper.text((PAGE.x, y + 2), f"layer at {MM_PER_M * pieces[0].layer:+.0f} mm", 7, QUIET)
@@ -259,10 +254,6 @@ def _row(paper: Paper, plan: WorkshopPlan, member: Member, y: float, scale: floa
         elif 0 < part.span[0] < member.length and not plan.bars:
             x = left + scale * part.span[0]
             paper.lines([np.array([[x, middle - 2.2], [x, middle + 2.2]])], RED, 1.2)
-
-
-def _count(number: int, what: str) -> str:
-    return f"{number} {what}{'' if number == 1 else 's'}"
 
 
 def _nodes(paper: Paper, plan: WorkshopPlan, member: Member, at: tuple[float, float], scale: float) -> None:

@@ -43,7 +43,6 @@ def page_shades(plan: WorkshopPlan, names: list[str], judged: Design | None) -> 
 
 
 def _judged(design: Design, names: list[str]) -> list[dict[str, Any]]:
-    """Scales of the largest normal force of any case, and of the utilisation."""
     normal = {
         name: max((float(table[np.abs(table[:, 0]).argmax(), 0]) / 1e3 for table in one.forces.values()), key=abs)
         for name, one in design.member_forces.items()
@@ -119,7 +118,6 @@ def assembly_page(plan: WorkshopPlan, design: Design, judged: bool = False) -> s
 
 
 def _faces(plan: WorkshopPlan) -> list[MemberFaces]:
-    """Clickable things: members, or bars and plates."""
     if plan.planks:
         return plank_faces(plan, PAPER)
     if plan.route == "panels":

@@ -9,9 +9,8 @@ import numpy as np
 from dsfab.core.arrays import Floats
 from dsfab.report.assembly.axonometry import FaceList
 from dsfab.report.html_pages import COLOURS
+from dsfab.report.pdf_pages import MM
 
-MM = 72 / 25.4
-"""Points per millimetre."""
 WIDE, HIGH = 420.0, 297.0
 """A3, millimetres."""
 MARGIN, HEAD, FOOT = 14.0, 26.0, 18.0

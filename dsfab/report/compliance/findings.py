@@ -347,7 +347,6 @@ class Findings:
         return CheckLine("Lowest natural frequency", "note", told, "not judged")
 
     def _assumed(self) -> str:
-        """Assumption about the supports of a sheet that leaves its plane."""
         told = next((case.assumed for case in self.judged.cases.values() if case.assumed), "")
         return f"; {told}" if told else ""
 

@@ -52,9 +52,7 @@ def summary(found: Findings, drawn: Pictures, number: Numbers) -> ReportSection:
 
 def checks(found: Findings, number: Numbers) -> ReportSection:
     """Verdict by verdict."""
-    blocks: list[Block] = [
-        tables.checks_table(found.checks, number, "The structure itself."),
-    ]
+    blocks: list[Block] = [tables.checks_table(found.checks, number, "The structure itself.")]
     if found.claims:
         blocks.append(tables.checks_table(found.claims, number, "Stiffness beside others of the same mass."))
     blocks.append(
@@ -264,12 +262,7 @@ def reproduction(found: Findings, versions: Mapping[str, str], preset: str, numb
 
 
 def parts(
-    found: Findings,
-    pictures: Pictures,
-    number: Numbers,
-    charts: Charts,
-    versions: Mapping[str, str],
-    preset: str,
+    found: Findings, pictures: Pictures, number: Numbers, charts: Charts, versions: Mapping[str, str], preset: str
 ) -> list[ReportSection]:
     """Return the sections for a design without equilibrium: it has no displacements, stresses and reactions."""
     return [

@@ -7,7 +7,7 @@ from typing import Any
 import numpy as np
 
 from dsfab.core.arrays import Floats
-from dsfab.core.messages import force, mass
+from dsfab.core.messages import counted, force, mass
 from dsfab.report.compliance.findings import (
     LABELS,
     CheckLine,
@@ -118,7 +118,7 @@ def _between(one: FamilyQuality) -> str:
 def _kept(design: Competitor, sheet: Surface | None) -> str:
     if sheet is None:
         return "nothing: see the verdict"
-    return f"{digits_of(sheet.area)} m² ({share_of(design.area_fraction)}), in {_count(design.pieces, 'piece')}"
+    return f"{digits_of(sheet.area)} m² ({share_of(design.area_fraction)}), in {counted(design.pieces, 'piece')}"
 
 
 def loads_table(found: Findings, number: Numbers) -> Table:
@@ -406,10 +406,6 @@ def _ratio(one: Competitor, full: float) -> str:
 def versions_table(versions: Mapping[str, str], number: Numbers) -> Table:
     """Versions of dsfab and of the libraries that a result depends on."""
     return Table(number.table("Versions."), ("Part", "Version"), list(versions.items()), 2, "", (1, 3))
-
-
-def _count(number: int, noun: str) -> str:
-    return f"{number} {noun}{'' if number == 1 else 's'}"
 
 
 def _thousands(count: int) -> str:

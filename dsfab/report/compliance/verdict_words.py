@@ -2,7 +2,7 @@
 
 from dsfab.core.messages import length, mass, sentence
 from dsfab.report.compliance.findings import LABELS, Findings, digits_of, enumeration, percent, times, within
-from dsfab.report.html_pages import Banner, escaped
+from dsfab.report.html_pages import Banner, escaped, without_markup
 from dsfab.study import losing_line
 from dsfab.study.alternatives import Competitor
 
@@ -138,10 +138,4 @@ def one_line(found: Findings) -> str:
     bad = next((one for one in found.checks if one.status == found.status != "pass"), None)
     known = bad is None or bad.name == "Compliance is known"
     reason = found.judged.reason if known or bad is None else f"{bad.name}: {bad.found}"
-    return f"{found.status}: compliance {told}, {mass(found.design.mass)}; {_bare(reason)}"
-
-
-def _bare(markup: str) -> str:
-    from re import sub
-
-    return sub(r"<[^>]+>", "", markup)
+    return f"{found.status}: compliance {told}, {mass(found.design.mass)}; {without_markup(reason)}"

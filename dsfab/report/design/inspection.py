@@ -91,14 +91,14 @@ def _support(entry: Mapping[str, Any], several: bool) -> Sequence[str]:
     cells = [entry["name"], f"{entry['vertices']:,}", _extent(entry), entry["holds"]]
     if not entry["share"]:
         return cells
-    size = {case: _size(reaction) for case, reaction in entry["reaction_N"].items()}
+    size = {case: vector_size(reaction) for case, reaction in entry["reaction_N"].items()}
     most = max(size, key=lambda case: size[case])
     carried = force(size[most]) if entry["share"][most] > 1e-9 else "0 N"  # less is rounding
     return [*cells, carried, f"{entry['share'][most]:.0%}", *([most] if several else [])]
 
 
 def _load(entry: Mapping[str, Any], several: bool) -> Sequence[str]:
-    sizes = [_size(entry[key]) for key in ("force_N", "cut_force_N") if key in entry]
+    sizes = [vector_size(entry[key]) for key in ("force_N", "cut_force_N") if key in entry]
     balanced = sizes[0] < 1e-3 * entry["sum_of_magnitudes_N"]  # as pressure all around cancels out
     sums = ["0 N" if balanced else force(size) for size in sizes]
     way = "cancels out" if balanced else towards(entry["force_N"])
@@ -114,7 +114,8 @@ def _extent(entry: Mapping[str, Any]) -> str:
     return "a point" if entry["vertices"] == 1 else f"{entry['vertices']} points"
 
 
-def _size(vector: Sequence[float]) -> float:
+def vector_size(vector: Sequence[float]) -> float:
+    """Return the length of a vector."""
     return float(sum(x * x for x in vector) ** 0.5)
 
 

@@ -115,7 +115,6 @@ def _picture(design: Design, path: Path, progress: Progress) -> Iterator[None]:
 
 
 def _write_numbers(design: Design, here: Path, folder: Path, preset: Preset) -> None:
-    """Write the sheet, the preset with its mesh, and the archive of the design."""
     write(design.sheet.surface, here / "sheet.ply")
     _keep_mesh(preset, folder, here)
     write_archive(design, here, preset)
@@ -123,7 +122,6 @@ def _write_numbers(design: Design, here: Path, folder: Path, preset: Preset) -> 
 
 
 def _keep_mesh(preset: Preset, folder: Path, here: Path) -> None:
-    """Copy a mesh of the preset that lies in the folder to the new build."""
     name = getattr(preset.surface, "file", None)
     if name is not None and not name.is_absolute() and (folder / name).is_file() and not (here / name).exists():
         shutil.copy2(folder / name, here / name)
@@ -165,7 +163,6 @@ def said_once(notes: Mapping[str, Sequence[str]]) -> list[str]:
 
 
 def _one_written(design: Design, folder: Path, suffix: str, progress: Progress) -> _Files:
-    """Write one format; report a missed limit as a refusal."""
     files, name = _Files([], [], [], []), f"{design.preset.name}.{suffix}"
     progress("export", f"writing and reading back {name}")
     try:

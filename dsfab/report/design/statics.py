@@ -4,6 +4,7 @@ from typing import TYPE_CHECKING, Any
 
 from dsfab.core.messages import bounded, force, length
 from dsfab.render.colouring import stress_label
+from dsfab.report.design.inspection import vector_size
 from dsfab.study.verdict.estimates import quantile
 
 if TYPE_CHECKING:
@@ -217,7 +218,6 @@ def case_lines(design: "Design") -> list[str]:
 
 
 def _governing(design: "Design") -> dict[str, tuple[str, str]]:
-    """Return the combinations with the largest stress (ULS) and displacement (SLS): name, quantity, and formula."""
     cases, preset = design.statics.cases, design.preset
     formulas = {one.name: one.formula for one in preset.surface.sums}
     strained = max(preset.judged_in("ULS", cases), key=lambda name: cases[name].answers.stress.peak.stress)
@@ -234,14 +234,10 @@ def _carried(design: "Design", load: "LoadCase", answer: "Equilibrium") -> str:
     sums = balance(design, load, answer)
 
     def told(vector: list[float]) -> str:
-        return force(_size(vector))
+        return force(vector_size(vector))
 
     parts = ", ".join(told(part["reaction_N"]) for part in sums["supports"])
-    apart = sum(_size(part["reaction_N"]) for part in sums["supports"])
+    apart = sum(vector_size(part["reaction_N"]) for part in sums["supports"])
     # reactions of an arch also push sideways, so their sizes add up to more than the loads
-    thrust = ", their thrust included" if apart > 1.02 * _size(sums["load_N"]) else ""
+    thrust = ", their thrust included" if apart > 1.02 * vector_size(sums["load_N"]) else ""
     return f"loads sum to {told(sums['load_N'])}; supports carry {parts}{thrust}"
-
-
-def _size(vector: list[float]) -> float:
-    return float(sum(x * x for x in vector) ** 0.5)

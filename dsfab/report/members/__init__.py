@@ -176,7 +176,7 @@ def summary(found: Utilisation, picture: ReportFigure, number: Numbers) -> Repor
         Banner(status, title, escaped(f"{found.told}. Checked by {found.standard}. {found.assumed[0]}")),
         Paragraph(
             "Forces are summed up from the shell, section by section. Joints, and the stability of the structure as a "
-            "whole, are not checked here: see what was not checked.",
+            "whole, are not checked here: see what was not checked."
         ),
         picture,
     ]
@@ -199,7 +199,6 @@ def worst(found: Utilisation, number: Numbers) -> ReportSection:
 
 
 def _forces_table(found: Utilisation, chosen: Sequence[int], number: Numbers) -> Table:
-    """Sections and forces of bays at the station where the decisive check is largest."""
     bays, at = found.bays, [(bay, *found.governing(bay)[1:]) for bay in chosen]
     forces = np.array([bays.forces[case][bay, station] for bay, case, station in at])
     scale = [_scale(forces[:, [unit == one for one in UNITS]], unit) for unit in UNITS]

@@ -1,4 +1,4 @@
-/** What can act where something was picked: its fields in the form, and the load or support that becomes of them. */
+/** The form for a load or support at a picked place: its fields, and the entry of the preset that they describe. */
 
 import { make } from './controls.js';
 import { told } from './looks.js';
@@ -8,7 +8,7 @@ const HOLDS = { 'in all directions': 'xyz', vertically: 'z', 'along x': 'x', 'al
 const ALONG = { 'in all directions': [1, 1, 1], vertically: [0, 0, 1], 'along x': [1, 0, 0], 'along y': [0, 1, 0], sideways: [1, 1, 0] };
 const times = (direction, size) => direction.map((x) => x * size);
 
-/** list: of the preset's surface; size and unit: what the form begins with; choices: words for a direction, and what they mean. */
+/** list: list in the preset's surface; size, unit: first values of the form; choices: directions by their words. */
 export const KINDS = {
   support: { list: 'support', choices: HOLDS, made: (hold) => ({ hold }) },
   spring: { list: 'support', size: 1e6, unit: 'N/m', choices: ALONG, made: (along, size) => ({ spring: times(along, size) }) },
@@ -21,7 +21,7 @@ export const KINDS = {
 
 const NAMES = { 'N/m': 'newtons per metre', N: 'newtons', Pa: 'pascals' };
 
-/** The fields of a kind, and `read()`: what acts, without its place, or null where the size is none. */
+/** The fields of a kind, and `read()`: the load or support without its place, or null for an invalid size. */
 export function form(kind, cases) {
   const { list, size, unit, choices, made } = KINDS[kind];
   const parts = [];
@@ -61,7 +61,7 @@ export function magnitude(thing) {
   return null;
 }
 
-/** A picker in words. */
+/** A picker as text. */
 export function where(at) {
   if (!at) return '';
   if (at.pick === 'nearest') return at.points.length === 1 ? 'at a point' : `at ${at.points.length} points`;

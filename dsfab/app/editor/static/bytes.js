@@ -1,8 +1,8 @@
-/** Bytes in and out of the page, however they travel. */
+/** Packing and unpacking of bytes that the page sends and receives. */
 
 const KINDS = { float32: Float32Array, uint32: Uint32Array, uint8: Uint8Array };
 
-/** Facts, and arrays by name, of an ArrayBuffer; see payload.py for how it is packed. */
+/** Facts, and arrays by name, of an ArrayBuffer that `pack_message` in drafts.py made. */
 export function unpacked(buffer) {
   const long = new DataView(buffer).getUint32(0, true);
   const facts = JSON.parse(new TextDecoder().decode(new Uint8Array(buffer, 4, long)));
@@ -13,7 +13,7 @@ export function unpacked(buffer) {
   return { facts, arrays };
 }
 
-/** Give the person a file: its name, and its bytes or text. */
+/** Download a file with this name, and bytes or text. */
 export function download(name, content, type = 'application/octet-stream') {
   const link = document.createElement('a');
   link.href = URL.createObjectURL(new Blob([content], { type }));

@@ -1,10 +1,10 @@
-/** Cameras and how hands move them: perspective and parallel, named views, all of it in the picture. */
+/** Perspective and parallel cameras, named views, and their control by mouse, touch and keys. */
 
 import * as THREE from 'three';
 import { OrbitControls } from './vendor/OrbitControls.js';
 
 export class Eye {
-  /** changed() is called whenever another picture is due. */
+  /** changed(): called when the picture must be drawn again. */
   constructor(canvas, changed) {
     this.canvas = canvas;
     this.changed = changed;
@@ -34,13 +34,13 @@ export class Eye {
     this.controls = controls;
   }
 
-  /** Whether dragging turns the picture. */
+  /** Switch turning by dragging on or off. */
   set free(yes) {
     this.enabled = yes;
     this.controls.enabled = yes;
   }
 
-  /** Another structure: points (n, 3) flat, its size, what is up, and from where it is seen best. */
+  /** Show another structure: points (n, 3) flat, its size, its upward direction, and its best view. */
   look({ facts, arrays }) {
     this.points = arrays.V;
     this.size = facts.size;
@@ -57,7 +57,7 @@ export class Eye {
     this.steer();
   }
 
-  /** iso, top, front or side; all of it is seen. */
+  /** Show all from a named side: iso, top, front or side. */
   view(name) {
     this.controls.target.set(0, 0, 0);
     this.camera.position.copy(this.named[name]).multiplyScalar(4 * this.size);
@@ -96,7 +96,7 @@ export class Eye {
     this.settle();
   }
 
-  /** Turn, move in or out by a key; whether the key means anything. */
+  /** Turn or zoom by a key; return whether the key has a meaning. */
   keyed(key) {
     const { position } = this.camera;
     const off = position.clone().sub(this.controls.target);
@@ -136,7 +136,7 @@ export class Eye {
     this.changed();
   }
 
-  /** Parallel or perspective, seen from the same side. */
+  /** Switch between parallel and perspective, from the same side. */
   project(parallel) {
     const next = parallel ? this.parallel : this.perspective;
     if (next === this.camera) return;
@@ -152,7 +152,7 @@ export class Eye {
     this.settle();
   }
 
-  /** The camera in few numbers, and back. */
+  /** The camera as a few numbers, to save and restore it. */
   get numbers() {
     const short = (v) => Number(v.toPrecision(5));
     const { position, zoom } = this.camera;

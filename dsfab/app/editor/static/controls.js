@@ -4,24 +4,24 @@ import { ROWS } from './rows.js';
 
 const OPEN = ['stripes', 'major stripes', 'minor stripes', 'width of members'];
 const PLACES = 4;
-const LONG = 1e6; // larger numbers are written with an exponent: the fields are narrow
-const FINEST = 10; // a slider makes stripes no more than so many times closer than they are without a wish
+const LONG = 1e6; // larger numbers have an exponent, because the fields are narrow
+const FINEST = 10; // a slider makes stripes at most this many times closer than the default
 
-/** A number as a person writes it. */
+/** A number as text, in decimal notation if it is short. */
 export function short(value) {
   const rounded = Number(Number(value).toPrecision(PLACES));
   return Math.abs(rounded) < LONG ? String(rounded) : rounded.toExponential().replace('e+', 'e');
 }
 
 export class Controls {
-  /** parent: where the groups go. */
+  /** parent: element for the groups. */
   constructor(parent, state) {
     this.parent = parent;
     this.state = state;
     this.rows = new Map();
   }
 
-  /** Another table: rows that stay keep their focus. */
+  /** Take another table; rows that remain keep their focus. */
   build(table) {
     const signature = JSON.stringify(table);
     if (signature === this.signature) return this.refresh();
@@ -67,14 +67,14 @@ export class Controls {
     element.append(make('label', { htmlFor: id, textContent: control.label }), box);
     const refresh = (value) => {
       box.checked = value;
-      box.indeterminate = (value ?? null) === null; // nothing is said: what is usual for the method
+      box.indeterminate = (value ?? null) === null; // no value: the method's default
     };
     return { control, element, inputs: [box], refresh };
   }
 
   number(control) {
     const { key, label, log, low, high, word } = control;
-    const worth = control.worth ?? word; // what the word stands for
+    const worth = control.worth ?? word; // the number of the word
     const id = key.replaceAll('.', '-');
     const whole = control.kind === 'whole';
     const place = (value) => (log ? Math.log10(Math.max(value, low)) : value);
@@ -122,7 +122,7 @@ export class Controls {
     return { control, element, inputs, refresh };
   }
 
-  /** A family goes by frequency or by spacing: setting one gives the other up. */
+  /** A family has a frequency or a spacing: setting one resets the other. */
   exclusive(key, value) {
     const values = { [key]: value };
     if (key.endsWith('.spacing')) values[key.replace('spacing', 'frequency')] = value > 0 ? 0 : 8;
@@ -132,7 +132,7 @@ export class Controls {
     return values;
   }
 
-  /** Show the state's values, and which of them count at the moment. */
+  /** Show the state's values, and grey out controls without an effect. */
   refresh() {
     const { pattern } = this.state.preset;
     for (const [key, row] of this.rows) {
@@ -148,7 +148,7 @@ export class Controls {
   }
 }
 
-/** Why a control has no effect now, or ''. */
+/** The reason why a control has no effect now, or ''. */
 function why(key, pattern) {
   const { rule, solid_fraction: fraction } = pattern.width;
   const parts = key.split('.');

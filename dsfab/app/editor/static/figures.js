@@ -1,17 +1,17 @@
-/** The figures of the panel: what the browser counts at once, and what the server has measured on the cut sheet. */
+/** The figures of the panel: estimates by the browser, then measures of the cut sheet by the server. */
 
 import { short } from './controls.js';
 
 const by = (id) => document.getElementById(id);
 
-/** At once, from points on the surface; marked as about. */
+/** Show an estimate from points on the surface, marked as approximate. */
 export function estimated(share, facts) {
   by('f-share').textContent = `≈ ${Math.round(100 * share)} %`;
   by('f-area').textContent = `≈ ${metres2(share * facts.area)}`;
   for (const id of ['f-mass', 'f-pieces']) by(id).classList.add('old');
 }
 
-/** From the slice: { area, share, mass, pieces, loose, narrowest, under, limits, widths, bars_under, min_member, pattern }. */
+/** Show measures: { area, share, mass, pieces, loose, narrowest, under, limits, widths, bars_under, min_member, pattern }. */
 export function measured(told) {
   by('f-share').textContent = `${(100 * told.share).toFixed(1)} %`;
   by('f-area').textContent = metres2(told.area);
@@ -25,7 +25,7 @@ export function measured(told) {
   histogram();
 }
 
-/** How members end and what is between them. */
+/** Dead ends, slits and openings in words. */
 function ends({ dead_ends, slits, openings }) {
   const count = (number, what) => `${number || 'no'} ${what}${number === 1 ? '' : 's'}`;
   const open = openings ? `, openings ${metres(openings[0])} to ${metres(openings[1])}` : '';
@@ -34,14 +34,14 @@ function ends({ dead_ends, slits, openings }) {
 
 let last = null;
 
-/** Nothing is known, and why. */
+/** Show no figures, with the reason. */
 export function unknown() {
   for (const id of ['f-share', 'f-area', 'f-mass', 'f-pieces']) by(id).textContent = '–';
   last = null;
   histogram();
 }
 
-/** How many metres of wall belong to members of which width; what is too narrow to make is red. */
+/** Histogram: metres of wall by width of their member; bars under the least width are red. */
 export function histogram() {
   const canvas = by('histogram');
   const ratio = window.devicePixelRatio || 1;
@@ -64,7 +64,7 @@ export function histogram() {
   pen.font = '10px system-ui, sans-serif';
   pen.fillText('0', 0, 42);
   pen.textAlign = 'right';
-  const end = `${metres(last.limits.at(-1))} and more`; // what is wider is in the last bar
+  const end = `${metres(last.limits.at(-1))} and more`; // the last bar includes wider members
   pen.fillText(end, wide, 42);
   canvas.setAttribute('aria-label', `Widths of members from 0 to ${end}`);
 }

@@ -5,10 +5,10 @@ import { make } from './controls.js';
 import { post } from './transport.js';
 
 const by = (id) => document.getElementById(id);
-const MOST = 64 * 2 ** 20; // bytes of a mesh: a third more as base64
+const MOST = 64 * 2 ** 20; // bytes of a mesh; base64 takes a third more
 
 export class Files {
-  /** start: of the server; changes(): what differs now; opened(start): another preset is open; ask(kind, body): a job; say(text): a notice. */
+  /** start: facts of the server; changes(): current changes; opened(start): called after opening; ask(kind, body): start a job; say(text): show a notice. */
   constructor(start, { changes, opened, ask, say }) {
     Object.assign(this, { changes, opened, ask, say });
     by('ask-unit').append(make('option', { value: '', textContent: 'as its size says' }), ...start.units.map((unit) => make('option', { textContent: unit })));
@@ -20,7 +20,7 @@ export class Files {
     this.list(start);
   }
 
-  /** The presets to choose from; what is no shipped one stands first. */
+  /** List the shipped presets; another open preset comes first. */
   list(start) {
     const names = start.presets.includes(start.title) ? start.presets : [start.title, ...start.presets];
     by('preset').replaceChildren(...names.map((name) => make('option', { value: name, textContent: name })));
@@ -36,7 +36,7 @@ export class Files {
     }
   }
 
-  /** A mesh was read, or could not be. */
+  /** Handle the end of the job that reads a mesh. */
   read({ state, text, result }) {
     if (state === 'done') this.opened(result);
     else if (state === 'failed') this.say(text);
@@ -55,7 +55,7 @@ export class Files {
     });
   }
 
-  /** A file from the person: a preset, or a mesh whose unit is asked for. */
+  /** Open the user's file: a preset, or a mesh, after asking for its unit. */
   async take(file) {
     by('file').value = '';
     if (file.size > MOST) return this.say(`${file.name} has more than ${MOST >> 20} MB; make the mesh coarser.`);

@@ -1,4 +1,4 @@
-/** The ground and the soft shadow of what stands on it: the stripes seen from a lamp above, blurred. */
+/** The ground and the soft shadow on it: a picture of the stripes from above, blurred. */
 
 import * as THREE from 'three';
 
@@ -25,7 +25,7 @@ export class Ground {
     this.plane.renderOrder = -1;
   }
 
-  /** Another structure: the ground is level with its lowest point. */
+  /** Take another structure; the ground is level with its lowest point. */
   place({ facts, arrays }) {
     const up = new THREE.Vector3().fromArray(facts.up);
     const towards = new THREE.Vector3().fromArray(facts.towards);
@@ -49,7 +49,7 @@ export class Ground {
     this.uniforms.uLight.value.multiplyMatrices(this.lamp.projectionMatrix, this.lamp.matrixWorldInverse);
   }
 
-  /** Draw the shadow again; the sheet comes back to where it was. */
+  /** Draw the shadow again; afterwards the sheet is back in the scene. */
   update(renderer, parent) {
     this.alone.add(this.sheet);
     const was = renderer.getClearColor(new THREE.Color());
@@ -57,14 +57,14 @@ export class Ground {
     renderer.setRenderTarget(this.sharp);
     renderer.clear();
     this.sheet.masked(() => renderer.render(this.alone, this.lamp));
-    renderer.setRenderTarget(this.target); // made soft once, not in every frame
+    renderer.setRenderTarget(this.target); // blurred once, not in every frame
     renderer.render(this.blur, this.lamp);
     renderer.setRenderTarget(null);
     renderer.setClearColor(was, 1);
     parent.add(this.sheet);
   }
 
-  /** From below one looks through it. */
+  /** Hide the ground for a view from below. */
   seenFrom(camera) {
     this.plane.visible = camera.position.dot(this.up ?? camera.up) > (this.low ?? 0);
   }
@@ -88,7 +88,7 @@ in vec3 position;
 out vec2 vAt;
 void main() { vAt = position.xy * 0.5 + 0.5; gl_Position = vec4(position.xy, 0.0, 1.0); }`;
 
-/** A shadow that is as soft as a wide sky makes it: the mean over a disc. */
+/** Blur as of a wide sky: the mean over a disc. */
 const BLUR = `
 precision highp float;
 in vec2 vAt; uniform sampler2D uSharp;

@@ -1,4 +1,4 @@
-/** The list of guides and of regions of the pattern: what they do, and where. */
+/** The list of guides and regions of the pattern, with effect and place. */
 
 import { where } from './acting.js';
 import { make } from './controls.js';
@@ -6,7 +6,7 @@ import { doing, Painting } from './painting.js';
 import { regions, rows } from './regions.js';
 
 export class Guides {
-  /** place: where the list goes; painting: how regions are added. */
+  /** place: element for the list; painting: tool that adds regions. */
   constructor(place, state, viewer, picking) {
     Object.assign(this, { place, state, painting: new Painting(state, viewer, picking) });
   }

@@ -1,4 +1,4 @@
-/** Handles over the picture: they stand where places of the preset are, and are dragged along the surface, or moved by arrow keys. */
+/** Handles at places of the preset, over the picture; the user drags them along the surface, or moves them by arrow keys. */
 
 import * as THREE from 'three';
 import { make } from './controls.js';
@@ -8,13 +8,13 @@ const STEP = 8; // pixels of an arrow key
 const AWAY = { ArrowLeft: [-STEP, 0], ArrowRight: [STEP, 0], ArrowUp: [0, -STEP], ArrowDown: [0, STEP] };
 
 export class Handles {
-  /** box: their parent, over the canvas; wanted(key): whether those of a region are to be seen. */
+  /** box: their parent, over the canvas; wanted(key): whether to show those of a region. */
   constructor(box, state, viewer, picking, wanted) {
     Object.assign(this, { box, state, viewer, picking, wanted, shown: new Map() });
     viewer.drawn = () => this.follow();
   }
 
-  /** Those of the preset of now; one that is being dragged stays the same element. */
+  /** Show the handles of the current preset; a handle in a drag remains the same element. */
   refresh() {
     const list = regions(this.state.preset).filter(({ key }) => this.wanted(key)).flatMap(handles);
     const old = this.shown;
@@ -49,7 +49,7 @@ export class Handles {
     return element;
   }
 
-  /** Move a handle to what lies under a place in the window. */
+  /** Move a handle to the surface under a place in the window. */
   to(id, [x, y], final) {
     const { left, top } = this.viewer.canvas.getBoundingClientRect();
     const at = this.picking.near({ offsetX: x - left, offsetY: y - top });
@@ -67,7 +67,7 @@ export class Handles {
     this.picking.mark([]);
   }
 
-  /** Show which vertices a ball has while its handle moves. */
+  /** Mark the vertices in a ball while its handle moves. */
   mark(id) {
     const key = id.slice(0, id.lastIndexOf('.'));
     const at = key.split('.').reduce((where, part) => where?.[part], this.state.preset);
@@ -80,7 +80,7 @@ export class Handles {
     return new THREE.Vector3(...place.map((x, i) => x - centre[i]));
   }
 
-  /** Put every handle where its place is in the picture of now. */
+  /** Move every handle to its place in the current picture. */
   follow() {
     if (!this.viewer.data || !this.shown.size) return;
     const { camera } = this.viewer.eye;

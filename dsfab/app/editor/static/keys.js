@@ -1,4 +1,4 @@
-/** What keys do, wherever on the page they are pressed; in fields of text they write. */
+/** Keyboard shortcuts of the whole page, except in text fields. */
 
 const SIDES = ['iso', 'top', 'front', 'side'];
 

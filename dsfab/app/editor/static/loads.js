@@ -1,4 +1,4 @@
-/** The list of loads and supports: what there is, how much, and adding more by pointing at the surface. */
+/** The list of loads and supports with their sizes; the user adds more by pointing at the surface. */
 
 import { form, KINDS, magnitude, where } from './acting.js';
 import { make, short } from './controls.js';
@@ -13,7 +13,7 @@ const SAY = {
   lasso: 'Draw around vertices; those behind count too.',
 };
 export class Loads {
-  /** picked(picker, ...) of Picking is handed to `pick`; place: where the list goes. */
+  /** `pick` takes picked(picker, ...) of Picking; place: element for the list. */
   constructor(place, state, viewer, picking) {
     Object.assign(this, { place, state, viewer, picking, kind: 'force', weather: new Weather(state) });
   }
@@ -48,7 +48,7 @@ export class Loads {
     return box;
   }
 
-  /** How large a load is: a slider from a hundredth to a hundred times of what it was, and a number. */
+  /** Size of a load: a slider from a hundredth to a hundred times its first value, and a number. */
   amount(list, thing, index) {
     const [field, size, unit] = magnitude(thing);
     const id = `${list}-${index}`;
@@ -93,12 +93,12 @@ export class Loads {
     this.picking.mark([]);
   }
 
-  /** How the person points at a load or a support now, or ''. */
+  /** The tool that picks a place for a load or a support, or ''. */
   get way() {
     return this.picking.done === this.picking.usual ? this.picking.kind : '';
   }
 
-  /** Something was picked: ask what acts there. */
+  /** Show the form for a picked place. */
   pick(picker, places, list) {
     this.picked = { picker, places, list };
     this.refresh();

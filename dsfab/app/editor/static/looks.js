@@ -1,4 +1,4 @@
-/** Colours of the page in light and dark, and what the structure is coloured by. */
+/** Colours of the page in light and dark, and colour scales of the structure. */
 
 const byte = (...rgb) => rgb.map((value) => value / 255);
 
@@ -22,7 +22,7 @@ export const look = () => (isDark() ? DARK : LIGHT);
 /** Call `hear` when the system's own theme changes. */
 export const onTheme = (hear) => dark.addEventListener('change', hear);
 
-/** The other theme, remembered for this browser where it lets us. */
+/** Switch to the other theme, and store it in the browser if it allows that. */
 export function turn() {
   document.documentElement.dataset.theme = isDark() ? 'light' : 'dark';
   remember(document.documentElement.dataset.theme);
@@ -32,7 +32,7 @@ function remember(theme) {
   try {
     localStorage.setItem('dsfab-theme', theme);
   } catch {
-    // private windows may refuse; the theme then lasts as long as the page
+    // private windows may refuse, then the theme ends with the page
   }
 }
 
@@ -51,7 +51,7 @@ export function told(value, unit) {
   return `${Number((value / factor).toPrecision(3))} ${prefix}${unit}`;
 }
 
-/** What Viewer.colours takes for a choice of the list, and its legend { title, low, high, ramp } or null. */
+/** Arguments of Viewer.colours for an entry of the list, and its legend { title, low, high, ramp } or null. */
 export function colouring(choice, model, scales, mode) {
   const { families } = look();
   const { facts, arrays } = model;

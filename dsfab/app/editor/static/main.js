@@ -1,4 +1,4 @@
-/** The editor: one state, who changes it, and who follows. */
+/** The editor: connects one state with the parts that change it and the parts that show it. */
 
 import { Controls } from './controls.js';
 import { estimated, histogram, measured, unknown } from './figures.js';
@@ -23,8 +23,8 @@ import { Views } from './views.js';
 import { Work } from './work.js';
 
 const by = (id) => document.getElementById(id);
-const WAIT = 120; // milliseconds without a change, after which the server is asked
-const REST = 700; // while a slider is held whose change is drawn already: its solving would take the time of drawing
+const WAIT = 120; // milliseconds from the last change to a request
+const REST = 700; // the same during a drag that the browser draws, because solving would slow down the drawing
 const UNSEEN = /^(name|description|export\..*)$/; // keys that change files alone
 
 recall();
@@ -32,7 +32,7 @@ recall();
 class Editor {
   constructor(start) {
     this.start = start;
-    this.asking = []; // who waits for what is shown to be measured
+    this.asking = []; // resolvers that wait for the measures of the current picture
     const { changes, view } = kept(start);
     this.state = new State(start.preset, changes, { colour: 'plain', layers: ['loads', 'supports'], ...view }, new Materials(start.materials));
     this.controls = new Controls(by('groups'), this.state);
@@ -79,7 +79,7 @@ class Editor {
     this.wire();
   }
 
-  /** A browser that cannot draw: the server draws, and says so. */
+  /** In a browser without WebGL the server draws, and a notice says so. */
   without(error) {
     this.viewer = null;
     this.pictures = new Pictures(by('canvas'), by('drawn'), (changes) => this.work.ask('picture', changes));
@@ -110,7 +110,7 @@ class Editor {
     this.refresh();
   }
 
-  /** What was solved before the page came is shown at once; its own wish comes later. */
+  /** Show the design that was solved before the page loaded; the page's own request follows. */
   found(got) {
     if (!got || this.model || got.facts.opening !== this.start.opening) return;
     this.model = got;
@@ -119,7 +119,7 @@ class Editor {
     outdated(!this.stripes());
   }
 
-  /** Something in the preset changed: draw what can be drawn at once, and ask the server for the rest. */
+  /** After a change of the preset: draw as much as possible at once, and request the rest from the server. */
   changed(keys, final) {
     this.refresh(keys);
     if (final) this.remember();
@@ -141,7 +141,7 @@ class Editor {
     by('redo').disabled = !this.state.future.length;
   }
 
-  /** Draw the stripes of now; whether that was possible without the server. */
+  /** Draw the current stripes; return whether that was possible without the server. */
   stripes() {
     if (!this.model) return false;
     const made = drawn(this.state.preset.pattern, this.model, this.sampler);
@@ -169,18 +169,18 @@ class Editor {
     this.notice('');
     const got = await fetched(this.model?.facts.version ?? 0);
     const { facts, arrays } = got;
-    if (job !== this.work.latest.solve) return; // a newer one is on its way
+    if (job !== this.work.latest.solve) return; // a newer job follows
     this.model = facts.whole ? got : { facts: { ...this.model.facts, ...facts }, arrays: { ...this.model.arrays, ...arrays } };
     this.model.facts.opening = this.start.opening;
     if (facts.whole) this.surface();
-    const there = !facts.whole && this.cut === facts.draft; // what came early was measured meanwhile
+    const there = !facts.whole && this.cut === facts.draft; // the early model has its measures already
     outdated(!there && !this.stripes());
     this.stale = false;
     notes(facts.notes);
     refused(facts.refused);
-    this.figures(); // adds those of the cut sheet
+    this.figures(); // adds measures of the cut sheet
     this.pictures?.ask(this.state.changes);
-    this.done = job; // what is shown is what this job made
+    this.done = job; // the picture shows the result of this job
   }
 
   surface() {
@@ -208,7 +208,7 @@ class Editor {
     if (['done', 'failed'].includes(state)) this.figures();
   }
 
-  /** What was measured, once what is shown is what was measured: either may arrive first. */
+  /** Show measures once both they and their model have arrived, in either order. */
   figures() {
     if (this.stale || this.told?.draft !== this.model?.facts.draft) return;
     if (!this.told.failed) {
@@ -216,11 +216,11 @@ class Editor {
       notes([...this.model.facts.notes, ...this.told.notes]);
       this.settle(this.told.draft);
     }
-    if (isMeasure(this.state.view.colour)) this.views.colours(); // they are others now
+    if (isMeasure(this.state.view.colour)) this.views.colours(); // its values have changed
     for (const done of this.asking.splice(0)) done();
   }
 
-  /** Draw what was measured in place of the stripes that it was cut of, unless these have changed again. */
+  /** Draw the cut sheet in place of its stripes, unless these have changed again. */
   async settle(draft) {
     if (!this.viewer || draft === this.cut) return;
     const got = await cut(draft);
@@ -229,20 +229,20 @@ class Editor {
     this.cut = draft;
   }
 
-  /** What is shown, once it is measured: { changes, picture, figures }. */
+  /** Promise of the current design with its measures: { changes, picture, figures }. */
   async shown() {
     if (this.stale || this.told?.draft !== this.model?.facts.draft) await new Promise((done) => this.asking.push(done));
     const picture = this.viewer?.snapshot() ?? by('drawn').src;
     return { changes: this.state.changes, picture, figures: this.told.failed ? null : this.told };
   }
 
-  /** A variant is shown again. */
+  /** Show a variant again. */
   back(start) {
     if (start.opening === this.start.opening) this.state.become(start.changes);
     else this.opened(start);
   }
 
-  /** Another preset is open. */
+  /** Show another preset. */
   opened(start) {
     this.start = start;
     this.state.open(start.preset, start.changes);
@@ -259,7 +259,7 @@ class Editor {
     notice(text || this.standing || '', calm || !text);
   }
 
-  /** Keep everything, so that a reload or a bookmark brings it back. */
+  /** Store the state, so that a reload or a bookmark restores it. */
   remember() {
     clearTimeout(this.keeping);
     this.keeping = setTimeout(() => {
@@ -270,5 +270,5 @@ class Editor {
 }
 
 const editor = new Editor(await begun());
-window.dsfab = editor; // for whoever looks behind the page
+window.dsfab = editor; // for tests and for the console
 editor.begin();

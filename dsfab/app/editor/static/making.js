@@ -1,4 +1,4 @@
-/** Making files: under which name, of which kinds, what became of a build, and the command that does the same. */
+/** Builds and exports: name, formats, results, and the command line that does the same. */
 
 import { make } from './controls.js';
 import { mass } from './figures.js';
@@ -9,7 +9,7 @@ const USUAL = ['stl', '3mf', 'step'];
 const NAME = /^[A-Za-z0-9][A-Za-z0-9_.-]*$/;
 
 export class Making {
-  /** start: of the server; state: whose name and formats are meant; ask(kind, body): a job; say(text, calm): a notice; save(): the preset as a download. */
+  /** start: facts of the server; state: has name and formats; ask(kind, body): start a job; say(text, calm): show a notice; save(): download the preset. */
   constructor(start, { state, ask, say, save }) {
     Object.assign(this, { start, state, ask, say, save });
     by('place').textContent = start.outputs ? `${start.outputs}/` : '';
@@ -47,13 +47,13 @@ export class Making {
     return [...by('formats').querySelectorAll('input:checked')].map((input) => input.value);
   }
 
-  /** Ask for the solid; where other files stand in its folder, the person says what becomes of them. */
+  /** Request a build; if its folder has other files, the user decides first. */
   async build(replace = false) {
     if (!this.wanted().length) return this.say('Choose at least one kind of file.', true);
     return this.begin('build', {}, replace);
   }
 
-  /** A job of files: build, or export of one format. */
+  /** Start a job that writes files: a build, or an export of one format. */
   async begin(kind, body, replace = false) {
     this.busy(true, kind === 'build' ? 'Building …' : `Writing ${body.format} …`);
     const { taken, free } = await this.ask(kind, { ...body, changes: this.state.changes, replace });
@@ -69,7 +69,7 @@ export class Making {
     by('built').replaceChildren(...(text ? [make('p', { textContent: text })] : []));
   }
 
-  /** All formats, by what they are for; those whose library is missing say how to get it. */
+  /** List all formats by purpose; a format with a missing library says how to install it. */
   async offer() {
     try {
       const { formats } = await post('formats', {});
@@ -96,7 +96,7 @@ export class Making {
     return box;
   }
 
-  /** no, other or yes. */
+  /** The user's answer: no, other or yes. */
   question(text, free) {
     by('replace-text').textContent = text;
     by('replace-other').textContent = `Build into ${free}`;
@@ -105,7 +105,7 @@ export class Making {
     return new Promise((done) => by('replace').addEventListener('close', () => done(by('replace').returnValue || 'no'), { once: true }));
   }
 
-  /** The command goes to the clipboard; its preset is saved first, here where the server has no place for it. */
+  /** Copy the command; save its preset first, as a download if the server has no folder for it. */
   async copy() {
     try {
       const { command, save, saved } = await post('command', { changes: this.state.changes });
@@ -113,13 +113,13 @@ export class Making {
       const where = saved ? `${saved} is saved; type this where dsfab edit was started.` : save ? 'Its preset is saved with your downloads.' : '';
       by('command').replaceChildren(make('code', { textContent: command }), where);
       by('command').hidden = false;
-      await navigator.clipboard?.writeText(command).catch(() => {}); // it stands there to be copied by hand
+      await navigator.clipboard?.writeText(command).catch(() => {}); // the user can copy the shown text
     } catch (error) {
       this.say(error.message);
     }
   }
 
-  /** What became of a build or an export. */
+  /** Show the result of a build or an export. */
   built({ state, text, result }) {
     this.busy(false, state === 'cancelled' ? 'Cancelled; nothing was kept.' : state === 'failed' ? text : '');
     if (state !== 'done') return;

@@ -1,4 +1,4 @@
-/** Arrows for loads and reactions, cones for supports: a few of each, in the colours of the page. */
+/** Arrows for loads and reactions, cones for supports, in the colours of the page. */
 
 import * as THREE from 'three';
 
@@ -25,7 +25,7 @@ export class Marks {
     this.layers[name].visible = yes;
   }
 
-  /** Marks of a model, and of what was picked by hand, take the place of the old ones. */
+  /** Replace the marks by those of a model and of picked places. */
   place({ facts, arrays }) {
     const { size, up } = facts;
     for (const layer of Object.values(this.layers)) clear(layer);
@@ -35,7 +35,7 @@ export class Marks {
     this.layers.supports.add(cones(arrays.supports, new THREE.Vector3().fromArray(up), size, this.materials.supports));
   }
 
-  /** What the person points at now: places (k, 3) flat as small balls. */
+  /** Show the places under the pointer, (k, 3) flat, as small balls. */
   point(places, size) {
     clear(this.layers.picked);
     const count = places.length / 3;
@@ -47,7 +47,7 @@ export class Marks {
     this.layers.picked.add(balls);
   }
 
-  /** Arrows that stand until the server has solved: (k, 6) flat, place and force. */
+  /** Show arrows until the server has solved: (k, 6) flat, place and force. */
   pend(list, size) {
     this.layers.loads.add(arrows(new Float32Array(list), SHARE.points * size, size, this.materials.loads, false));
   }
@@ -67,7 +67,7 @@ function clear(group) {
   group.clear();
 }
 
-/** Arrows whose tips press on their places; reactions too: they push the structure. */
+/** Arrows with their tips at their places, also for reactions, which push the structure. */
 function arrows(list, longest, size, material) {
   const count = list.length / 6;
   const forces = Array.from({ length: count }, (_, i) => new THREE.Vector3().fromArray(list, 6 * i + 3));
@@ -86,7 +86,7 @@ function arrows(list, longest, size, material) {
   return made;
 }
 
-/** One long, its tip at the origin, pointing along y. */
+/** An arrow of length one along y, its tip at the origin. */
 function arrow() {
   const head = new THREE.ConeGeometry(0.075, 0.22, 16).translate(0, -0.11, 0);
   const shaft = new THREE.CylinderGeometry(0.016, 0.016, 0.8, 10).translate(0, -0.6, 0);

@@ -1,15 +1,15 @@
-/** Materials by name: what [statics] takes from them where it does not say otherwise (dsfab/preset_material.py). */
+/** Materials by name: default values of [statics] (dsfab/core/materials.py). */
 
 const KEYS = ['young', 'poisson', 'density', 'strength'];
 const WORDS = { young: 'stiffness', poisson: 'Poisson’s ratio', density: 'density', strength: 'strength' };
 
 export class Materials {
-  /** known: by name, the values of KEYS, and `says`: how the strength was found. */
+  /** known: by name, the values of KEYS, and `says`: origin of the strength. */
   constructor(known) {
     this.known = known;
   }
 
-  /** The preset with what a material among the changes gives; values of the old one go. */
+  /** The preset with the values of a changed material; values of the old one are removed. */
   implied(preset, changes) {
     const values = this.known[changes['statics.material']];
     if (!values) return preset;
@@ -22,7 +22,7 @@ export class Materials {
     return { 'statics.material': name || null, ...Object.fromEntries(KEYS.map((key) => [`statics.${key}`, values[key]])) };
   }
 
-  /** What is said of the material of [statics], and in which words its values differ from it. */
+  /** Remark on the material of [statics], and words for values that differ from it. */
   told(statics) {
     const values = this.known[statics.material];
     if (!values) return { says: 'Stiffness, weight and strength of a material by its name.', differing: [] };

@@ -1,9 +1,9 @@
-/** Members of what is shown: the one under the pointer by its name, and colours by what they measure. */
+/** Members of the current design: name under the pointer, and colours by their measures. */
 
 import { told } from './looks.js';
 
-const WITHIN = 1.1; // of how far a member reaches from its middle: meshes are coarser than edges are smooth
-const REST = 150; // milliseconds without a move, after which the server is asked once for what is not known yet
+const WITHIN = 1.1; // times a member's reach from its middle, because the mesh is coarser than its edges
+const REST = 150; // milliseconds from the last move to a request for the members
 
 const by = (id) => document.getElementById(id);
 const MEASURES = {
@@ -15,7 +15,7 @@ const MEASURES = {
 export const isMeasure = (choice) => choice in MEASURES;
 
 export class Members {
-  /** editor: whose model and viewer are meant. */
+  /** editor: has the model and the viewer. */
   constructor(editor) {
     Object.assign(this, { editor, told: null, asked: '' });
     const canvas = editor.viewer?.canvas;
@@ -24,13 +24,13 @@ export class Members {
     canvas?.addEventListener('pointerdown', () => this.name(null));
   }
 
-  /** What the server said of the structure that is shown; null before that. */
+  /** The server's members of the current design; null before they arrive. */
   get known() {
     const { facts } = this.editor.model ?? {};
     return this.told && !this.editor.stale && this.told.draft === facts?.draft ? this.told : null;
   }
 
-  /** Ask for them once for each structure; judged: with what they bear. */
+  /** Request the members once for each design; judged: with their utilisation. */
   ask(judged = false) {
     const { facts } = this.editor.model ?? {};
     const key = `${facts?.opening} ${facts?.draft} ${judged}`;
@@ -39,7 +39,7 @@ export class Members {
     this.editor.work.ask('members', { judged });
   }
 
-  /** The end of such a job. */
+  /** Handle the end of such a job. */
   hear({ state, result, text }) {
     if (state === 'failed') this.editor.notice(text);
     if (state !== 'done') return;
@@ -82,7 +82,7 @@ export class Members {
     sign.style.top = `${event.offsetY + 12}px`;
   }
 
-  /** As looks.colouring, by a measure of members; null until these are known, and where none has it. */
+  /** As looks.colouring, by a measure of members; null without members or without values. */
   colouring(choice, families, ramp) {
     const judged = choice === 'utilisation';
     this.ask(judged);

@@ -1,28 +1,28 @@
-/** What the page tells the person: notes on what was solved, a notice, and that the picture is not of now. */
+/** Messages of the page: notes on the design, a notice, and a sign that the picture is outdated. */
 
 import { make } from './controls.js';
 
 const by = (id) => document.getElementById(id);
 
-/** Of another moment than the sliders: paler. */
+/** Show the figures paler while they are outdated. */
 export function outdated(yes) {
   by('picture').classList.toggle('outdated', yes);
 }
 
-/** What every stage has to say. */
+/** Show the notes of all stages. */
 export function notes(list) {
   by('notes-box').hidden = !list.length;
   by('note-count').textContent = list.length;
   by('notes').replaceChildren(...list.map((textContent) => make('li', { textContent })));
 }
 
-/** Why a build of what is shown is refused: it stands until something else is shown. */
+/** Show the reason why a build of the current design is refused. */
 export function refused(text) {
   by('refused').textContent = text ? `Build refuses this: ${text}` : '';
   by('refused').hidden = !text;
 }
 
-/** What was decided for a mesh, each with the key that changes it. */
+/** Show the decisions for a mesh, each with the key that changes it. */
 export function decisions(list) {
   by('decided-box').hidden = !list.length;
   by('decided').replaceChildren(...list.flatMap(({ topic, choice, change }) => [
@@ -30,7 +30,7 @@ export function decisions(list) {
   ]));
 }
 
-/** Over the picture; nothing takes it away. calm: it is no refusal. */
+/** Show a notice over the picture, which stays. calm: it is no error. */
 export function notice(text, calm) {
   by('notice').textContent = text;
   by('notice').hidden = !text;

@@ -1,4 +1,4 @@
-/** Regions of the pattern by hand: strokes of a brush, and balls, which are solid, void, or have a solid band. */
+/** Regions of the pattern drawn by hand: brush strokes and balls that are solid, void, or have a solid band. */
 
 import { make, short } from './controls.js';
 
@@ -10,12 +10,12 @@ const SAY = {
 };
 
 export class Painting {
-  /** viewer and picking may be missing: nothing can be painted then. */
+  /** viewer and picking may be missing; then painting is disabled. */
   constructor(state, viewer, picking) {
     Object.assign(this, { state, viewer, picking, do: 'keep', radius: 0, own: -1, done: (picker) => this.add(picker) });
   }
 
-  /** How the person points at regions now, or ''. */
+  /** The tool that picks regions, or ''. */
   get way() {
     return this.picking?.done === this.done ? this.picking.kind : '';
   }
@@ -24,7 +24,7 @@ export class Painting {
     return this.state.preset.pattern.region ?? [];
   }
 
-  /** What is pointed with, what becomes of it, and how wide the brush is. */
+  /** Rows for the tool, the effect of the region, and the width of the brush. */
   form() {
     if (!this.picking || !this.viewer.data) return [];
     this.radius ||= Number((this.viewer.data.facts.size / 40).toPrecision(1));
@@ -60,7 +60,7 @@ export class Painting {
     this.picking.mark([]);
   }
 
-  /** A new region, or more of the one that is being painted. */
+  /** Add a region, or extend the one in the current stroke. */
   add(at) {
     const list = [...this.regions];
     const before = list[this.own];
@@ -75,5 +75,5 @@ export class Painting {
   }
 }
 
-/** What a region does, in a word. */
+/** The effect of a region in a word. */
 export const doing = (word) => DOES[word] ?? word;

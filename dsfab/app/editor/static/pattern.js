@@ -1,27 +1,27 @@
-/** How wide stripes are and how much of the surface they keep, in the same frame in which a slider moves.
+/** Widths of stripes and their share of the surface, fast enough for each frame of a slider's drag.
  *
- * The rules are those of dsfab/pattern/width.py, and their numbers come with the model (facts.widthRules, WIDTH_RULES in
- * dsfab/pattern/even_family.py); the server answers a moment later with its own numbers, which win. The
- * rule stressed solves on the cut sheet: here it shows the widths that it begins with, those of graded.
+ * The rules are those of dsfab/pattern/widths.py, and their numbers come with the model (facts.widthRules, WIDTH_RULES in
+ * dsfab/pattern/layers.py); the server's own numbers replace these a moment later. The
+ * rule stressed solves on the cut sheet; here it shows its first widths, those of the rule graded.
  */
 
 import { alike } from './state.js';
 import { halfWidths, solved } from './widths.js';
 
 const POINTS = 20000;
-const BESIDE = 1e-9; // metres: distances from regions are so large that any reach is nothing beside them, but the shader asks for one
+const BESIDE = 1e-9; // metres: a reach that has no effect, because the shader needs a number
 
-/** What the shader needs for a preset's [pattern]: { mode, frequency, phase, plain, half, reach, share }.
+/** Values of the shader for a preset's [pattern]: { mode, frequency, phase, plain, half, reach, share }.
  *
  * model: facts and arrays of the server. plain: half-widths in periods, one for each family; half: (n, 2) where they
- * vary over the surface, or null. Returns null where only the server knows: another mode with varying widths, another
+ * vary over the surface, or null. Returns null if only the server can tell: another mode with varying widths, another
  * method, or evenly spaced stripes of another spacing.
  */
 export function drawn(pattern, model, sampler) {
   const { facts } = model;
   const cut = facts.pattern?.region;
   if (cut && !alike(pattern.region, cut)) return null; // the surface is cut along them
-  if (pattern.method !== facts.method && !alike(pattern, facts.pattern)) return null; // another one, or still to be chosen
+  if (pattern.method !== facts.method && !alike(pattern, facts.pattern)) return null; // another method, or an automatic choice
   const told = facts.method === 'stripes' ? even(pattern, facts) : waves(pattern, facts);
   if (!told) return null;
   const regions = pattern.region?.some((region) => region.do !== 'void');
@@ -29,19 +29,19 @@ export function drawn(pattern, model, sampler) {
   return wide(pattern, { ...told, reach }, model, sampler);
 }
 
-/** Where evenly spaced stripes run: on the phases that the server has found, if these are the ones that are wanted. */
+/** Place of evenly spaced stripes: the phases of the server, if they belong to this pattern. */
 function even(pattern, { pattern: made }) {
   if (!alike(placed(pattern), placed(made))) return null;
   return { mode: [1, 1], frequency: [1, 1], phase: [0, 0] };
 }
 
-/** All of a pattern that says where evenly spaced stripes run. */
+/** The keys of a pattern that decide the place of evenly spaced stripes. */
 function placed({ keep, rim, fillet, tidy, width, ...pattern }) {
   const family = ({ mode, frequency, phase, threshold, ...rest }) => rest;
   return { ...pattern, major: family(pattern.major), minor: family(pattern.minor) };
 }
 
-/** Where stripes on modes run. */
+/** Place of stripes on modes. */
 function waves(pattern, facts) {
   const pair = [pattern.major, pattern.minor];
   const mode = pair.map((family, k) => (family.mode === 'auto' ? facts.mode[k] : family.mode));
@@ -52,7 +52,7 @@ function waves(pattern, facts) {
   return { mode, phase: phase.map((p) => p - Math.floor(p)), frequency };
 }
 
-/** How wide they are. */
+/** Widths of the stripes. */
 function wide(pattern, told, { facts, arrays }, sampler) {
   const model = { facts, arrays };
   const { mode, frequency, phase, reach } = told;
@@ -74,13 +74,13 @@ function wide(pattern, told, { facts, arrays }, sampler) {
   return { ...told, plain: vary ? plain : half, half: vary ? half : null, share: sampler.share(half) };
 }
 
-/** Metres that no member is thinner than; 0 where there is no limit. */
+/** Least width of a member, metres; 0 without a limit. */
 function thinnest(width, { least }) {
   if (width.min_width !== 'auto') return width.min_width;
   return ['graded', 'stressed'].includes(width.rule) ? Math.min(least, width.max_width || least) : 0;
 }
 
-/** What widths are multiplied with: solved for where a share is wanted, from where the slider was before. */
+/** Factor on the widths: solved for the solid fraction, if any, from the slider's last factor. */
 function scale(width, facts, halves, sampler, scratch) {
   if (!width.solid_fraction) return width.rule === 'graded' ? facts.factor : 1;
   sampler.factor = solved((f) => sampler.share(halves(f, scratch)), width.solid_fraction, sampler.factor || facts.factor, 1 / POINTS);
@@ -93,7 +93,7 @@ function exact(told, plain, vary, model, sampler) {
   return { ...told, plain: vary ? plain : half, half: vary ? half : null, share: sampler.share(half) };
 }
 
-/** Points spread evenly over a surface, at which material is counted. */
+/** Evenly distributed points of a surface, at which the page counts material. */
 export class Sampler {
   constructor(facts, arrays) {
     this.facts = facts;
@@ -122,7 +122,7 @@ export class Sampler {
     }
   }
 
-  /** The phases of both families at the points, in periods, and which points are kept anyway; only what changed. */
+  /** Compute phases of both families at the points, in periods, and the points that are always kept; only changes. */
   look(mode, frequency, phase, reach) {
     const n = this.arrays.V.length / 3;
     ['major', 'minor'].forEach((name, s) => {

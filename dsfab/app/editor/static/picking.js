@@ -1,13 +1,13 @@
-/** Where on the surface a person points: a spot, a region, an edge, a lasso or a brush, as a picker that a preset can hold. */
+/** Picking on the surface by spot, region, edge, lasso or brush; the result is a picker for a preset. */
 
 import * as THREE from 'three';
 
 const DIGITS = 5;
-const LASSO = 5; // pixels between its corners
-const LEAP = 8; // radii of a brush: a quick hand comes so far between two events; further is a jump to another part
+const LASSO = 5; // pixels between corners of the lasso
+const LEAP = 8; // radii of a brush between two events, at most; a longer step is a jump to another part
 
 export class Picking {
-  /** viewer; path: the SVG path of the lasso; done(picker, places): what was picked, and where (k, 3) in the view. */
+  /** viewer; path: the SVG path of the lasso; done(picker, places): called with the picker and its places (k, 3) in the view. */
   constructor(viewer, path, done) {
     Object.assign(this, { viewer, path, done, usual: done, kind: '', begun: null, ray: new THREE.Raycaster() });
     const canvas = viewer.canvas;
@@ -17,7 +17,7 @@ export class Picking {
     canvas.addEventListener('pointercancel', () => this.end());
   }
 
-  /** kind: spot, region, edge, lasso, brush; or '' for none. radius: of a brush, metres. done: who is told instead of the usual one. */
+  /** kind: spot, region, edge, lasso, brush; or '' for none. radius: of a brush, metres. done: callback in place of the usual one. */
   begin(kind, radius = 0, done = this.usual) {
     Object.assign(this, { kind, radius, done });
     document.getElementById('picture').classList.toggle('picking', Boolean(kind));
@@ -106,21 +106,21 @@ export class Picking {
     this.done(this.lasting(picker(list), list), this.places(list), list);
   }
 
-  /** Where regions cut the mesh, vertices and edges are counted otherwise than in the preset, which means those before: their places then. */
+  /** If regions cut the mesh, its vertices and edges have other numbers than in the preset: return their places then. */
   lasting(picker, list) {
     const counted = ['vertices', 'boundary'].includes(picker.pick);
     if (!counted || !this.viewer.data.facts.pattern?.region?.length) return picker;
     return { pick: 'nearest', points: list.map((i) => this.world(this.vertex(i))) };
   }
 
-  /** Show vertices as picked; none to take the marks away. */
+  /** Mark vertices; without vertices remove the marks. */
   mark(list) {
     const few = list.filter((_, i) => i % Math.ceil(list.length / 2000) === 0);
     this.viewer.marks.point(this.places(few), this.viewer.data.facts.size);
     this.viewer.due();
   }
 
-  /** Places (n, 3) flat of the vertices that presets mean: the drawn mesh may be divided and cut open. */
+  /** Places (n, 3) flat of the preset's vertices, because the drawn mesh may be divided and cut open. */
   get V() {
     const { V, uncut } = this.viewer.data.arrays;
     return uncut ?? V;
@@ -146,7 +146,7 @@ export class Picking {
     return this.ray.intersectObject(this.viewer.sheet)[0]?.point ?? null;
   }
 
-  /** Where a handle goes that is dragged to a place in the picture: on the surface, or on the vertex next to the line of sight. */
+  /** Place of a handle that is dragged in the picture: on the surface, or at the vertex next to the line of sight. */
   near(event) {
     const at = this.hit(event);
     if (at) return at;
@@ -177,7 +177,7 @@ export class Picking {
     return list;
   }
 
-  /** Vertices whose places in the picture lie in a polygon of pixels: also those behind others. */
+  /** Vertices within a polygon of pixels in the picture, also hidden ones. */
   inside(track) {
     const { clientWidth: w, clientHeight: h } = this.viewer.canvas;
     const list = [];
@@ -189,7 +189,7 @@ export class Picking {
   }
 }
 
-/** Places of a brush, a third of its radius apart or a bit more, and the vertices that it has painted. */
+/** Places of a brush, at least a third of its radius apart, and its vertices. */
 class Stroke {
   constructor(picking, at) {
     Object.assign(this, { picking, points: [], painted: new Set(), left: true });

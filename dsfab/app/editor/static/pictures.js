@@ -1,7 +1,7 @@
-/** Where the browser cannot draw: pictures that the server draws, one for each change. */
+/** Pictures by the server after each change, for browsers without WebGL. */
 
 export class Pictures {
-  /** canvas: hidden; image: where pictures go; send(question): asks for one. */
+  /** canvas: hidden; image: element for the pictures; send(question): request a picture. */
   constructor(canvas, image, send) {
     Object.assign(this, { image, send, view: 'iso' });
     canvas.hidden = true;

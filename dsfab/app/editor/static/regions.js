@@ -1,10 +1,10 @@
-/** Places in a preset as numbers to write and handles to drag: balls, boxes, points, and curves of guides. */
+/** Places in a preset as number fields and handles: balls, boxes, points, and curves of guides. */
 
 import { make, short } from './controls.js';
 
-const MOST = 8; // points of one place that are listed one by one
+const MOST = 8; // points of a place with fields of their own, at most
 
-/** What of a preset has a place: { key, name, at } of supports, loads, guides and regions, in the order of the lists. */
+/** Entries of a preset with a place: { key, name, at } of supports, loads, guides and regions, in the order of the lists. */
 export function regions({ surface, pattern }) {
   const lists = { 'surface.load': surface.load, 'surface.support': surface.support, 'pattern.guide': pattern.guide, 'pattern.region': pattern.region };
   return Object.entries(lists).flatMap(([list, things]) => (things ?? []).map((thing, i) => {
@@ -24,7 +24,7 @@ export function numbers(at) {
   return [];
 }
 
-/** Rows of fields for a region; what is written in them is set in `state`. */
+/** Rows of fields for a region; they set `state`. */
 export function rows({ key, name, at }, state) {
   return numbers(at).map(([part, word, value]) => {
     const row = make('div', { className: 'row place' });
@@ -45,7 +45,7 @@ export function rows({ key, name, at }, state) {
   });
 }
 
-/** Handles of a region: { id, name, place [x, y, z], moved(place): what is to be set when it is dragged there }. */
+/** Handles of a region: { id, name, place [x, y, z], moved(place): values to set after a drag there }. */
 export function handles({ key, name, at }) {
   if (at?.relative) return []; // shares of the surface's box: numbers only
   const one = (part, word, place, moved) => ({ id: `${key}.${part}`, name: `${name}: ${word}`, place, moved });

@@ -1,15 +1,15 @@
-/** Rows of the form that are no slider, switch or choice: lists of words, three lengths, and the material. */
+/** Special rows of the form: lists of words, three lengths, and the material. */
 
 import { make, short } from './controls.js';
 
-/** By the kind of a control: its row, which sets `state`. */
+/** Rows by the kind of a control; they set `state`. */
 export const ROWS = {
   words: (control, state) => text(control, state, (list) => list.join(', '), (written) => written.split(',').map((word) => word.trim()).filter(Boolean)),
   size: (control, state) => text(control, state, (list) => (list ?? []).map(short).join(' × '), lengths),
   material,
 };
 
-/** A field of text; `read` gives undefined for what is no value. */
+/** A text field; `read` returns undefined for an invalid value. */
 function text(control, state, show, read) {
   const id = control.key.replaceAll('.', '-');
   const field = make('input', { type: 'text', id, autocomplete: 'off', spellcheck: false, placeholder: 'none' });
@@ -25,7 +25,7 @@ function text(control, state, show, read) {
   return { control, element, inputs: [field], refresh };
 }
 
-/** '0.25 x 0.21 x 0.2' as three numbers, null where nothing is written. */
+/** '0.25 x 0.21 x 0.2' as three numbers, null for an empty field. */
 function lengths(written) {
   if (!written) return null;
   const parts = written.split(/\s*[x×;]\s*|\s+/).map((part) => Number(part.replace(',', '.')));
@@ -42,7 +42,7 @@ function material(control, state) {
   const element = make('div', { className: 'row' });
   element.append(make('label', { htmlFor: id, textContent: control.label }), select, own);
   const refresh = (value) => {
-    const unnamed = !state.base.statics.material || !value; // values without a name have no other way back to them
+    const unnamed = !state.base.statics.material || !value; // to go back to values without a name
     const names = unnamed ? ['', ...control.choices] : control.choices;
     if (select.length !== names.length) select.replaceChildren(...names.map((name) => make('option', { value: name, textContent: name || 'own values' })));
     select.value = value ?? '';

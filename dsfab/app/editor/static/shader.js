@@ -1,9 +1,9 @@
-/** The shaders: stripes by leaving pixels away, as dsfab/app/shader.py does, with edges one pixel soft.
+/** The shaders: they discard pixels between stripes, as dsfab/render/shader.py does, with antialiased edges.
  *
- * CUT draws a sheet that is cut already, and EDGE its outline: a line as dark as the rim of a stripe.
+ * CUT draws the server's cut sheet, and EDGE its outline: a line as dark as the rim of a stripe.
  *
- * What a picture does not need is not compiled, by #define (see sheet.js): software that stands in for a graphics card
- * pays for every line of every pixel. Light is a matter of vertices but for meshes with creases.
+ * #define leaves out the parts that a picture does not need (see sheet.js), because a software renderer
+ * pays for every line in every pixel. Light is computed at vertices, except for meshes with creases.
  */
 
 export const VERTEX = `
@@ -73,7 +73,7 @@ void main() {
   gl_Position = projectionMatrix * eye;
 }`.replace('LIGHT', light());
 
-/** Of a normal towards the eye: a lamp over the left shoulder and a sky. */
+/** Light on a normal towards the eye: a lamp over the left shoulder, and a sky. */
 function light() {
   return `
 float light(vec3 n) {

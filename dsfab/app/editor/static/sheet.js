@@ -1,14 +1,14 @@
-/** The structure's surface as it is drawn: its shape, and the shader that has what the picture needs and no more.
+/** The drawn surface: its geometry, and a shader with only the parts that the picture needs.
  *
- * While something changes, stripes are left over of the whole surface by the shader. Once the server has cut and tidied
- * them, its sheet is drawn in their place: see settled.py.
+ * During changes the shader cuts the stripes out of the whole surface. Once the server has cut and tidied
+ * them, its sheet replaces them: see `cut_sheet_arrays` in drafts.py.
  */
 
 import * as THREE from 'three';
 import { fragment, VERTEX } from './shader.js';
 
 export class Sheet extends THREE.Mesh {
-  /** wave: the line of GLSL that all of dsfab shares; soft: edges of a pixel's width. */
+  /** wave: line of GLSL from the server; soft: antialiased edges. */
   constructor(wave, soft) {
     super(new THREE.BufferGeometry());
     this.frustumCulled = false;
@@ -18,15 +18,15 @@ export class Sheet extends THREE.Mesh {
     this.sources = { vertexShader: VERTEX, fragmentShader: fragment(wave) };
     this.materials = new Map();
     this.live = this.geometry; // of the whole surface
-    this.cut = null; // { geometry, arrays } of what is built of it
+    this.cut = null; // { geometry, arrays } of the cut sheet
     this.outline = new THREE.LineSegments();
     this.outline.frustumCulled = false;
-    this.outline.raycast = () => {}; // nobody points at a line
+    this.outline.raycast = () => {}; // lines cannot be picked
     this.add(this.outline);
     this.want({});
   }
 
-  /** Parts of the shader that are wanted or not, by the names of their #define. */
+  /** Switch parts of the shader on or off, by the names of their #define. */
   want(flags) {
     Object.assign(this.flags, flags);
     this.flags.CUT = Boolean(this.cut) && !this.flags.WHOLE;
@@ -45,14 +45,14 @@ export class Sheet extends THREE.Mesh {
       this.materials.set(key, new THREE.RawShaderMaterial({
         ...this.sources, uniforms: this.uniforms, defines: Object.fromEntries(names.map((name) => [name, ''])),
         glslVersion: THREE.GLSL3, side: THREE.DoubleSide, alphaToCoverage: Boolean(flags.SOFT),
-        // by a pixel of their slope behind the lines that bound them, which nothing else then lets through
+        // a slope offset puts faces behind their outlines, so that these stay visible
         polygonOffset: Boolean(flags.CUT && !flags.EDGE), polygonOffsetFactor: 1, polygonOffsetUnits: 4,
       }));
     }
     return this.materials.get(key);
   }
 
-  /** Do something while the surface is black, with sharp edges; live: as the shader draws it, even where it is cut. */
+  /** Run a function while the surface is black with sharp edges; live: use the shader's stripes, not the cut sheet. */
   masked(act, live = false) {
     const { material, geometry } = this;
     const sharp = { MASK: true, SOFT: false, FAMILY: false, VALUE: false, CREASE: false, ...(live && { CUT: false }) };
@@ -64,7 +64,7 @@ export class Sheet extends THREE.Mesh {
     this.outline.visible = this.flags.CUT;
   }
 
-  /** What is pointed at is the whole surface, openings too. */
+  /** Picking uses the whole surface with its openings. */
   raycast(ray, hits) {
     const { geometry } = this;
     this.geometry = this.live;
@@ -72,7 +72,7 @@ export class Sheet extends THREE.Mesh {
     this.geometry = geometry;
   }
 
-  /** Another structure, see payload.py. */
+  /** Show another structure, see `draft_model` in drafts.py. */
   shape({ facts, arrays }) {
     const n = arrays.V.length / 3;
     const made = geometryOf(arrays.F, {
@@ -89,7 +89,7 @@ export class Sheet extends THREE.Mesh {
     this.want({ CREASE: facts.creased });
   }
 
-  /** The sheet that was cut of what is drawn, see settled.py, drawn in its place. */
+  /** Draw the server's cut sheet in place of the stripes, see `cut_sheet_arrays` in drafts.py. */
   settle({ arrays }) {
     this.uncut();
     const here = (name) => carried(this.live.getAttribute(name), arrays);
@@ -99,13 +99,13 @@ export class Sheet extends THREE.Mesh {
     });
     this.cut = { geometry, arrays };
     const edges = new THREE.BufferGeometry();
-    Object.assign(edges.attributes, geometry.attributes); // the same, of which another index draws lines
+    Object.assign(edges.attributes, geometry.attributes); // the same attributes with an index of lines
     edges.setIndex(new THREE.BufferAttribute(arrays.E, 1));
     this.outline.geometry = edges;
     this.want({});
   }
 
-  /** What is drawn is no longer what was cut. */
+  /** Remove the cut sheet, because the stripes have changed. */
   uncut() {
     this.cut?.geometry.dispose();
     this.outline.geometry.dispose();
@@ -113,7 +113,7 @@ export class Sheet extends THREE.Mesh {
     this.want({});
   }
 
-  /** What pattern.js makes of a pattern. */
+  /** Set the values of pattern.js. */
   stripes({ mode, frequency, phase, plain, half, reach }) {
     this.uncut();
     const u = this.uniforms;
@@ -137,7 +137,7 @@ export class Sheet extends THREE.Mesh {
     if (there) replace(there, carried(this.live.getAttribute(name), this.cut.arrays));
   }
 
-  /** Colours: three of families; or values (n,) from low x limit to limit on a ramp [[r, g, b], ...] of bytes. */
+  /** Set colours: three of families; or values (n,) from low x limit to limit on a ramp [[r, g, b], ...] of bytes. */
   colours({ families, values = null, limit = 1, low = -1, ramp = null, move = 0, byFamily = false }) {
     const u = this.uniforms;
     u.uColours.value = families.map((colour) => new THREE.Vector3(...colour));
@@ -152,7 +152,7 @@ export class Sheet extends THREE.Mesh {
     Object.assign(u.uRamp.value, { magFilter: THREE.LinearFilter, minFilter: THREE.LinearFilter, needsUpdate: true });
   }
 
-  /** Leave away what lies on one side of a plane [a, b, c, d], or nothing without one. */
+  /** Hide one side of a plane [a, b, c, d]; null shows all. */
   section(plane) {
     if (plane) this.uniforms.uSection.value = plane;
     this.want({ SECTION: Boolean(plane) });
@@ -167,7 +167,7 @@ function geometryOf(F, columns) {
   return made;
 }
 
-/** Values at the vertices of the whole surface, at those of the cut sheet. */
+/** Interpolate values at the vertices of the whole surface to those of the cut sheet. */
 function carried({ array, itemSize }, { corners, shares }) {
   const found = new Float32Array((corners.length / 3) * itemSize);
   for (let i = 0; i < corners.length; i += 1) {

@@ -1,4 +1,4 @@
-/** What the person has changed: dotted keys and values over a preset, with undo, and the address bar as its memory. */
+/** The user's changes: dotted keys and values over a preset, with undo, stored in the address bar. */
 
 const DEEP = 200;
 
@@ -11,7 +11,7 @@ export class State {
     this.open(base, changes);
   }
 
-  /** Another preset: what was undone before belongs to the old one. */
+  /** Take another preset; the undo history belongs to the old one. */
   open(base, changes = {}) {
     this.base = base;
     this.changes = { ...changes };
@@ -26,13 +26,13 @@ export class State {
     this.listeners.push(hear);
   }
 
-  /** The preset with all changes. Not to be changed by who reads it. */
+  /** The preset with all changes; do not modify it. */
   get preset() {
     this.made ??= applied(this.usual(this.changes), this.changes);
     return this.made;
   }
 
-  /** The preset before changes, with what they imply. */
+  /** The preset before changes, with the values that they imply. */
   usual(changes) {
     return this.materials?.implied(this.base, changes) ?? this.base;
   }
@@ -42,7 +42,7 @@ export class State {
     return at(this.preset, key);
   }
 
-  /** Other values; `final` marks the end of a drag, and is one step of undo. */
+  /** Set values; `final` marks the end of a drag, which is one step of undo. */
   set(values, final = true) {
     const changes = { ...this.changes };
     for (const [key, value] of Object.entries(values)) {
@@ -57,7 +57,7 @@ export class State {
     this.tell(Object.keys(values), final);
   }
 
-  /** Other changes altogether, as one step of undo. */
+  /** Replace all changes, as one step of undo. */
   become(changes) {
     const keys = differing(changes, this.changes);
     if (!keys.length) return;
@@ -66,7 +66,7 @@ export class State {
     this.tell(keys, true);
   }
 
-  /** Make the changes since the last time one step of undo. */
+  /** Record the changes since the last step as one step of undo. */
   settle() {
     if (same(this.settled, this.changes)) return;
     this.past = [...this.past.slice(-DEEP), this.settled];
@@ -96,7 +96,7 @@ export class State {
     for (const hear of this.listeners) hear(keys, final);
   }
 
-  /** Everything in one line for the address bar: the preset's name, what differs from it, and `view` after a tilde. */
+  /** The state as a line for the address bar: the preset's name, the changes, and `view` after a tilde. */
   hash(title) {
     const words = new URLSearchParams({ preset: title });
     for (const [key, value] of Object.entries(this.changes)) words.set(key, JSON.stringify(value));
@@ -105,7 +105,7 @@ export class State {
   }
 }
 
-/** What a hash holds: { title, changes, view }; what cannot be read is left out. */
+/** Content of a hash: { title, changes, view }, without unreadable parts. */
 export function fromHash(hash) {
   const found = { title: '', changes: {}, view: {} };
   for (const [key, text] of new URLSearchParams(hash.replace(/^#/, ''))) {
@@ -115,7 +115,7 @@ export function fromHash(hash) {
         if (key.startsWith('~')) found.view[key.slice(1)] = JSON.parse(text);
         else found.changes[key] = JSON.parse(text);
       } catch {
-        // somebody edited the address: the rest of it is still good
+        // the user edited the address, and the rest of it is still valid
       }
     }
   }
@@ -125,10 +125,10 @@ export function fromHash(hash) {
 const at = (values, key) => key.split('.').reduce((where, part) => where?.[part], values);
 export const same = (a, b) => JSON.stringify(a) === JSON.stringify(b);
 
-/** Whether two values mean the same in a preset: whatever the order of their keys, and whether what is left out is written. */
+/** Whether two values are equal in a preset, regardless of the order of keys and of explicit defaults. */
 export const alike = (a, b) => JSON.stringify(a, sorted) === JSON.stringify(b, sorted);
 
-const UNSAID = new Set(['relative', 'boundary']); // of a picker: false where the page says nothing
+const UNSAID = new Set(['relative', 'boundary']); // keys of a picker that are false by default
 
 function sorted(_, value) {
   if (value === null || typeof value !== 'object' || Array.isArray(value)) return value;

@@ -1,4 +1,4 @@
-/** How the page speaks with its server, with the token of this run. transport_notebook.js does the same in a notebook. */
+/** Requests of the page to its server, with the token of this run. transport_notebook.js replaces it in a notebook. */
 
 import { unpacked } from './bytes.js';
 import { fromHash } from './state.js';
@@ -8,7 +8,7 @@ const headers = { 'X-Dsfab-Token': token };
 
 export const AWAY = 'The server is away; start dsfab edit again.';
 
-/** The answer to a question of asks.py, as an object; throws an Error with the server's own sentence. */
+/** Send a request of page.py and return the answer; throws an Error with the server's message. */
 export async function post(name, body) {
   const answer = await fetch(`/api/${name}`, {
     method: 'POST',
@@ -18,12 +18,12 @@ export async function post(name, body) {
   return read(answer);
 }
 
-const [start, first] = window.early; // asked for by index.html, before any module is here
+const [start, first] = window.early; // index.html requests it before any module loads
 
-/** What the page needs before anything is solved. */
+/** Facts that the page needs before the first model. */
 export const begun = async () => read(await start);
 
-/** What was solved before the page came, as `model` gives it, or null. */
+/** The model that was solved before the page loaded, as from `model`, or null. */
 export const early = first
   .then(async (answer) => (answer.status === 200 ? unpacked(await answer.arrayBuffer()) : null))
   .catch(() => null);
@@ -34,9 +34,9 @@ async function read(answer) {
   return told;
 }
 
-/** What was last solved: facts, and arrays by name. `have` is the version that the page holds already, or 0. */
+/** The last model: facts, and arrays by name. `have`: version that the page has already, or 0. */
 export async function model(have) {
-  const known = have ? null : await early; // nothing large comes twice
+  const known = have ? null : await early; // avoids a second download of large arrays
   const answer = await fetch(`/api/model?have=${known?.facts.version ?? have}`, { headers });
   if (!answer.ok) return read(answer);
   const { facts, arrays } = unpacked(await answer.arrayBuffer());
@@ -44,14 +44,14 @@ export async function model(have) {
   return { facts: { ...known.facts, ...facts, whole: true }, arrays: { ...known.arrays, ...arrays } };
 }
 
-/** The sheet that a draft was cut to, or null where another draft has followed. */
+/** The cut sheet of a draft, or null if another draft has followed. */
 export async function cut(draft) {
   const answer = await fetch(`/api/cut?draft=${draft}`, { headers });
   if (!answer.ok) return read(answer);
   return answer.status === 200 ? unpacked(await answer.arrayBuffer()) : null;
 }
 
-/** Call `hear` with every piece of news of a job; `lost` with whether the server is away. */
+/** Call `hear` with every record of a job, and `lost` with whether the connection is lost. */
 export function listen(hear, lost) {
   const source = new EventSource(`/api/events?token=${encodeURIComponent(token)}`);
   source.onmessage = (event) => hear(JSON.parse(event.data));
@@ -65,16 +65,16 @@ export function lead(link, build, index) {
   link.href = `/api/file?build=${build}&index=${index}&token=${encodeURIComponent(token)}`;
 }
 
-/** What was kept of an earlier visit to the preset that `start` opens: { changes, view }. The address keeps it. */
+/** State of an earlier visit to the preset that `start` opens: { changes, view }, from the address. */
 export function kept(start) {
   const { title, changes, view } = fromHash(location.hash);
   return title === start.title ? { changes, view } : { changes: {}, view: {} };
 }
 
-/** Keep the state for a reload or a bookmark. */
+/** Store the state for a reload or a bookmark. */
 export function keep(state, title) {
   history.replaceState(null, '', state.hash(title));
 }
 
-/** Nobody else changes the preset here. */
+/** Nothing else changes the preset here. */
 export function follow() {}

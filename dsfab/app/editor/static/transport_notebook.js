@@ -1,13 +1,13 @@
-/** What transport.js does, where the page stands in a notebook: messages of anywidget's model instead of HTTP. */
+/** Replacement of transport.js in a notebook: messages of anywidget's model instead of HTTP. */
 
 import { download, unpacked } from './bytes.js';
 
 const { model: widget } = window.frameElement.dsfab; // widget.js puts it there
-const PATIENCE = 4000; // milliseconds without an answer, after which the person is told
+const PATIENCE = 4000; // milliseconds without an answer until the page shows a notice
 
 export const AWAY = 'Python does not answer: it is busy with another cell, or was restarted.';
 
-const own = Math.random().toString(36).slice(2); // other views of the same widget ask too
+const own = Math.random().toString(36).slice(2); // distinguishes this page from other views of the same widget
 const asked = new Map();
 let [number, hear, lost] = [0, () => {}, () => {}];
 
@@ -22,7 +22,7 @@ function received(told, buffers) {
   else waiting.failed(new Error(told.error));
 }
 
-/** The bytes of a DataView as an ArrayBuffer of their own: arrays begin at whole words. */
+/** A copy of the bytes of a DataView, because arrays must begin at whole words. */
 const whole = (view) => view.buffer.slice(view.byteOffset, view.byteOffset + view.byteLength);
 
 function ask(name, given = {}) {
@@ -41,7 +41,7 @@ window.addEventListener('pagehide', () => {
 });
 
 export const post = ask;
-export const early = Promise.resolve(null); // Python would do nothing else until it is solved
+export const early = Promise.resolve(null); // because Python could do nothing else while it waits
 export const begun = () => ask('start');
 export const model = async (have) => unpacked(await ask('model', { have }));
 

@@ -1,4 +1,4 @@
-/** The tray: variants that are kept, named, gone back to, and compared side by side. */
+/** The tray: the user keeps, renames, reopens and compares variants. */
 
 import { make, short } from './controls.js';
 import { mass, metres } from './figures.js';
@@ -6,7 +6,7 @@ import { post } from './transport.js';
 
 const by = (id) => document.getElementById(id);
 
-/** Names, and how each figure is written. */
+/** Names of figures, and their formatting. */
 const FIGURES = {
   share: ['kept', (x) => `${(100 * x).toFixed(1)} %`],
   area: ['area', (x) => `${short(Number(x.toPrecision(3)))} m²`],
@@ -17,7 +17,7 @@ const FIGURES = {
 };
 
 export class Tray {
-  /** start: of the server. shown(): a promise of { changes, picture, figures } of now; back(start): what is then open; say(text): a notice. */
+  /** start: facts of the server. shown(): promise of the current { changes, picture, figures }; back(start): show a preset; say(text): show a notice. */
   constructor(start, { shown, back, say }) {
     Object.assign(this, { shown, back, say, chosen: [] });
     by('keep').addEventListener('click', () => this.keep());
@@ -25,7 +25,7 @@ export class Tray {
     this.list(start.variants);
   }
 
-  /** Ask the server and show the variants that it then has. */
+  /** Send a request and show the variants of the answer. */
   async change(name, body) {
     try {
       const { variants } = await post(name, body);
@@ -72,7 +72,7 @@ export class Tray {
     return card;
   }
 
-  /** At most two are chosen: a third one takes the place of the first. */
+  /** Select at most two variants: a third replaces the first. */
   choose(number, yes) {
     if (number) this.chosen = [...this.chosen.filter((other) => other !== number), ...(yes ? [number] : [])].slice(-2);
     for (const box of by('variants').querySelectorAll('[data-variant]')) box.checked = this.chosen.includes(Number(box.dataset.variant));
@@ -88,7 +88,7 @@ export class Tray {
     }
   }
 
-  /** Two pictures with their figures, and what differs in their presets. */
+  /** Show two pictures with their figures, and the differences of their presets. */
   async compare() {
     const [one, other] = this.chosen.map((number) => this.variants.find((variant) => variant.number === number));
     const now = await this.shown();

@@ -1,4 +1,4 @@
-/** Draws a structure; knows nothing of sliders, servers or presets. */
+/** Draws a structure, independent of sliders, server and presets. */
 
 import * as THREE from 'three';
 import { Eye } from './camera.js';
@@ -6,12 +6,12 @@ import { Ground } from './ground.js';
 import { Marks } from './marks.js';
 import { Sheet } from './sheet.js';
 
-THREE.ColorManagement.enabled = false; // colours are meant as they are written
+THREE.ColorManagement.enabled = false; // so that colours appear as given
 
-const CALM = 140; // milliseconds without a change, after which the shadow follows
+const CALM = 140; // milliseconds from the last change to a new shadow
 
 export class Viewer {
-  /** canvas; wave: the line of GLSL that all of dsfab shares. Throws where there is no WebGL2. */
+  /** canvas; wave: line of GLSL from the server. Throws without WebGL2. */
   constructor(canvas, wave, { antialias = true } = {}) {
     const context = canvas.getContext('webgl2', { alpha: false, antialias });
     if (!context) throw new Error('this browser has no WebGL2');
@@ -31,7 +31,7 @@ export class Viewer {
     canvas.addEventListener('webglcontextrestored', () => this.due());
   }
 
-  /** Another structure, see payload.py. */
+  /** Show another structure, see `draft_model` in drafts.py. */
   model(model) {
     const { facts, arrays } = model;
     this.data = model;
@@ -51,7 +51,7 @@ export class Viewer {
     this.due(true);
   }
 
-  /** The sheet that was cut of what is drawn, in its place until something changes. */
+  /** Draw the server's cut sheet until the next change. */
   settle(cut) {
     this.sheet.settle(cut);
     this.due(true);
@@ -62,7 +62,7 @@ export class Viewer {
     this.due(true);
   }
 
-  /** Colours of the page itself: paper and shadow [r, g, b], how dark, and those of the marks. */
+  /** Set colours: paper and shadow [r, g, b], darkness of the shadow, and marks. */
   page({ paper, shadow, dark, marks }) {
     this.renderer.setClearColor(new THREE.Color(...paper), 1);
     this.ground.uniforms.uTint.value.setRGB(...shadow);
@@ -71,7 +71,7 @@ export class Viewer {
     this.due();
   }
 
-  /** Leave away what lies beyond: axis x, y, z or '', and where from -1 to 1 of the structure's box. */
+  /** Cut by a plane: axis x, y, z or '', and its place from -1 to 1 in the structure's box. */
   section(axis, at) {
     let plane = null;
     const index = 'xyz'.indexOf(axis || '-');
@@ -79,7 +79,7 @@ export class Viewer {
       const V = this.data.arrays.V;
       let reach = 0;
       for (let i = index; i < V.length; i += 3) reach = Math.max(reach, Math.abs(V[i]));
-      const away = -(Math.sign(this.data.facts.towards[index]) || 1); // what faces the eye is left away
+      const away = -(Math.sign(this.data.facts.towards[index]) || 1); // hides the side towards the eye
       plane = [0, 0, 0, -away * at * reach];
       plane[index] = away;
     }
@@ -100,7 +100,7 @@ export class Viewer {
     this.eye.resize(width / height);
   }
 
-  /** A frame is due; `shape` where the shadow changes too. Nothing is drawn otherwise. */
+  /** Request a frame; `shape`: the shadow changes too. */
   due(shape = false) {
     if (shape) {
       this.shadowDue = true;
@@ -130,9 +130,9 @@ export class Viewer {
     this.frames += 1;
   }
 
-  /** The picture as it is, as JPEG in a data: address, no wider than so many pixels. */
+  /** The current picture as a JPEG data: address, at most this many pixels wide. */
   snapshot(widest = 960) {
-    this.draw(); // what was drawn before is gone from the canvas by now
+    this.draw(); // the canvas does not keep the last frame
     const scale = Math.min(widest / this.canvas.width, 1);
     const copy = document.createElement('canvas');
     Object.assign(copy, { width: Math.round(scale * this.canvas.width), height: Math.round(scale * this.canvas.height) });
@@ -140,7 +140,7 @@ export class Viewer {
     return copy.toDataURL('image/jpeg', 0.88);
   }
 
-  /** Where material is seen, one byte for each pixel from the lower left: for tests and for counting.
+  /** Visible material, one byte for each pixel from the lower left; for tests and counting.
    *
    * live: of stripes as the page draws them, also where what is cut of them is shown.
    */

@@ -1,4 +1,4 @@
-/** How the structure is looked at: sides, colours, layers, section, light and dark. Nothing here changes the preset. */
+/** Settings of the view: sides, colours, layers, section, theme. They do not change the preset. */
 
 import { histogram } from './figures.js';
 import { colouring, look, onTheme, turn } from './looks.js';
@@ -9,7 +9,7 @@ const MODES = ['major', 'minor'];
 const LAYERS = ['loads', 'supports', 'reactions'];
 
 export class Views {
-  /** editor: whose state and viewer are meant. */
+  /** editor: has the state and the viewer. */
   constructor(editor) {
     this.editor = editor;
   }
@@ -58,7 +58,7 @@ export class Views {
     this.editor.remember();
   }
 
-  /** Colours of page and structure, layers and section: everything but the stripes. */
+  /** Apply colours, layers and section. */
   paint() {
     this.editor.viewer?.page(look());
     histogram();
@@ -67,7 +67,7 @@ export class Views {
 
   colours() {
     const { layers, section } = this.editor.state.view;
-    const modes = this.editor.model?.facts.method !== 'stripes'; // these run on none
+    const modes = this.editor.model?.facts.method !== 'stripes'; // evenly spaced stripes have no modes
     for (const name of MODES) by('colour').querySelector(`[value=${name}]`).hidden = !modes;
     const colour = modes || !MODES.includes(this.editor.state.view.colour) ? this.editor.state.view.colour : 'plain';
     by('colour').value = colour;

@@ -1,4 +1,4 @@
-/** Self-weight, snow and wind on everything, as switches with their size; other loads are in the list below them. */
+/** Switches for self-weight, snow and wind on the whole surface; the list below them has the other loads. */
 
 import { TOWARDS } from './acting.js';
 import { make, short } from './controls.js';
@@ -23,7 +23,7 @@ export class Weather {
     return this.state.preset.surface.load;
   }
 
-  /** One row for each; a preset may have more than one of a kind, the first of which is meant. */
+  /** A row for each; if a preset has several of a kind, the row is for the first. */
   rows() {
     return Object.entries(SWITCHES).map(([kind, { label, hint }]) => {
       const index = this.loads.findIndex((load) => load.kind === kind && switched(load));
@@ -38,7 +38,7 @@ export class Weather {
     });
   }
 
-  /** On or off; a new one acts together with the first load that there is. */
+  /** Switch a load on or off; a new one joins the case of the first load. */
   turn(kind, index) {
     const rest = this.loads.filter((_, i) => i !== index);
     const added = { kind, ...SWITCHES[kind].start, case: this.loads[0]?.case ?? 'load' };
@@ -57,7 +57,7 @@ export class Weather {
     return [field, make('span', { className: 'unit', textContent: 'Pa' })];
   }
 
-  /** Where the wind blows to. */
+  /** The direction of the wind. */
   way(index) {
     const { direction } = this.loads[index];
     const select = make('select', { id: 'weather-wind-way' });

@@ -1,8 +1,8 @@
-/** Opens the page in a notebook: anywidget calls `render`. The page has a frame of its own, for its keys and its style. */
+/** Opens the page in a notebook: anywidget calls `render`. A frame isolates keys and style of the page. */
 
-const PACKED = '{packed}'; // by page.py: index.html, style.css and all modules
+const PACKED = '{packed}'; // page.py puts index.html, style.css and all modules here
 
-let made; // once for all views
+let made; // shared by all views
 
 async function unpacked() {
   const bytes = Uint8Array.from(atob(PACKED), (letter) => letter.charCodeAt(0));

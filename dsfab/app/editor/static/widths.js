@@ -1,14 +1,14 @@
-/** Half-widths of stripes at the vertices, by the rules of dsfab/pattern/width.py, and the factor that keeps a wanted share. */
+/** Half-widths of stripes at the vertices, by the rules of dsfab/pattern/widths.py, and the factor for a solid fraction. */
 
 const STEPS = 40;
-const AROUND = 1.2; // a slider moves a factor by less, mostly
+const AROUND = 1.2; // a step of a slider usually changes the factor by less
 
-/** The function from a factor to half-widths (n, 2) in periods; 0 of a family that is not drawn. What a factor leaves as it is is worked
- * out once: it is asked for a dozen times for each place of a slider. */
+/** Return the function from a factor to half-widths (n, 2) in periods; 0 for a hidden family. Terms without the factor are computed
+ * once, because each step of a slider calls it a dozen times. */
 export function halfWidths(rule, plain, frequency, arrays, n) {
   const sizes = asked(rule, plain, frequency, arrays, n);
   const { base, low, high, gap } = sizes;
-  const { shares } = arrays; // of evenly spaced stripes: periods differ from one side of a line to the other
+  const { shares } = arrays; // for evenly spaced stripes, whose periods differ on both sides of a line
   const limits = rule.rule === 'constant' ? rule.closing : rule.following;
   const medians = shares && rule.rule !== 'plain' ? mediansOf(sizes, n) : null;
   return (factor, half = new Float32Array(2 * n)) => {
@@ -22,7 +22,7 @@ export function halfWidths(rule, plain, frequency, arrays, n) {
   };
 }
 
-/** Before members crowd: (n, 2) what is multiplied with the factor, its bounds, and half of the gap that is filled, in periods. */
+/** Before narrow gaps are closed: (n, 2) half-widths at factor 1, their bounds, and half of the least gap, in periods. */
 function asked(rule, plain, frequency, { slope, along }, n) {
   const [base, low, high, gap] = Array.from({ length: 4 }, () => new Float32Array(2 * n));
   const graded = rule.rule === 'graded' || rule.rule === 'stressed';
@@ -37,14 +37,13 @@ function asked(rule, plain, frequency, { slope, along }, n) {
   return { base, low, high, gap, bounded: Boolean(rule.min_width || rule.max_width) };
 }
 
-/** Half-widths of more than most stay at that, and then close the opening between these limits: evenly spaced members
- * that would leave a slit are thinner, or one. */
+/** Limit a half-width to `most`. Between from and to times `most` it closes the opening instead, so that no slit remains. */
 function crowded(d, most, [from, to], solid) {
   const closed = Math.min(Math.max((d / most - from) / (to - from), 0), 1);
   return Math.min(d, most) + closed * (solid - Math.min(d, most));
 }
 
-/** The function from a factor to the medians of both families; without bounds they are multiples of those at 1. */
+/** Return the function from a factor to the medians of both families; without bounds, multiples of those at 1. */
 function mediansOf({ base, low, high, bounded }, n) {
   const column = new Float32Array(n);
   const at = (factor) => [0, 1].map((k) => {
@@ -56,17 +55,17 @@ function mediansOf({ base, low, high, bounded }, n) {
   return (factor) => one.map((d) => factor * d);
 }
 
-/** The median of an array, whose order is lost; in time that grows with its length [Hoare 1961, Find]. */
+/** Return the median of an array in linear time; reorders the array [Hoare 1961, Find]. */
 export function median(values) {
   const [low, high] = [(values.length - 1) >> 1, values.length >> 1];
   const first = selected(values, low);
   if (low === high) return first;
-  let next = Infinity; // the least of those that are not smaller
+  let next = Infinity; // the least of the values that are not smaller
   for (let i = high; i < values.length; i += 1) next = Math.min(next, values[i]);
   return (first + next) / 2;
 }
 
-/** The value that would stand at place k were the array sorted; smaller ones come before it, larger ones after. */
+/** Partition an array about the value of rank k, and return that value. */
 function selected(values, k) {
   let [left, right] = [0, values.length - 1];
   while (left < right) {
@@ -88,10 +87,10 @@ function selected(values, k) {
   return values[k];
 }
 
-/** The factor at which a share that never falls is the wanted one, or the nearest to it, looked for around `start`.
+/** Find the factor at which a monotonic share reaches the wanted one, or comes nearest, from `start`.
  *
  * Between two factors on both sides of it by regula falsi, halved where an end stays [the Illinois rule; Dowell and Jarratt 1971].
- * close: a share that is near enough.
+ * close: tolerance of the share.
  */
 export function solved(share, wanted, start, close) {
   let [low, high] = [start / AROUND, start * AROUND];
@@ -102,7 +101,7 @@ export function solved(share, wanted, start, close) {
   let side = 0;
   for (let k = 0; k < STEPS && high - low > 1e-4 * high; k += 1) {
     const between = over > under ? low - (under * (high - low)) / (over - under) : (low + high) / 2;
-    const factor = k % 4 === 3 ? (low + high) / 2 : between; // steps of a share that jumps would take long otherwise
+    const factor = k % 4 === 3 ? (low + high) / 2 : between; // bisection, because a share with jumps converges slowly
     const value = share(factor) - wanted;
     if (Math.abs(value) <= close) return factor;
     if (value < 0) {

@@ -1,8 +1,8 @@
-/** Jobs on the server: what runs, how far it is, and who waits for its end. */
+/** Jobs on the server: their progress, and handlers of their end. */
 
 import { AWAY, listen, post } from './transport.js';
 
-const RANK = ['open', 'build', 'export', 'picture', 'solve', 'figures']; // whose progress is shown, where several run
+const RANK = ['open', 'build', 'export', 'picture', 'solve', 'figures']; // the first running kind shows its progress
 
 const by = (id) => document.getElementById(id);
 
@@ -24,13 +24,13 @@ export class Work {
     );
   }
 
-  /** Ask for a job; only the news of the newest of each kind counts. Returns the answer: its number, or a question. */
+  /** Start a job; records of older jobs of its kind are ignored. Returns the answer: its number, or a question. */
   async ask(kind, body) {
-    this.latest[kind] = Infinity; // whatever is heard of older ones is old
+    this.latest[kind] = Infinity; // ignores records of older jobs
     try {
       const answer = await post(kind, body);
       this.latest[kind] = answer.job ?? 0;
-      if (this.told[answer.job]) this.hear(this.told[answer.job]); // it was faster than the answer
+      if (this.told[answer.job]) this.hear(this.told[answer.job]); // its record arrived before the answer
       return answer;
     } catch (error) {
       this.latest[kind] = 0;
@@ -50,7 +50,7 @@ export class Work {
     if (state !== 'running') this.handlers[kind](news);
   }
 
-  /** The job that the person is told about, of those that run. */
+  /** The running job whose progress the page shows. */
   get shown() {
     return RANK.map((kind) => this.running.get(kind)).find(Boolean);
   }
@@ -58,7 +58,7 @@ export class Work {
   show() {
     const { shown } = this;
     if (!shown) return this.rest();
-    this.soon ??= setTimeout(() => this.open(), 250); // what is quick needs no sign
+    this.soon ??= setTimeout(() => this.open(), 250); // short jobs show no progress
     if (!by('progress').hidden) this.say(said(shown));
     return undefined;
   }
