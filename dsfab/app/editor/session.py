@@ -230,9 +230,7 @@ class Session:
         return self._model(shown, have)
 
     def cut(self, draft: int) -> bytes:
-        """Return the cut sheet that the figures of a draft were measured on (`drafts.cut_sheet_arrays`); empty for another
-        draft.
-        """
+        """Return the measured cut sheet of a draft (`drafts.cut_sheet_arrays`); empty for another draft."""
         from dsfab.app.editor.drafts import settled
 
         with self._lock:
